@@ -1,0 +1,72 @@
+# make demo        sets up .venv and runs the main command on a sample campaign
+# make test        sets up .venv and runs all tests, the quick ones first
+# make lint        ruff and mypy
+# make benchmark   timings
+# make clean       removes caches, builds and out/demo
+# make distclean   ... and every environment that make or .ci/run has set up
+#
+# make test PYTHON=python3.12 VENV=.venv-3.12 uses another interpreter.
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+# Arguments for pytest; `make test PYTEST_ARGS="tests/test_paths.py -x"`.
+PYTEST_ARGS ?=
+
+# An interpreter is good if it runs (a pyenv shim may exist and not), is new
+# enough and can make environments (Debian's cannot without python3-venv).
+IS_GOOD := 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))'
+ifndef PYTHON
+PYTHON := $(shell for p in python3.12 python3.11 python3 python; do \
+	if $$p -c $(IS_GOOD) >/dev/null 2>&1; then echo $$p; break; fi; done)
+else ifneq ($(shell $(PYTHON) -V 2>&1),$(shell $(BIN)/python -V 2>&1))
+# An interpreter was asked for, and the environment is of another version.
+$(READY): FORCE
+endif
+
+.PHONY: demo test lint benchmark setup clean distclean FORCE
+
+demo: setup
+	$(BIN)/python -m glider close-the-loop models/campaigns/attached_lift --out out/demo
+
+test: setup
+	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 $(PYTEST_ARGS)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+benchmark: setup
+	@for script in tests/benchmarks/bench_*.py; do \
+		if [ ! -e "$$script" ]; then echo "There are no benchmarks yet."; break; fi; \
+		echo "$$script"; $(BIN)/python "$$script" || exit 1; \
+	done
+
+setup: $(READY)
+
+$(READY): pyproject.toml
+	@test -n "$(PYTHON)" && $(PYTHON) -c $(IS_GOOD) >/dev/null 2>&1 || { \
+		echo "Python 3.11 or later with its venv module is needed;" \
+			"$(if $(PYTHON),$(PYTHON) will not do,none was found)" \
+			"here: install it (on Debian and Ubuntu python3-venv too)" \
+			"or name one with make PYTHON=/path/to/python." >&2; exit 1; }
+	@echo "Setting up $(VENV) (about a minute the first time) ..."
+	@test "$$($(BIN)/python -V 2>&1)" = "$$($(PYTHON) -V 2>&1)" \
+		&& $(BIN)/python -m pip --version >/dev/null 2>&1 \
+		|| $(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-input \
+		--editable '.[test]' || { \
+		echo "Setting up $(VENV) failed: pip's message is above;" \
+			"once that is mended, make goes on from here." >&2; exit 1; }
+	@touch $@
+
+FORCE:
+
+clean:
+	rm -rf out/demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -path './.venv*' -prune -o -name __pycache__ -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf .venv .venv-3.*

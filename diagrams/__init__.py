@@ -1,0 +1,1 @@
+"""Functions that wire the library's systems into Drake diagrams."""

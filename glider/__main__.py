@@ -1,0 +1,150 @@
+"""The command line: ``python -m glider close-the-loop CAMPAIGN``."""
+
+import argparse
+import importlib.metadata
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from glider.errors import InputError
+
+_DESCRIPTION = """\
+Finds what a glider's model lacks, from logs of its flights.
+
+The logs are smoothed, the residual of the flat-plate model is traced to a physical
+effect of the library (wind, a slow servo, attached lift, ...), the effect is added
+to the model, and the errors on held-out flights are reported before and after.
+"""
+
+_EPILOG = """\
+A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
+and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
+positive pitch is nose down). The sample that ships with the project is
+models/campaigns/attached_lift.
+
+examples:
+  python -m glider close-the-loop models/campaigns/attached_lift
+  python -m glider close-the-loop throws --grade A,B --out out/throws
+  python -m glider close-the-loop throws --effects wind,servo_lag --json
+
+exit code: 0 when it ran, 2 when the input cannot be used.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns the exit code."""
+    parser = _parser()
+    args = parser.parse_args(arguments)
+    try:
+        return args.run(args)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}.", file=sys.stderr)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m glider",
+        description="A toolkit for a perching glider, built on Drake.",
+    )
+    parser.add_argument(
+        "--version",
+        action="version",
+        version=importlib.metadata.version("drake-glider"),
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    loop = commands.add_parser(
+        "close-the-loop",
+        help="find what the model lacks, from logs of flights",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    loop.add_argument("campaign", type=Path, help="folder of flight logs")
+    loop.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where to write report.json, report.html, model.yaml and figures/ "
+        "(default: out/CAMPAIGN)",
+    )
+    which = loop.add_mutually_exclusive_group()
+    which.add_argument(
+        "--flights", metavar="FILE,...", type=_names, help="use only these flights"
+    )
+    which.add_argument(
+        "--grade",
+        metavar="A,B",
+        type=_names,
+        help="use only flights of these grades in index.csv",
+    )
+    loop.add_argument(
+        "--held-out",
+        metavar="FRACTION",
+        type=float,
+        default=0.3,
+        help="share of the flights that errors are measured on (default: 0.3)",
+    )
+    loop.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        default=0,
+        help="of the split into fitted and held-out flights (default: 0)",
+    )
+    loop.add_argument(
+        "--effects",
+        metavar="NAME,...",
+        type=_names,
+        help="try only these effects (default: the whole library)",
+    )
+    loop.add_argument(
+        "--json", action="store_true", help="print report.json instead of the summary"
+    )
+    loop.set_defaults(run=_close_the_loop)
+    return parser
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _close_the_loop(args: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    if args.seed < 0:
+        raise InputError(f"--seed is {args.seed}; it must not be negative.")
+    folder = args.out or Path("out") / args.campaign.resolve().name
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; a folder is needed.")
+    progress_console = Console(stderr=True)
+    with progress_console.status("starting") as status:
+        # These take a second to import: not before --help.
+        from glider.report import print_summary, to_json, write_report
+        from glider.sysid.pipeline import close_the_loop
+
+        result = close_the_loop(
+            args.campaign,
+            flights=args.flights,
+            grades=args.grade,
+            held_out=args.held_out,
+            seed=args.seed,
+            effects=args.effects,
+            progress=lambda text: status.update(f"{text} ..."),
+        )
+        status.update("writing the report ...")
+        write_report(result, folder)
+    if args.json:
+        print(json.dumps(to_json(result), indent=2))
+    else:
+        print_summary(result, Console())
+        print(f"Report: {folder / 'report.html'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

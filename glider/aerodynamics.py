@@ -1,0 +1,57 @@
+"""Flat plates in a stream: the prior that every effect corrects.
+
+Pure functions of scalars: they take floats, AutoDiffXd, Expression or complex
+numbers alike, and numba compiles them. So only operators and sin, cos, sqrt,
+exp, tanh, arctan; no branch on a value, no abs or atan2.
+"""
+
+import numpy as np
+from numba.extending import register_jitable as scalar
+
+SPEED_SMOOTHING = 1e-8
+"""Added under the square root of a speed, so that its derivative exists at
+rest [m²/s²]."""
+
+
+@scalar
+def airspeed(along, normal):
+    """Returns the length of a velocity (along, normal) [m/s], smooth at rest."""
+    return np.sqrt(along * along + normal * normal + SPEED_SMOOTHING)
+
+
+@scalar
+def plate_force(velocity_x, velocity_z, sin_angle, cos_angle, area, density):
+    """Force on a thin plate along its normal n = (sin θ, cos θ) [N].
+
+    With the coefficient C_n = 2 sin α (so C_L = 2 sin α cos α, C_D = 2 sin² α),
+    which holds through stall:  f = -ρ S (n·v) |v|.
+
+    Args:
+        velocity_x: of the plate's center through the air, world x [m/s].
+        velocity_z: the same, world z [m/s].
+        sin_angle: sine of the plate's angle about +y.
+        cos_angle: cosine of it.
+        area: S [m²].
+        density: ρ [kg/m³].
+
+    Source: Underactuated Robotics, Trajectory Optimization; Hoburg and Tedrake
+    2009.
+    """
+    normal_velocity = velocity_x * sin_angle + velocity_z * cos_angle
+    return -density * area * normal_velocity * airspeed(velocity_x, velocity_z)
+
+
+@scalar
+def angle_of_attack(sin_alpha, cos_alpha):
+    """Angle of attack from its sine and cosine, smooth but at ±π [rad].
+
+    α = 2 atan(sin α / (1 + cos α)), which unlike atan2 takes complex numbers.
+    """
+    return 2.0 * np.arctan(sin_alpha / (1.0 + cos_alpha + 1e-9))
+
+
+@scalar
+def gaussian(value, center, width):
+    """exp(-(value - center)² / (2 width²))."""
+    scaled = (value - center) / width
+    return np.exp(-0.5 * scaled * scaled)

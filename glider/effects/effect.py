@@ -1,0 +1,191 @@
+"""What an effect is: a named physical formula that adds to one link of the chain.
+
+    command -> [actuator] -> [air] -> [geometry] -> [surface] -> [wrench]
+            -> [inertia] -> acceleration -> state -> [sensor] -> log
+
+Each link (stage) has a few named terms that are zero on the drawing; an effect
+adds to some of them. Since all effects add, their order does not matter, zero
+coefficients mean no effect, and a new effect is one formula and one line in
+the library.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from glider.errors import InputError
+
+STAGES = {
+    "actuator": (),
+    "air": ("wind_x", "wind_z"),
+    "geometry": ("wing_incidence", "wing_shift", "elevator_trim", "downwash"),
+    "surface": ("wing_normal", "wing_factor", "elevator_factor"),
+    "wrench": ("force_x", "force_z", "moment"),
+    "inertia": ("mass", "inertia", "added_mass"),
+    "sensor": ("pose_x", "pose_z", "pose_pitch"),
+}
+"""The terms that effects of each stage may add to.
+
+air: velocity of the air [m/s]. geometry: angle of the wing plate [rad], shift
+of the wing's center of pressure ahead [m], angle of the elevator plate [rad],
+downward flow at the tail along the body's normal [m/s]. surface: normal-force
+coefficient of the wing [-], relative change of the wing's and the elevator's
+force [-]. wrench: world force [N] and moment about +y [N m]. inertia: relative
+change of mass and pitch inertia [-], added mass along the wing's normal [kg].
+sensor: measured minus true pose [m, m, rad].
+"""
+
+
+class Motion(NamedTuple):
+    """What is known before the air is: where the glider is and how it moves."""
+
+    t: float
+    x: float
+    z: float
+    pitch: float
+    elevator: float
+    xdot: float
+    zdot: float
+    pitchdot: float
+    elevator_rate: float
+    sin_pitch: float
+    cos_pitch: float
+
+
+class Flow(NamedTuple):
+    """Motion with the stream at the center of mass, for formulas of later stages.
+
+    air_x, air_z: velocity through the air, in the world [m/s]; speed: its
+    length; sin_alpha, cos_alpha: of the angle of attack of the body axis. mass
+    to gravity: the parameters of the drawing.
+    """
+
+    t: float
+    x: float
+    z: float
+    pitch: float
+    elevator: float
+    xdot: float
+    zdot: float
+    pitchdot: float
+    elevator_rate: float
+    sin_pitch: float
+    cos_pitch: float
+    air_x: float
+    air_z: float
+    speed: float
+    sin_alpha: float
+    cos_alpha: float
+    mass: float
+    pitch_inertia: float
+    wing_area: float
+    elevator_area: float
+    wing_offset: float
+    hinge_offset: float
+    elevator_offset: float
+    air_density: float
+    gravity: float
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Coefficient:
+    """One number of an effect.
+
+    Attributes:
+        name: as in the report.
+        unit: SI, as in the report.
+        default: value when not given; all defaults together do nothing.
+        scale: a typical size, for step sizes and for planting in tests.
+        lower: smallest physical value.
+        upper: largest physical value.
+        grid: starting values to try where the effect is not linear in this
+            coefficient; empty where it is (nearly) linear.
+    """
+
+    name: str
+    unit: str
+    default: float = 0.0
+    scale: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    grid: tuple[float, ...] = ()
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it only shapes the effect, whose size is another's."""
+        return bool(self.grid)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EffectKind:
+    """A physical effect that a flat-plate glider may lack.
+
+    Attributes:
+        kind: its name in models and reports.
+        stage: the link of the chain where it enters, a key of STAGES.
+        adds_to: the terms of that stage that the formula's results add to.
+        coefficients: in the order of the formula's arguments.
+        formula: ``formula(flow, *states, *coefficients)`` returns the addition,
+            a scalar for one term, else a tuple. Air effects get a Motion, all
+            others a Flow. Actuators: the elevator's rate that comes out.
+        words: a short phrase for people.
+        depends_on: the variables that its signature varies with.
+        states: names of the effect's own states.
+        state_rate: ``state_rate(flow, *states, *coefficients)``, their rates: a
+            scalar for one state, else a tuple. Actuators get the incoming rate
+            instead of a Flow.
+        steady_state: the same arguments without states: their values at rest.
+    """
+
+    kind: str
+    stage: str
+    adds_to: tuple[str, ...]
+    coefficients: tuple[Coefficient, ...]
+    formula: Callable
+    words: str
+    depends_on: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    state_rate: Callable | None = None
+    steady_state: Callable | None = None
+
+    def __call__(self, **values: float) -> "Effect":
+        """Returns this effect with the given coefficients, others at default."""
+        return Effect(kind=self, values=self._complete(values))
+
+    def _complete(self, values: dict[str, float]) -> tuple[float, ...]:
+        names = [c.name for c in self.coefficients]
+        unknown = sorted(set(values) - set(names))
+        if unknown:
+            raise InputError(
+                f"effect '{self.kind}': unknown coefficient '{unknown[0]}'; "
+                f"it has {', '.join(names)}."
+            )
+        complete = []
+        for c in self.coefficients:
+            value = values.get(c.name, c.default)
+            if not (isinstance(value, (int, float)) and math.isfinite(value)):
+                raise InputError(
+                    f"effect '{self.kind}': coefficient '{c.name}' is {value!r}; "
+                    f"a finite number in {c.unit} is needed."
+                )
+            if not c.lower <= value <= c.upper:
+                raise InputError(
+                    f"effect '{self.kind}': coefficient '{c.name}' is {value:g} "
+                    f"{c.unit}; it must lie in [{c.lower:g}, {c.upper:g}]."
+                )
+            complete.append(float(value))
+        return tuple(complete)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Effect:
+    """An effect kind with numbers: what a model holds."""
+
+    kind: EffectKind
+    values: tuple[float, ...]
+
+    def to_dict(self) -> dict[str, float]:
+        """Returns coefficient name to value."""
+        names = [c.name for c in self.kind.coefficients]
+        return dict(zip(names, self.values, strict=True))

@@ -1,0 +1,92 @@
+"""A glider model as a file: the drawing, the effects, the residual field.
+
+parameters: {mass: 0.08, ...}
+effects:
+  - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
+field: {kind: unexplained, variables: [x], ...}      # optional
+"""
+
+import dataclasses
+from pathlib import Path
+
+import yaml
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from glider.effects import KINDS, NO_FIELD, Effect, Field
+from glider.effects.field import FieldData, make_field
+from glider.errors import InputError
+from glider.parameters import GliderParameters, check_parameters
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GliderModel:
+    """A glider: its drawing and what the drawing lacks.
+
+    Attributes:
+        parameters: the drawing.
+        effects: from the library or the user's own.
+        field: the residual field as data, or None.
+    """
+
+    parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
+    effects: tuple[Effect, ...] = ()
+    field: FieldData | None = None
+
+    @property
+    def residual_field(self) -> Field:
+        """The arrays of the residual field."""
+        return NO_FIELD if self.field is None else make_field(self.field)
+
+
+@dataclasses.dataclass(kw_only=True)
+class _EffectFile:
+    kind: str = ""
+    coefficients: dict[str, float] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(kw_only=True)
+class _ModelFile:
+    parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
+    effects: list[_EffectFile] = dataclasses.field(default_factory=list)
+    field: FieldData | None = None
+
+
+def save_model(path: Path, model: GliderModel) -> None:
+    """Writes a model; `load_model` gives it back unchanged."""
+    data = _ModelFile(
+        parameters=model.parameters,
+        effects=[
+            _EffectFile(kind=e.kind.kind, coefficients=e.to_dict())
+            for e in model.effects
+        ],
+        field=model.field,
+    )
+    yaml_dump_typed(data, filename=str(path), schema=_ModelFile)
+
+
+def load_model(path: Path) -> GliderModel:
+    """Loads a model; anything unknown in the file is an InputError."""
+    try:
+        data = yaml_load_typed(schema=_ModelFile, filename=str(path))
+    except (RuntimeError, ValueError, TypeError, OSError, yaml.YAMLError) as error:
+        first = str(error).strip().splitlines()[0]
+        raise InputError(f"{path}: not a glider model: {first}") from None
+    check_parameters(dataclasses.asdict(data.parameters), source=str(path))
+    effects = []
+    for entry in data.effects:
+        if entry.kind not in KINDS:
+            raise InputError(
+                f"{path}: unknown effect '{entry.kind}'; known are {', '.join(KINDS)}."
+            )
+        try:
+            effects.append(KINDS[entry.kind](**entry.coefficients))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    if data.field is not None:
+        try:
+            make_field(data.field)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    return GliderModel(
+        parameters=data.parameters, effects=tuple(effects), field=data.field
+    )

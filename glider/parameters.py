@@ -1,0 +1,154 @@
+"""The numbers on the glider's drawing, and how they are read and checked."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import yaml
+from pydrake.common.containers import namedview
+from pydrake.common.yaml import yaml_load_typed
+
+from glider.errors import InputError
+
+
+@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+class GliderParameters:
+    """A rigid glider: a fixed wing plate and a hinged elevator plate.
+
+    The defaults are the glider of the perching and identification notebooks.
+    """
+
+    mass: float = 0.08
+    """Whole glider [kg]."""
+
+    pitch_inertia: float = 0.0015
+    """About +y through the center of mass [kg m²]."""
+
+    wing_area: float = 0.0885
+    """[m²]."""
+
+    elevator_area: float = 0.0147
+    """[m²]."""
+
+    wing_offset: float = 0.0
+    """Wing center of pressure ahead of the center of mass [m]."""
+
+    hinge_offset: float = 0.27
+    """Elevator hinge behind the center of mass [m]."""
+
+    elevator_offset: float = 0.022
+    """Elevator center of pressure behind its hinge [m]."""
+
+    air_density: float = 1.204
+    """[kg/m³]."""
+
+    gravity: float = 9.81
+    """[m/s²]."""
+
+    elevator_limits: list[float] = dataclasses.field(
+        default_factory=lambda: [-0.4463, 0.9473]
+    )
+    """Travel of the elevator: trailing edge down, up [rad]."""
+
+    elevator_rate_limit: float = 13.0
+    """Of the servo [rad/s]."""
+
+    def __post_init__(self):
+        """Raises InputError where a value is not physical."""
+        check_parameters(dataclasses.asdict(self), source="GliderParameters")
+
+
+PARAMETER_NAMES = (
+    "mass",
+    "pitch_inertia",
+    "wing_area",
+    "elevator_area",
+    "wing_offset",
+    "hinge_offset",
+    "elevator_offset",
+    "air_density",
+    "gravity",
+)
+"""The parameters that enter the dynamics, in the order of their vector."""
+
+ParameterView = namedview("ParameterView", PARAMETER_NAMES)
+"""The same names over a vector of floats, AutoDiffXd or Expression."""
+
+_POSITIVE = (
+    "mass",
+    "pitch_inertia",
+    "wing_area",
+    "elevator_area",
+    "air_density",
+    "elevator_rate_limit",
+)
+
+
+def check_parameters(values: dict, source: str) -> None:
+    """Raises InputError unless every given value is physical.
+
+    Args:
+        values: field name to value; fields may be absent (unknown).
+        source: what to name in the message, a file or a class.
+    """
+    for name, value in values.items():
+        if name == "elevator_limits":
+            _check_limits(value, source)
+            continue
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and math.isfinite(value)):
+            raise InputError(
+                f"{source}: field '{name}' is {value!r}; a finite number is needed."
+            )
+        if name in _POSITIVE and value <= 0:
+            raise InputError(
+                f"{source}: field '{name}' is {value:g}; it must be greater than 0."
+            )
+        if name == "gravity" and value < 0:
+            raise InputError(
+                f"{source}: field 'gravity' is {value:g}; it must not be negative."
+            )
+
+
+def _check_limits(value: object, source: str) -> None:
+    if isinstance(value, (list, tuple)) and len(value) == 2:
+        numbers = all(isinstance(v, (int, float)) and math.isfinite(v) for v in value)
+        if numbers and value[0] < value[1]:
+            return
+    raise InputError(
+        f"{source}: field 'elevator_limits' is {value!r}; "
+        "[lower, upper] in radians with lower < upper is needed."
+    )
+
+
+def parameter_vector(parameters: GliderParameters) -> np.ndarray:
+    """Returns the parameters that enter the dynamics, shape (9,)."""
+    return np.array([getattr(parameters, name) for name in PARAMETER_NAMES])
+
+
+def load_parameters(path: Path) -> GliderParameters:
+    """Loads a vehicle; a misspelt field or a value out of range is an error.
+
+    yaml_load_typed sets the fields after construction, so the values are
+    checked once more here.
+    """
+    try:
+        parameters = yaml_load_typed(schema=GliderParameters, filename=str(path))
+    except (RuntimeError, TypeError, ValueError, OSError, yaml.YAMLError) as error:
+        _check_known_fields(path)
+        first = str(error).strip().splitlines()[0]
+        raise InputError(f"{path}: not a vehicle: {first}") from None
+    check_parameters(dataclasses.asdict(parameters), source=str(path))
+    return parameters
+
+
+def _check_known_fields(path: Path) -> None:
+    """Names the field at fault, which Drake's own message may leave out."""
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError, yaml.YAMLError):
+        return
+    if isinstance(values, dict):
+        known = {f.name for f in dataclasses.fields(GliderParameters)}
+        check_parameters({k: v for k, v in values.items() if k in known}, str(path))

@@ -1,0 +1,22 @@
+"""State, input and frame of the planar glider; the one place of the signs.
+
+Axes: x forward, z up [m]. All angles turn about +y (right-handed, y to the
+left), as Drake's pitch does, so **positive pitch is nose down** and positive
+elevator is trailing edge up, which pitches the nose up. The angle of attack is
+atan2(-zdot, xdot) - pitch, positive when the nose is above the velocity.
+"""
+
+from pydrake.common.containers import namedview
+
+STATE_NAMES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
+"""Position [m], angles [rad], then their rates [m/s, rad/s]; the elevator's
+rate is the input."""
+
+POSE_NAMES = ("x", "z", "pitch")
+"""What motion capture measures [m, m, rad]."""
+
+NUM_STATES = len(STATE_NAMES)
+
+GliderState = namedview("GliderState", STATE_NAMES)
+"""A view by name; it aliases what it wraps, so read from it, never write
+through a slice of it (that is the first fault of reference-facts)."""

@@ -1,0 +1,111 @@
+"""Rollouts from fitted starts: whole flights, or windows of them.
+
+`fit_start` finds the launch state that suits a flight best under a model; along
+that rollout the model's errors are exact, not linearised. Where a model leaves
+much of a real flight unexplained, flights are cut into windows that each start
+afresh, so that an error of the moment does not drown the forces.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from glider.effects import NO_FIELD, Field
+from glider.sysid.replay import (
+    NUM_KERNEL_THETA,
+    Linearized,
+    Noise,
+    Record,
+    kernel,
+    linearize,
+    pose_signals,
+    true_nodes,
+)
+
+DIVERGED = 1e12
+"""Errors beyond this, in standard deviations, mean that the model blew up."""
+
+
+def fitted_start(errors: Linearized) -> np.ndarray:
+    """Returns the change of the launch state that makes the errors least.
+
+    A model that blew up gives no change.
+    """
+    largest = max(np.abs(errors.by_start).max(), np.abs(errors.residual).max())
+    if not largest < DIVERGED:
+        return np.zeros(errors.by_start.shape[1])
+    scale = 1.0 / np.linalg.norm(errors.by_start, axis=0)
+    scaled = errors.by_start * scale
+    gram = scaled.T @ scaled + 1e-13 * np.eye(len(scale))
+    return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
+
+
+def cut(record: Record, first: int, last: int) -> Record:
+    """Returns the rows [first, last) of a flight as a flight of its own."""
+    flight, rows = record.flight, slice(first, last)
+    return dataclasses.replace(
+        record,
+        flight=dataclasses.replace(
+            flight,
+            time=flight.time[rows],
+            pose=flight.pose[rows],
+            elevator=None if flight.elevator is None else flight.elevator[rows],
+            command=None if flight.command is None else flight.command[rows],
+        ),
+        time=record.time[rows],
+        nodes=record.nodes[rows],
+        pitch=record.pitch[first : last - 1],
+        acceleration=record.acceleration[rows],
+        acceleration_std=record.acceleration_std[rows],
+        _signals={},
+    )
+
+
+def fly(
+    record: Record, theta: np.ndarray, start: np.ndarray, field: Field
+) -> np.ndarray:
+    """Returns the states (n, 8) of a free rollout along a record's times."""
+    states = np.empty((len(record.time), len(start)))
+    kernel().log_rollout(
+        record.time,
+        start,
+        *pose_signals(record, theta),
+        theta[:NUM_KERNEL_THETA],
+        field,
+        states,
+    )
+    return states
+
+
+def fit_start(
+    record: Record,
+    theta: np.ndarray,
+    noise: Noise,
+    field: Field = NO_FIELD,
+    trim_is_known: bool = True,
+    iterations: int = 4,
+) -> np.ndarray:
+    """Returns the launch state (8,) that fits a whole record best."""
+    nodes = true_nodes(record, theta)
+    start = nodes[0].copy()
+    for _ in range(iterations):
+        errors = linearize(
+            record,
+            theta,
+            (),
+            noise,
+            field=field,
+            nodes=nodes,
+            trim_is_known=trim_is_known,
+        )
+        step = fitted_start(errors)
+        start = nodes[0] + step
+        if not np.all(np.isfinite(start)):
+            return true_nodes(record, theta)[0]
+        nodes = fly(record, theta, start, field)
+        if not np.all(np.isfinite(nodes)):
+            return true_nodes(record, theta)[0]
+        if np.max(np.abs(step)) < 1e-6:
+            break
+    return start

@@ -1,0 +1,142 @@
+"""Acausal smoothing of measured poses, with the noise level found from the data.
+
+Each channel is a Gaussian process whose third derivative is white noise, plus a
+free parabola, observed in white noise (the quintic smoothing spline in its
+Bayesian form; Wahba 1978, Rasmussen and Williams ch. 6). The ratio of the two
+noises is shared by the flights of a campaign and maximises the restricted
+likelihood. Times may be irregular and rows may be missing.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+_NUM_POLYNOMIAL = 3
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Smoothing:
+    """Noise found in one channel of a campaign.
+
+    Attributes:
+        noise: standard deviation of the measurement [unit of the channel].
+        ratio: power of the third derivative over noise² [1/s⁵].
+        noise_std: standard error of `noise`.
+    """
+
+    noise: float
+    ratio: float
+    noise_std: float
+
+
+def _covariance(s: np.ndarray, t: np.ndarray, i: int, j: int) -> np.ndarray:
+    """Covariance of the i-th derivative at s and the j-th at t (unit power).
+
+    ∫₀^min(s,t) (s-u)^(2-i)/(2-i)! · (t-u)^(2-j)/(2-j)! du.
+    """
+    low = np.minimum.outer(s, t)
+    a = np.subtract(s[:, None], low)
+    b = np.subtract(t[None, :], low)
+    first, second = _power(a, 2 - i), _power(b, 2 - j)
+    total = np.zeros_like(low)
+    for m, u in enumerate(first):
+        for n, v in enumerate(second):
+            total += u * v * low ** (m + n + 1) / (m + n + 1)
+    return total
+
+
+def _power(a: np.ndarray, order: int) -> list[np.ndarray]:
+    """Coefficients in w of (a + w)^order / order!, with w = low - u."""
+    one = np.ones_like(a)
+    return [[one], [a, one], [0.5 * a * a, a, 0.5 * one]][order]
+
+
+def _polynomial(t: np.ndarray, derivative: int) -> np.ndarray:
+    one, zero = np.ones_like(t), np.zeros_like(t)
+    return np.stack(
+        [
+            [one, t, 0.5 * t * t],
+            [zero, one, t],
+            [zero, zero, one],
+        ][derivative],
+        axis=1,
+    )
+
+
+def estimate_noise(
+    times: list[np.ndarray], values: list[np.ndarray]
+) -> tuple[Smoothing, ...]:
+    """Finds noise and smoothness of each channel over the flights of a campaign.
+
+    Args:
+        times: one array (n,) a flight [s].
+        values: one array (n, channels) a flight.
+
+    Returns:
+        One Smoothing a channel.
+    """
+    spectra, data = [], []
+    grids: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    for time, value in zip(times, values, strict=True):
+        t = time - time[0]
+        key = np.round(t, 7).tobytes()
+        if key not in grids:
+            q, _ = np.linalg.qr(_polynomial(t, 0), mode="complete")
+            null = q[:, _NUM_POLYNOMIAL:]
+            covariance = null.T @ _covariance(t, t, 0, 0) @ null
+            eigenvalues, vectors = np.linalg.eigh(covariance)
+            grids[key] = np.maximum(eigenvalues, 0.0), null @ vectors
+        eigenvalues, basis = grids[key]
+        spectra.append(eigenvalues)
+        data.append(basis.T @ value)
+    spectrum, projections = np.concatenate(spectra), np.concatenate(data)
+    return tuple(_restricted_likelihood(spectrum, z) for z in projections.T)
+
+
+def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
+    """Maximises the likelihood of z ~ N(0, noise² (1 + ratio · eigenvalues))."""
+
+    def deviance(log_ratio: float) -> float:
+        scale = 1.0 + np.exp(log_ratio) * eigenvalues
+        return len(z) * np.log(np.mean(z * z / scale)) + np.sum(np.log(scale))
+
+    coarse = np.linspace(0.0, 60.0, 61)
+    best = coarse[np.argmin([deviance(v) for v in coarse])]
+    result = minimize_scalar(
+        deviance, bounds=(best - 1.5, best + 1.5), method="bounded"
+    )
+    ratio = float(np.exp(result.x))
+    scale = 1.0 + ratio * eigenvalues
+    noise = float(np.sqrt(np.mean(z * z / scale)))
+    informed = np.sum(1.0 / scale**2)
+    return Smoothing(
+        noise=noise, ratio=ratio, noise_std=float(noise / np.sqrt(2.0 * informed))
+    )
+
+
+def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndarray:
+    """Returns the linear maps from samples to smoothed curves, shape (3, m, n).
+
+    They give the value and the first and second derivative at the query times.
+    White noise in the samples has the variance noise² · (sum of squares of a
+    map's row) in the curve.
+
+    Args:
+        time: (n,) sample times [s].
+        query: (m,) where the curves are wanted [s].
+        ratio: as in Smoothing.
+    """
+    t, s = time - time[0], query - time[0]
+    n = len(t)
+    system = np.zeros((n + _NUM_POLYNOMIAL, n + _NUM_POLYNOMIAL))
+    system[:n, :n] = ratio * _covariance(t, t, 0, 0) + np.eye(n)
+    system[:n, n:] = _polynomial(t, 0)
+    system[n:, :n] = system[:n, n:].T
+    inverse = np.linalg.inv(system)[:, :n]
+    return np.stack(
+        [
+            np.hstack([ratio * _covariance(s, t, d, 0), _polynomial(s, d)]) @ inverse
+            for d in range(3)
+        ]
+    )

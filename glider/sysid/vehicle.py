@@ -1,0 +1,126 @@
+"""From what a campaign tells of its vehicle to a model's unknowns.
+
+What is known of a vehicle is taken from the drawing; what is not is fitted with
+the effects. Without a mass, forces show only per mass: the mass is then set to
+1 kg, and areas and inertia mean area and inertia per kilogram.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from glider.effects import LIBRARY
+from glider.parameters import GliderParameters
+from glider.sysid.flight_log import Campaign
+from glider.sysid.replay import INDEX, SIGNAL_KINDS, default_theta, theta_scale
+
+OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
+"""Parameters of a flat-plate glider that flights can tell, given its mass."""
+
+_CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
+"""Parameters that are taken from the default drawing where they are not told:
+they only scale the others."""
+
+
+_OFFSET_SPREAD = 0.03
+"""How far an unknown wing's center of pressure may lie from the center of mass
+[m]; unknown areas and inertia may be off the default glider's by half."""
+
+PRIOR_SCALES = 4.0
+"""Spread of effects' coefficients beforehand, in their scales, where there is no
+drawing to hold them against."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """A campaign's vehicle as the fits see it.
+
+    Attributes:
+        theta: the drawing, unknown entries at a start value.
+        nuisance: indices into theta that are unknown and fitted with everything.
+        own: indices of the flat plate's own parameters, for the refitted plate.
+        kinds: effects that these logs could show.
+        trim_is_known: False where the elevator stands elsewhere in each flight.
+        is_known: whether the drawing is complete.
+        prior: mean and spread of theta before any flight, for what is unknown.
+        notes: what was assumed, for the report.
+    """
+
+    theta: np.ndarray
+    nuisance: tuple[int, ...]
+    own: tuple[int, ...]
+    kinds: tuple[str, ...]
+    trim_is_known: bool
+    is_known: bool
+    prior: tuple[np.ndarray, np.ndarray] | None
+    notes: tuple[str, ...]
+
+
+def make_vehicle(campaign: Campaign) -> Vehicle:
+    """Sorts a campaign's vehicle into known and unknown."""
+    known = dict(campaign.vehicle)
+    notes = []
+    drawing: dict[str, Any] = dataclasses.asdict(GliderParameters())
+    if "mass" not in known:
+        for name in ("wing_area", "elevator_area", "pitch_inertia"):
+            drawing[name] /= drawing["mass"]
+        drawing["mass"] = 1.0
+        notes.append(
+            "The mass is not told: it is set to 1 kg, so areas and inertia are per kg."
+        )
+    for name in _CONVENTIONAL:
+        if name not in known:
+            notes.append(f"'{name}' is not told: {drawing[name]:g} is assumed.")
+    if campaign.elevator_limits is not None:
+        drawing["elevator_limits"] = list(campaign.elevator_limits)
+    if campaign.elevator_rate_limit is not None:
+        drawing["elevator_rate_limit"] = campaign.elevator_rate_limit
+    parameters = GliderParameters(**{**drawing, **known})
+
+    unknown = [name for name in OWN if name not in known]
+    nuisance = [INDEX["parameters", name] for name in unknown]
+    dropped = {"angle_sign"}
+    if campaign.elevator != "servo":
+        dropped |= set(SIGNAL_KINDS) | {"elevator_trim"}
+    if campaign.elevator == "fixed":
+        nuisance.append(INDEX["elevator_trim", "angle"])
+    if "mass" not in known or "wing_area" in unknown:
+        dropped.add("mass")
+    if "pitch_inertia" in unknown:
+        dropped.add("inertia")
+    if "elevator_area" in unknown:
+        dropped.add("elevator_area")
+    theta = default_theta(parameters)
+    prior = None
+    if unknown:
+        spread = PRIOR_SCALES * theta_scale()
+        for name in unknown:
+            i = INDEX["parameters", name]
+            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else 0.5 * theta[i]
+        prior = theta.copy(), spread
+    return Vehicle(
+        theta=theta,
+        prior=prior,
+        nuisance=tuple(sorted(nuisance)),
+        own=tuple(sorted({*nuisance, *(INDEX["parameters", name] for name in OWN)})),
+        kinds=tuple(e.kind for e in LIBRARY if e.kind not in dropped),
+        trim_is_known=campaign.elevator != "fixed_per_flight",
+        is_known="mass" in known and not unknown,
+        notes=tuple(notes),
+    )
+
+
+def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
+    """Returns theta's parameters as a drawing, with the campaign's limits."""
+    limits: dict[str, Any] = {}
+    if campaign.elevator_limits is not None:
+        limits["elevator_limits"] = list(campaign.elevator_limits)
+    if campaign.elevator_rate_limit is not None:
+        limits["elevator_rate_limit"] = campaign.elevator_rate_limit
+    values: dict[str, Any] = {
+        name: float(theta[i])
+        for (kind, name), i in INDEX.items()
+        if kind == "parameters"
+    }
+    return GliderParameters(**values, **limits)

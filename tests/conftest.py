@@ -1,0 +1,17 @@
+"""Settings of every test."""
+
+import hypothesis
+import matplotlib
+import pytest
+
+matplotlib.use("Agg")  # Tests open no window.
+
+# The same examples on every machine, and no time limit on one of them: the first
+# call of a kernel compiles it.
+hypothesis.settings.register_profile("glider", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("glider")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Runs the quick tests first, then the slow ones."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
