@@ -115,15 +115,16 @@ def compiled(
         _wrap(names, effects, cache=False)
         return types.SimpleNamespace(**names)
 
+    imports = [
+        f"from {f.__module__} import {f.__name__} as {alias}"
+        for alias, f in formulas(effects).items()
+    ]
+    text = "\n".join(imports) + "\n\n" + text + "\n"
     name = f"glider_kernel_{_digest(text, effects)}"
     path = cache_folder() / f"{name}.py"
     if not path.exists():
-        imports = [
-            f"from {f.__module__} import {f.__name__} as {alias}"
-            for alias, f in formulas(effects).items()
-        ]
         partial = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
-        partial.write_text("\n".join(imports) + "\n\n" + text + "\n")
+        partial.write_text(text)
         partial.replace(path)  # Atomic: another process may do the same.
     module = types.ModuleType(name)
     module.__file__ = str(path)

@@ -13,7 +13,8 @@ FLOORS: dict[float, list[str]] = {
     6: ["glider.report"],
     5: ["diagrams", "glider.sysid.pipeline"],
     # From a fit to a verdict: weigh it, search with it, judge the search.
-    4.3: ["glider.sysid.verdict"],
+    4.4: ["glider.sysid.verdict"],
+    4.3: ["glider.sysid.rough"],
     4.2: ["glider.sysid.tracing", "glider.sysid.unexplained"],
     4.1: ["glider.sysid.forecast", "glider.sysid.signs", "glider.sysid.whiteness"],
     4: [

@@ -1,13 +1,14 @@
 """What is compiled is kept, and an edit never meets an old binary."""
 
 import importlib.util
+import linecache
 import sys
 
 import numpy as np
 import pytest
 
 from glider import kernel
-from glider.effects import NO_FIELD, PROFILE_DRAG, Coefficient, EffectKind
+from glider.effects import NO_FIELD, PROFILE_DRAG, THRUST, Coefficient, EffectKind
 from glider.kernel import cache_folder, compiled
 from glider.loops import BLOCK
 from tests.physics import NO_COEFFICIENTS, PARAMETERS, random_states
@@ -36,8 +37,6 @@ def module_of(tmp_path, monkeypatch):
         module = importlib.util.module_from_spec(spec)
         monkeypatch.setitem(sys.modules, "users_effect", module)
         spec.loader.exec_module(module)
-        import linecache
-
         linecache.checkcache(str(path))
         return kind_of(module.pull)
 
@@ -77,6 +76,13 @@ def test_an_edited_formula_gets_another_file(fresh_cache, module_of):
     compiled((module_of("2.0"),))
     assert len(files_in(fresh_cache)) == 1
     compiled((module_of("3.0"),))
+    assert len(files_in(fresh_cache)) == 2
+
+
+def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
+    """Pulled along the body or against the air: one coefficient, the same terms."""
+    compiled((PROFILE_DRAG,))
+    compiled((THRUST,))
     assert len(files_in(fresh_cache)) == 2
 
 

@@ -49,7 +49,7 @@ SERVO_LAG = EffectKind(
             scale=0.03,
             lower=0.0,
             upper=0.5,
-            grid=(0.03,),
+            grid=(0.005, 0.03),
         ),
     ),
     formula=_servo_lag,
@@ -68,7 +68,12 @@ COMMAND_DELAY = EffectKind(
     adds_to=(),
     coefficients=(
         Coefficient(
-            name="delay", unit="s", scale=0.025, lower=0.0, upper=0.3, grid=(0.025,)
+            name="delay",
+            unit="s",
+            scale=0.025,
+            lower=0.0,
+            upper=0.3,
+            grid=(0.005, 0.025),
         ),
     ),
     formula=_command_delay,

@@ -10,18 +10,14 @@ import numpy as np
 
 from glider.effects import Field
 from glider.sysid.replay import (
-    NUM_KERNEL_THETA,
     OFFSET,
     Record,
-    kernel,
-    pose_signals,
     sensed,
-    true_nodes,
 )
 from glider.sysid.residual import make_table
 from glider.sysid.result import Errors
 from glider.sysid.rollout_fit import Problem, in_parallel
-from glider.sysid.shooting import cut, fit_start, fly
+from glider.sysid.shooting import AlongPitch, cut, fit_start, fly
 
 BEGINNING = 0.2
 """Share of a flight on which its launch state is fitted."""
@@ -53,9 +49,13 @@ def beginning_rows(record: Record, trim_is_known: bool) -> int:
     return max(int(np.searchsorted(record.time, until)), 10)
 
 
-def foretell(problem: Problem, theta: np.ndarray, record: Record) -> Forecast:
-    """Foretells one flight from its beginning."""
-    rows = beginning_rows(record, problem.trim_is_known)
+def foretell(
+    problem: Problem, theta: np.ndarray, record: Record, whole: bool = False
+) -> Forecast:
+    """Foretells one flight from its beginning, or fits the whole of it."""
+    rows = len(record.time)
+    if not whole:
+        rows = beginning_rows(record, problem.trim_is_known)
     start = fit_start(
         cut(record, 0, rows), theta, problem.noise, problem.field, problem.trim_is_known
     )
@@ -70,41 +70,19 @@ def foretell(problem: Problem, theta: np.ndarray, record: Record) -> Forecast:
 def _translate(
     record: Record, theta: np.ndarray, start: np.ndarray, field: Field, rows: int
 ) -> np.ndarray:
-    """Integrates the forces along the measured pitch; fits x, z and their rates."""
-    nodes = true_nodes(record, theta)
-    shift = nodes[:, 2] - record.nodes[:, 2]
-    turn = nodes[:, 6] - record.nodes[:, 6]
-    change = np.stack([shift, turn], axis=1)
-    change = np.stack(
-        [change[:-1], 0.5 * (change[1:] + change[:-1]), change[1:]], axis=1
-    )
-    pitch = record.pitch + change
-    signals = pose_signals(record, theta)
-    free = [0, 1, 4, 5]
-
-    def places(launch: np.ndarray) -> np.ndarray:
-        state = start.copy()
-        state[free] = launch
-        state[2], state[6] = nodes[0, 2], nodes[0, 6]
-        states = np.empty((len(record.time), len(start)))
-        kernel().log_translation(
-            record.time, state, pitch, *signals, theta[:NUM_KERNEL_THETA], field, states
-        )
-        return sensed(states, theta)[:, :2]
-
-    launch = nodes[0, free].copy()
-    measured = record.flight.pose[:, :2]
+    """Integrates the forces along the measured pitch; x, z, rates fitted on rows."""
+    along = AlongPitch(record, theta, field)
+    launch = along.first.copy()
+    launch[-1] = start[OFFSET]
     for _ in range(3):
-        flown = places(launch)
-        columns = [
-            (places(launch + 1e-5 * unit) - flown)[:rows].ravel() / 1e-5
-            for unit in np.eye(4)
-        ]
-        error = (measured - flown)[:rows].ravel()
+        flown = along.places(launch)
         if not np.all(np.isfinite(flown[:rows])):
             break
-        launch = launch + np.linalg.lstsq(np.stack(columns, 1), error, rcond=None)[0]
-    return places(launch)
+        columns = along.by_launch(launch, flown)[:rows, :, :-1]
+        error = (record.flight.pose[:, :2] - flown)[:rows].ravel()
+        matrix = columns.reshape(2 * rows, -1)
+        launch[:-1] += np.linalg.lstsq(matrix, error, rcond=None)[0]
+    return along.places(launch)
 
 
 def measure_errors(
@@ -126,7 +104,8 @@ def measure_errors(
         pitch.append(error[:, 2] ** 2)
         along = record.flight.pose[:, :2] - forecast.translated
         translated.append(np.sum(along**2, axis=1))
-    rms = np.sqrt(np.mean(table.residual**2, axis=0))
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        rms = np.sqrt(np.mean(table.residual**2, axis=0))
     errors = Errors(
         tangential=float(rms[0]),
         normal=float(rms[1]),

@@ -154,7 +154,9 @@ class _Run:
             )
             found = explain(search)
         with self.stage("refit"):
-            plate = fit(fitted, vehicle.theta, vehicle.own)
+            plate = found.plate
+            if plate is None:
+                plate = fit(fitted, vehicle.theta, vehicle.own).theta
         with self.stage("foretell"):
             before = unseen
             if not signs.are_right:
@@ -162,7 +164,7 @@ class _Run:
             corrected = dataclasses.replace(unseen, field=found.field)
             models = {
                 "as_drawn": (before, vehicle.theta),
-                "refitted": (before, plate.theta),
+                "refitted": (before, plate),
                 "corrected": (corrected, found.theta),
             }
             errors: dict[str, Errors | None] = {}
@@ -207,7 +209,12 @@ def _problem(
     campaign: Campaign, names: tuple[str, ...], noise: Noise, vehicle: Vehicle
 ) -> Problem:
     records = prepare(_pick(campaign, names), campaign, noise)
-    return Problem(records=records, noise=noise, trim_is_known=vehicle.trim_is_known)
+    return Problem(
+        records=records,
+        noise=noise,
+        trim_is_known=vehicle.trim_is_known,
+        prior=vehicle.prior,
+    )
 
 
 def _table_of_all(

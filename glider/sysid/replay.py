@@ -432,7 +432,8 @@ def linearize(
     loops.log_measure(
         points, dynamics, in_kernel, scale, pose, pose_by_x, pose_by_kernel
     )
-    rows = pose_by_x @ states
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        rows = pose_by_x @ states
     rows[:, :, dim : dim + len(in_kernel)] += pose_by_kernel
     rows[:, :, -1] = record.flight.pose - pose - rows[:, :, -1]
     rows /= np.array([noise.position, noise.position, noise.pitch])[:, None]

@@ -9,7 +9,6 @@ then sums over these matrices.
 """
 
 import dataclasses
-import itertools
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,7 +28,7 @@ from glider.sysid.replay import (
     theta_scale,
     theta_upper,
 )
-from glider.sysid.shooting import DIVERGED, cut, fit_start, fly
+from glider.sysid.shooting import DIVERGED, fit_start, fly
 
 _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
 
@@ -147,8 +146,6 @@ class Problem:
         trim_is_known: as in `linearize`.
         is_exact: whether errors are taken along rollouts from fitted starts, not
             linearised about the smoothed measurement.
-        flight_of: number of the flight that each record is a window of; None where
-            records are whole flights.
         prior: mean and standard deviation of theta (each in the order of SLOTS,
             infinite where nothing is known beforehand), or None.
     """
@@ -158,13 +155,10 @@ class Problem:
     field: Field = NO_FIELD
     trim_is_known: bool = True
     is_exact: bool = False
-    flight_of: tuple[int, ...] | None = None
     prior: tuple[np.ndarray, np.ndarray] | None = None
 
     def thinned(self, count: int) -> "Problem":
         """Returns the problem with at most `count` of its flights, evenly picked."""
-        if self.flight_of is not None:
-            return self
         last = len(self.records) - 1
         keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
         return dataclasses.replace(self, records=[self.records[i] for i in keep])
@@ -196,10 +190,6 @@ def gather(
         return eliminate_start(errors)
 
     information = in_parallel(one, range(len(problem.records)))
-    if problem.flight_of is not None:
-        flights = np.array(problem.flight_of)
-        windows = np.stack(information)
-        information = [windows[flights == i].sum(axis=0) for i in np.unique(flights)]
     if problem.prior is not None:
         information.append(_prior_information(problem.prior, theta, free, information))
     return np.stack(information)
@@ -225,25 +215,8 @@ def _prior_information(
     return columns.T @ columns
 
 
-def windowed(problem: Problem, length: float) -> Problem:
-    """Returns the problem with its flights cut into windows of about a length [s].
-
-    Errors are then taken along rollouts.
-    """
-    windows, flight_of = [], []
-    for i, record in enumerate(problem.records):
-        count = max(round(record.time[-1] / length), 1)
-        edges = np.linspace(0, len(record.time), count + 1).round().astype(int)
-        for first, last in itertools.pairwise(edges):
-            windows.append(cut(record, first, last))
-            flight_of.append(i)
-    return dataclasses.replace(
-        problem, records=windows, flight_of=tuple(flight_of), is_exact=True
-    )
-
-
 def degrees_of_freedom(problem: Problem) -> np.ndarray:
-    """Returns measurements less launch states, of each record."""
+    """Returns measurements less launch states, of each flight."""
     channels = np.array([3 + r.has_servo for r in problem.records])
     rows = np.array([len(r.time) for r in problem.records])
     per_flight = np.array(

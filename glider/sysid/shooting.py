@@ -1,9 +1,8 @@
-"""Rollouts from fitted starts: whole flights, or windows of them.
+"""Rollouts from fitted starts: free ones, and forces along the measured pitch.
 
 `fit_start` finds the launch state that suits a flight best under a model; along
-that rollout the model's errors are exact, not linearised. Where a model leaves
-much of a real flight unexplained, flights are cut into windows that each start
-afresh, so that an error of the moment does not drown the forces.
+that rollout the model's errors are exact, not linearised. `AlongPitch` separates
+the forces from the moment, whose errors a free rollout multiplies.
 """
 
 import dataclasses
@@ -20,6 +19,7 @@ from glider.sysid.replay import (
     kernel,
     linearize,
     pose_signals,
+    sensed,
     true_nodes,
 )
 
@@ -109,3 +109,43 @@ def fit_start(
         if np.max(np.abs(step)) < 1e-6:
             break
     return start
+
+
+class AlongPitch:
+    """The forces of a model integrated along a flight's measured pitch.
+
+    A launch is here (x, z, ẋ, ż, elevator offset).
+    """
+
+    def __init__(self, record: Record, theta: np.ndarray, field: Field):
+        """Prepares the pitch that the model's sensors tell of."""
+        nodes = true_nodes(record, theta, field)
+        change = (nodes - record.nodes)[:, [2, 6]]
+        middle = 0.5 * (change[1:] + change[:-1])
+        self._pitch = record.pitch + np.stack([change[:-1], middle, change[1:]], axis=1)
+        self._record, self._theta, self._field = record, theta, field
+        self._state = nodes[0].copy()
+        self.first = np.append(nodes[0, [0, 1, 4, 5]], 0.0)
+        self._signals = pose_signals(record, theta)
+
+    def places(self, launch: np.ndarray) -> np.ndarray:
+        """Returns x and z, as the sensors would show them, (n, 2)."""
+        state = self._state.copy()
+        state[[0, 1, 4, 5, 3]] = launch
+        states = np.empty((len(self._record.time), len(state)))
+        kernel().log_translation(
+            self._record.time,
+            state,
+            self._pitch,
+            *self._signals,
+            self._theta[:NUM_KERNEL_THETA],
+            self._field,
+            states,
+        )
+        return sensed(states, self._theta)[:, :2]
+
+    def by_launch(self, launch: np.ndarray, flown: np.ndarray) -> np.ndarray:
+        """Returns the places' derivatives by the launch, (n, 2, 5)."""
+        step = 1e-5
+        moved = [self.places(launch + step * unit) - flown for unit in np.eye(5)]
+        return np.stack(moved, axis=2) / step

@@ -6,15 +6,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.flight_log import Campaign, Flight
-from glider.sysid.replay import Noise, measure_noise, prepare
+from glider.sysid.replay import Noise, measure_noise, prepare, slots_of
 from glider.sysid.rollout_fit import Problem, fit
 from glider.sysid.vehicle import Vehicle
 
-ADVANTAGE = 3.0
+ADVANTAGE = 5.0
 """Factor by which the error must fall before a sign is called wrong."""
 
 FLIGHTS = 6
 """Flights to ask; a wrong sign shows in any."""
+
+COMPANIONS = ("profile_drag", "pitch_offset")
+"""Effects that are fitted under any signs: what nearly every glider has, lest its
+lack look like a wrong sign."""
 
 _WITH_SERVO = (
     (-1, 1, 1),
@@ -76,7 +80,8 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round: no small effect of the library comes near.
-    So the best set of signs must beat the logged one by `ADVANTAGE`.
+    So the best set of signs must beat the logged one by `ADVANTAGE`, each with
+    `COMPANIONS` fitted.
     """
     few = tuple(flights[:FLIGHTS])
     options = _WITH_SERVO if campaign.elevator == "servo" else ((-1, 1, 1),)
@@ -109,4 +114,6 @@ def _cost(
         noise = measure_noise(dataclasses.replace(campaign, flights=turned))
     records = prepare(turned, campaign, noise)
     problem = Problem(records=records, noise=noise, trim_is_known=vehicle.trim_is_known)
-    return fit(problem, vehicle.theta, vehicle.nuisance, iterations=4).cost
+    companions = [i for kind in COMPANIONS for i in slots_of(kind)]
+    free = tuple(sorted({*vehicle.nuisance, *companions}))
+    return fit(problem, vehicle.theta, free, iterations=8).cost

@@ -39,6 +39,9 @@ SILENT = 4.0
 EARNING = 4.0
 """Factor by which an added effect must cut what is left, or else ..."""
 
+CLEAR = 10.0
+"""Evidence that an effect needs where it only shows beside stronger ones [nats]."""
+
 SHARE = 0.1
 """... the share of the drawing's error that it must explain."""
 
@@ -192,7 +195,7 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
 
     best = choose(sizes, len(search.kinds))
     chosen = fit_set(everything, best.kinds, best.fit.theta) if best.kinds else base
-    chosen = _prune(everything, chosen)
+    chosen = _refine(everything, _prune(everything, chosen), most)
     search.progress("weighing the effects")
     return Trace(
         chosen=chosen,
@@ -311,6 +314,29 @@ def _prune(search: Search, chosen: EffectSet) -> EffectSet:
         if not needed or smaller.left < 1.2 * chosen.left:
             chosen = smaller
     return chosen
+
+
+def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
+    """Adds a weak effect that the whole set of flights shows beside strong ones.
+
+    The search's few flights may miss it. Where all that is left is nearly noise,
+    an effect must gain `CLEAR` evidence and leave nothing.
+    """
+    while chosen.kinds and len(chosen.kinds) < most and chosen.lack.z < _NEARLY_SILENT:
+        children = _extend(search, chosen, 3)
+        if not children:
+            break
+        best = judge(search, min(children, key=lambda s: s.fit.cost))
+        clear = significant(chosen.fit, best.fit, len(search.kinds))
+        if not clear or evidence(chosen.fit, best.fit) < CLEAR:
+            break
+        if best.lack.z > SILENT:
+            break
+        chosen = best
+    return chosen
+
+
+_NEARLY_SILENT = 20.0
 
 
 def _without(search: Search, chosen: EffectSet, kind: str) -> EffectSet:

@@ -347,4 +347,4 @@ SURVEY_FLIGHTS = 12
 """Flights to survey the variables with; the field is fitted to all."""
 
 _COARSE = 12
-_FINER = (18, 26)
+_FINER = (18, 27, 40)

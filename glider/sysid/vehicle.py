@@ -1,8 +1,8 @@
 """From what a campaign tells of its vehicle to a model's unknowns.
 
 What is known of a vehicle is taken from the drawing; what is not is fitted with
-the effects. Without a mass, forces show only per mass: the mass is then set to
-1 kg, and areas and inertia mean area and inertia per kilogram.
+the effects. Without a mass, an area or an inertia, forces show only per mass: the
+mass is then set to 1 kg, and areas and inertia are per kilogram.
 """
 
 import dataclasses
@@ -14,6 +14,9 @@ from glider.effects import LIBRARY
 from glider.parameters import GliderParameters
 from glider.sysid.flight_log import Campaign
 from glider.sysid.replay import INDEX, SIGNAL_KINDS, default_theta, theta_scale
+
+_PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
+"""Parameters that forces and moments show only per mass."""
 
 OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
 """Parameters of a flat-plate glider that flights can tell, given its mass."""
@@ -62,12 +65,14 @@ def make_vehicle(campaign: Campaign) -> Vehicle:
     known = dict(campaign.vehicle)
     notes = []
     drawing: dict[str, Any] = dataclasses.asdict(GliderParameters())
-    if "mass" not in known:
-        for name in ("wing_area", "elevator_area", "pitch_inertia"):
+    has_scale = any(name in known for name in _PER_MASS)
+    if "mass" not in known and not has_scale:
+        for name in _PER_MASS:
             drawing[name] /= drawing["mass"]
         drawing["mass"] = 1.0
         notes.append(
-            "The mass is not told: it is set to 1 kg, so areas and inertia are per kg."
+            "No mass or area is told: the mass is set to 1 kg, "
+            "so areas and inertia are per kg."
         )
     for name in _CONVENTIONAL:
         if name not in known:
@@ -79,6 +84,8 @@ def make_vehicle(campaign: Campaign) -> Vehicle:
     parameters = GliderParameters(**{**drawing, **known})
 
     unknown = [name for name in OWN if name not in known]
+    if "mass" not in known and has_scale:
+        unknown.append("mass")
     nuisance = [INDEX["parameters", name] for name in unknown]
     dropped = {"angle_sign"}
     if campaign.elevator != "servo":

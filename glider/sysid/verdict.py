@@ -10,6 +10,7 @@ import numpy as np
 
 from glider.effects import NO_FIELD, Field
 from glider.sysid.rollout_fit import Fit, Problem, fit
+from glider.sysid.rough import trace_rough
 from glider.sysid.tracing import (
     SILENT,
     EffectSet,
@@ -22,6 +23,10 @@ from glider.sysid.whiteness import lack_of_fit
 
 WORTH = 2.0
 """Factor by which a field must cut what the effects leave, to be carried."""
+
+ROUGH = 1000.0
+"""Error over noise variance of an undrawn glider's best single effect, beyond which
+its flights are taken to be real: a matter of centimetres, not of noise."""
 
 IN_PLACE = 4.0
 """Factor by which a field alone must beat the effects, to take their place."""
@@ -36,12 +41,15 @@ class Explanation:
         weighed: the effects, strongest first; one may be "unexplained".
         unexplained: the residual field, or None.
         candidates: evidence of each kind when tried alone.
+        plate: theta of the flat plate with its own parameters refitted, where that
+            took rollouts; else None.
     """
 
     fit: Fit
     weighed: tuple[Weighed, ...]
     unexplained: UnexplainedField | None
     candidates: dict[str, float]
+    plate: np.ndarray | None = None
 
     @property
     def theta(self) -> np.ndarray:
@@ -58,6 +66,9 @@ def explain(search: Search) -> Explanation:
     """Traces the effects, then carries what they leave if it is real."""
     traced = trace(search, most=1)
     base, alone = traced.base, None
+    is_drawn = not search.nuisance
+    if not is_drawn and traced.chosen.fit.dispersion > ROUGH:
+        return _explain_roughly(search)
     if base.lack.z >= SILENT and _is_real(traced.chosen, base):
         alone = find_field(search.problem, base.fit.theta, search.progress)
         in_space_or_time = alone.variables[0] in ("x", "t")
@@ -81,6 +92,18 @@ def explain(search: Search) -> Explanation:
     if not _is_worth(chosen, on_top):
         return named
     return _carry(search, base, chosen, on_top, named)
+
+
+def _explain_roughly(search: Search) -> Explanation:
+    """Traces what makes real flights of an undrawn glider easier to foretell."""
+    found = trace_rough(search)
+    return Explanation(
+        fit=found.fit,
+        weighed=found.weighed,
+        unexplained=None,
+        candidates=found.candidates,
+        plate=found.plate,
+    )
 
 
 def _is_real(chosen: EffectSet, base: EffectSet) -> bool:

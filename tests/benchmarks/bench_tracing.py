@@ -1,0 +1,166 @@
+"""How good and how fast is the tracing? Prints tables; asserts nothing.
+
+    python -m tests.benchmarks.bench_tracing [practice|alarms|planted|all]
+
+practice: verdict, coefficients, time and held-out error of the practice campaigns,
+    beside the error of a fit that knows the truth.
+alarms: twenty campaigns of our own simulator without any effect; noise halved and
+    doubled, 10 to 40 flights.
+planted: one and two effects of the library planted in our own simulator.
+"""
+
+import argparse
+import dataclasses
+import time
+
+import numpy as np
+
+from glider.effects import FIELD_TERMS, FIELD_VARIABLES, KINDS, Field
+from glider.model_file import GliderModel
+from glider.sysid.flight_log import load_campaign
+from glider.sysid.forecast import measure_errors
+from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay import measure_noise, prepare, slots_of
+from glider.sysid.rollout_fit import Problem, fit
+from glider.sysid.simulate import CampaignPlan, simulate_campaign
+from glider.sysid.vehicle import make_vehicle
+from tests.campaigns import PRACTICE, campaign_path
+
+TRUTH = {
+    "still_air": None,
+    "head_wind": "wind",
+    "attached_lift": "attached_lift",
+    "slow_servo": "servo_lag",
+    "floor_vent": "vent",
+}
+
+PAIRS = (
+    ("wind", "attached_lift"),
+    ("servo_lag", "profile_drag"),
+    ("pitch_damping", "wing_incidence"),
+    ("tail_wake", "command_delay"),
+    ("elevator_trim", "added_mass"),
+    ("downwash", "marker_offset"),
+    ("pitch_offset", "pose_latency"),
+    ("dynamic_stall", "profile_drag"),
+    ("mass", "pitch_moment"),
+    ("frame_tilt", "wind"),
+    ("center_of_pressure", "inertia"),
+    ("airspeed_dependence", "elevator_area"),
+)
+
+
+def vent() -> Field:
+    """The truth of floor_vent: 1 m/s upward at x = -1.8 m, width 0.4 m."""
+    centers = np.zeros((1, len(FIELD_VARIABLES)))
+    inverse_widths, weights = np.zeros_like(centers), np.zeros((1, len(FIELD_TERMS)))
+    centers[0, 0], inverse_widths[0, 0] = -1.8, 1.0 / 0.4
+    weights[0, FIELD_TERMS.index("wind_z")] = 1.0
+    return Field(centers, inverse_widths, weights)
+
+
+def floor_of(name: str, held_out: tuple[str, ...]) -> float:
+    """Returns the held-out position error of a fit that knows the truth [m]."""
+    campaign = load_campaign(campaign_path(name))
+    vehicle, noise = make_vehicle(campaign), measure_noise(campaign)
+    fitted = tuple(f for f in campaign.flights if f.name not in held_out)
+    unseen = tuple(f for f in campaign.flights if f.name in held_out)
+    truth, theta = TRUTH[name], vehicle.theta.copy()
+    problem = Problem(records=prepare(fitted, campaign, noise), noise=noise)
+    if truth == "vent":
+        problem = dataclasses.replace(problem, field=vent())
+    elif truth is not None:
+        if truth == "servo_lag":
+            theta[list(slots_of(truth))] = 0.02
+        theta = fit(problem, theta, slots_of(truth)).theta
+    test = dataclasses.replace(problem, records=prepare(unseen, campaign, noise))
+    return measure_errors(test, theta)[0].position_rms_m
+
+
+def practice() -> None:
+    """Prints the practice campaigns' table."""
+    print("campaign        verdict       s   drawn  corrected  floor [mm]  effects")
+    for name in PRACTICE:
+        begin = time.perf_counter()
+        result = close_the_loop(campaign_path(name))
+        seconds = time.perf_counter() - begin
+        drawn, corrected = (
+            1e3 * result.errors[m].position_rms_m for m in ("as_drawn", "corrected")
+        )
+        floor = 1e3 * floor_of(name, result.held_out_flights)
+        found = ", ".join(
+            f"{n}={c.value:.4g}"
+            for e in result.effects
+            for n, c in e.coefficients.items()
+        )
+        found = f"{'+'.join(e.kind for e in result.effects)} {found}"
+        print(
+            f"{name:14s}  {result.verdict:12s} {seconds:4.1f} {drawn:7.2f} "
+            f"{corrected:8.2f} {floor:8.2f}      {found}"
+        )
+
+
+def alarms(count: int = 20) -> None:
+    """Prints how often an effect is found where there is none."""
+    false = 0
+    for seed in range(count):
+        rng = np.random.default_rng(1000 + seed)
+        flights = int(rng.integers(10, 41))
+        level = float(rng.choice([0.5, 1.0, 2.0]))
+        plan = CampaignPlan(
+            flights=flights,
+            noise_position=0.0004 * level,
+            noise_pitch=0.0025 * level,
+            noise_elevator=0.005 * level,
+        )
+        result = close_the_loop(simulate_campaign(GliderModel(), plan, rng), seed=seed)
+        false += result.verdict != "no_effect"
+        kinds = [e.kind for e in result.effects]
+        print(f"  {flights:2d} flights, noise x {level}: {result.verdict} {kinds}")
+    print(f"false alarms: {false} of {count}")
+
+
+def planted() -> None:
+    """Prints whether planted effects are found, alone and in pairs."""
+    alone = [(k,) for k in KINDS if k not in ("angle_sign", "ground_effect")]
+    right = 0
+    for i, kinds in enumerate([*alone, *PAIRS]):
+        size = 1.0 if len(kinds) == 1 else 0.5
+        effects = []
+        for name in kinds:
+            coefficients = KINDS[name].coefficients
+            values = [
+                c.default if c.is_shape and c.default else size * c.scale
+                for c in coefficients
+            ]
+            named = dict(zip([c.name for c in coefficients], values, strict=True))
+            effects.append(KINDS[name](**named))
+        model = GliderModel(effects=tuple(effects))
+        plan = CampaignPlan(flights=20)
+        campaign = simulate_campaign(model, plan, np.random.default_rng(i))
+        begin = time.perf_counter()
+        result = close_the_loop(campaign)
+        seconds = time.perf_counter() - begin
+        found = sorted(e.kind for e in result.effects)
+        right += found == sorted(kinds)
+        mark = "ok " if found == sorted(kinds) else "BAD"
+        print(f"  {mark} {'+'.join(kinds):36s} {seconds:5.1f} s  {found}", flush=True)
+    print(f"right: {right} of {len(alone) + len(PAIRS)}")
+
+
+def main() -> None:
+    """Runs the chosen tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", nargs="?", default="all")
+    what = parser.parse_args().what
+    for name, table in (
+        ("practice", practice),
+        ("alarms", alarms),
+        ("planted", planted),
+    ):
+        if what in (name, "all"):
+            table()
+
+
+if __name__ == "__main__":
+    main()
