@@ -59,14 +59,16 @@ def command_steps(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns when the commands of a log switched, and to what.
 
-    A log shows a new command in the first row after it was given. Where the
-    commands come from a clock of known rate, the clock's phase is found from
-    all the rows that changed, first trying a clock that started with the log.
+    A log shows a new command in the first row after it was given: without more
+    knowledge, half a row before on the average. Where the commands come from a
+    clock, its phase is found from all the rows that changed, first trying a clock
+    that started with the log. Where its rate is not told, the whole number of Hz
+    next to the rate of changes is tried, and taken if it fits nearly all rows.
 
     Args:
         time: (n,) of the rows [s].
         command: (n,) as logged [rad/s].
-        command_rate: of the clock [Hz], or None.
+        command_rate: of the clock [Hz], or None where it is not told.
 
     Returns:
         switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's
@@ -75,7 +77,9 @@ def command_steps(
     rows = np.flatnonzero(np.diff(command)) + 1
     commands = np.concatenate([command[:1], command[rows]])
     after, before = time[rows], time[rows - 1]
-    switches = after
+    switches = 0.5 * (before + after)
+    if command_rate is None and len(rows) > 10:
+        command_rate = max(round((len(rows) - 1) / (after[-1] - after[0])), 1)
     if command_rate is not None and len(rows):
         period = 1.0 / command_rate
         slack = 1e-3 * period
@@ -83,6 +87,8 @@ def command_steps(
         for phase in phases:
             ticks = phase + period * np.floor((after - phase + slack) / period)
             if np.mean(ticks > before - slack) > 0.95:
-                switches = np.where(ticks > before - slack, ticks, after)
+                nearest = phase + period * np.round((switches - phase) / period)
+                nearest = np.clip(nearest, before, after)
+                switches = np.where(ticks > before - slack, ticks, nearest)
                 break
     return np.concatenate([time[:1], switches]), commands

@@ -125,10 +125,10 @@ def test_the_clock_of_the_commands_is_found(phase, start, rate, regular):
     np.testing.assert_allclose(switches[1:], start + clock[shown], atol=tolerance)
 
 
-def test_without_a_clock_a_command_begins_in_the_row_that_shows_it():
+def test_without_a_clock_a_command_begins_half_a_row_before_it_shows():
     time = np.array([0.0, 0.1, 0.2, 0.3])
     switches, commands = command_steps(time, np.array([1.0, 1.0, 2.0, 3.0]), None)
-    np.testing.assert_array_equal(switches, [0.0, 0.2, 0.3])
+    np.testing.assert_allclose(switches, [0.0, 0.15, 0.25])
     np.testing.assert_array_equal(commands, [1.0, 2.0, 3.0])
 
 

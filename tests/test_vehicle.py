@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.effects import KINDS
+from glider.errors import InputError
 from glider.model_file import GliderModel
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.simulate import CampaignPlan, simulate_campaign
@@ -111,3 +112,58 @@ def test_three_flights_are_enough_for_a_strong_effect(campaign):
     few = dataclasses.replace(campaign, flights=campaign.flights[:3])
     result = close_the_loop(few)
     assert [e.kind for e in result.effects] == ["profile_drag"]
+
+
+def test_a_log_may_begin_with_the_elevator_anywhere():
+    """Cut the start off every flight: the elevator then starts where it was."""
+    plan = CampaignPlan(flights=10)
+    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(5))
+
+    def late(flight):
+        return dataclasses.replace(
+            flight,
+            time=flight.time[35:],
+            pose=flight.pose[35:],
+            elevator=flight.elevator[35:],
+            command=flight.command[35:],
+        )
+
+    flights = tuple(late(f) for f in flown.flights)
+    result = close_the_loop(dataclasses.replace(flown, flights=flights))
+    assert result.verdict == "no_effect"
+    assert result.left_z < 4.0
+
+
+@pytest.mark.parametrize("elevator", ["fixed", "fixed_per_flight"])
+def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
+    monkeypatch.setattr(
+        "glider.sysid.simulate.random_commands", lambda count, *_: np.zeros(count)
+    )
+    truth = GliderModel(effects=(KINDS["elevator_trim"](angle=-0.2),))
+    plan = CampaignPlan(flights=10)
+    flown = simulate_campaign(truth, plan, np.random.default_rng(6))
+    result = close_the_loop(without_servo(flown, elevator))
+    assert result.verdict == "no_effect"
+    assert result.left_z < 4.0
+    if elevator == "fixed":  # One angle for all: it belongs to the model.
+        (trim,) = result.model.effects
+        assert trim.to_dict()["angle"] == pytest.approx(-0.2, abs=0.005)
+
+
+def test_a_computed_elevator_column_has_no_noise_and_does_no_harm():
+    plan = CampaignPlan(flights=8, noise_elevator=0.0)
+    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(7))
+    assert close_the_loop(flown).verdict == "no_effect"
+
+
+def test_real_errors_are_never_called_no_effect():
+    truth = GliderModel(effects=(KINDS["command_delay"](delay=0.03),))
+    plan = CampaignPlan(flights=8)
+    flown = simulate_campaign(truth, plan, np.random.default_rng(8))
+    assert close_the_loop(flown, effects=["angle_sign"]).verdict == "unexplained"
+
+
+def test_effects_that_these_logs_cannot_show_are_refused(campaign):
+    fixed = without_servo(campaign, "fixed")
+    with pytest.raises(InputError, match="servo_lag"):
+        close_the_loop(fixed, effects=["servo_lag"])

@@ -25,6 +25,7 @@ from glider.sysid.replay import (
     OFFSET,
     Noise,
     Record,
+    fitted_start,
     linearize,
     measure_noise,
     prepare,
@@ -42,9 +43,8 @@ from glider.sysid.result import (
     Result,
 )
 from glider.sysid.rollout_fit import Problem, covariance, fit, in_parallel
-from glider.sysid.shooting import fitted_start
 from glider.sysid.signs import Signs, find_signs, turn_campaign
-from glider.sysid.tracing import Search
+from glider.sysid.tracing import SILENT, Search
 from glider.sysid.vehicle import Vehicle, make_vehicle, parameters_of
 from glider.sysid.verdict import Explanation, explain
 from glider.sysid.whiteness import lack_of_fit
@@ -130,6 +130,11 @@ class _Run:
         """Runs all stages on a campaign that has been read."""
         vehicle = make_vehicle(logged)
         kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
+        if effects is not None and not kinds and "angle_sign" not in effects:
+            raise InputError(
+                f"none of the effects {', '.join(effects) or '(none given)'} can be "
+                "told from what this campaign logs and leaves unknown."
+            )
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
             warm_up()
         with self.stage("smooth"):
@@ -153,14 +158,17 @@ class _Run:
                 progress=self.progress,
             )
             found = explain(search)
+        # The models before the correction meet the log as it is, signs and all.
+        before, fitted_before = unseen, fitted
+        if not signs.are_right:
+            before = _problem(logged, names[1], noise, vehicle)
+            fitted_before = _problem(logged, names[0], noise, vehicle)
         with self.stage("refit"):
             plate = found.plate
             if plate is None:
-                plate = fit(fitted, vehicle.theta, vehicle.own).theta
+                start = fit(fitted_before, vehicle.theta, vehicle.nuisance).theta
+                plate = fit(fitted_before, start, vehicle.own).theta
         with self.stage("foretell"):
-            before = unseen
-            if not signs.are_right:
-                before = _problem(logged, names[1], noise, vehicle)
             corrected = dataclasses.replace(unseen, field=found.field)
             models = {
                 "as_drawn": (before, vehicle.theta),
@@ -174,10 +182,8 @@ class _Run:
             first = "as_drawn" if vehicle.is_known else "refitted"
             if not vehicle.is_known:
                 errors["as_drawn"] = None
-            tables = {
-                name: _table_of_all(models[name], fitted, found)
-                for name in (first, "corrected")
-            }
+            before_table = _table_of_all(models[first], fitted_before)
+            after_table = _table_of_all(models["corrected"], fitted)
         left = lack_of_fit(corrected, found.theta)
         return Result(
             campaign=logged.name,
@@ -192,9 +198,9 @@ class _Run:
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
             model=_model(found, signs, campaign),
-            held_out=_flown(before, forecasts, vehicle),
-            residual_before=tables[first],
-            residual_after=tables["corrected"],
+            held_out=_flown(before, forecasts, vehicle, signs),
+            residual_before=before_table,
+            residual_after=after_table,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
             settings={**settings, "notes": list(vehicle.notes)},
@@ -217,9 +223,7 @@ def _problem(
     )
 
 
-def _table_of_all(
-    model: tuple[Problem, np.ndarray], fitted: Problem, found: Explanation
-) -> ResidualTable:
+def _table_of_all(model: tuple[Problem, np.ndarray], fitted: Problem) -> ResidualTable:
     """Returns a model's residual over the fitted and the held-out flights."""
     problem, theta = model
     everything = dataclasses.replace(
@@ -235,7 +239,7 @@ def _table_of_all(
             field=problem.field,
             trim_is_known=problem.trim_is_known,
         )
-        return float(fitted_start(errors)[OFFSET])
+        return float((errors.start + fitted_start(errors))[OFFSET])
 
     trims = in_parallel(trim, everything.records)
     return make_table(everything.records, theta, trims, problem.field)
@@ -244,7 +248,7 @@ def _table_of_all(
 def _verdict(found: Explanation, signs: Signs) -> str:
     kinds = [w.kind for w in found.weighed]
     if not kinds and signs.are_right:
-        return "no_effect"
+        return "no_effect" if found.left_z < SILENT else "unexplained"
     if kinds and kinds[0] == "unexplained":
         return "unexplained"
     return "effect_found"
@@ -313,10 +317,13 @@ def _model(found: Explanation, signs: Signs, campaign: Campaign) -> GliderModel:
                 command=float(signs.command),
             )
         )
-    for weighed in found.weighed:
-        if weighed.kind != "unexplained":
-            kind = KINDS[weighed.kind]
-            values = found.theta[list(slots_of(weighed.kind))]
+    kinds = [w.kind for w in found.weighed if w.kind != "unexplained"]
+    if campaign.elevator == "fixed" and "elevator_trim" not in kinds:
+        kinds.append("elevator_trim")  # The unknown angle at which it stands.
+    for name in kinds:
+        if name in KINDS:
+            kind = KINDS[name]
+            values = found.theta[list(slots_of(name))]
             names = [c.name for c in kind.coefficients]
             effects.append(kind(**dict(zip(names, map(float, values), strict=True))))
     return GliderModel(
@@ -327,9 +334,13 @@ def _model(found: Explanation, signs: Signs, campaign: Campaign) -> GliderModel:
 
 
 def _flown(
-    problem: Problem, forecasts: dict[str, list[Forecast]], vehicle: Vehicle
+    problem: Problem,
+    forecasts: dict[str, list[Forecast]],
+    vehicle: Vehicle,
+    signs: Signs,
 ) -> tuple[HeldOutFlight, ...]:
     flights = []
+    as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
     for i, record in enumerate(problem.records):
         rows = beginning_rows(record, problem.trim_is_known)
         flights.append(
@@ -338,7 +349,7 @@ def _flown(
                 time=record.time,
                 measured=record.flight.pose,
                 flown={
-                    name: forecasts[name][i].pose
+                    name: forecasts[name][i].pose * as_logged.get(name, 1.0)
                     for name in MODELS
                     if name != "as_drawn" or vehicle.is_known
                 },

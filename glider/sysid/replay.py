@@ -1,6 +1,6 @@
 """A log made ready to be flown again: clean signals, smoothed states, a model's errors.
 
-`Model` is a glider with effects, as numbers in one vector theta; `prepare`
+A model is here one vector theta of numbers, in the order of SLOTS; `prepare`
 smooths the flights of a campaign once; `linearize` compares a flight with a
 model by flying each interval between two rows from the smoothed state (multiple
 shooting), so that what comes out is the output-error problem of the whole
@@ -14,6 +14,7 @@ import functools
 import types
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from glider.actuator import command_steps, elevator_path
 from glider.effects import KINDS, LIBRARY, NO_FIELD, Field
@@ -134,6 +135,7 @@ class Record:
         switch_times: (k,) of the commands, on the same clock [s].
         commands: (k,) [rad/s].
         limits: travel of the elevator [rad], or None.
+        rest: where the elevator stood before the first command [rad].
     """
 
     flight: Flight
@@ -145,6 +147,7 @@ class Record:
     switch_times: np.ndarray
     commands: np.ndarray
     limits: tuple[float, float] | None
+    rest: float
     _signals: dict[tuple[float, ...], tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
@@ -165,11 +168,16 @@ def measure_noise(campaign: Campaign) -> Noise:
         errors = [_elevator_error(f, campaign.command_rate) for f in campaign.flights]
         elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
     return Noise(
-        position=position,
-        pitch=smoothing[2].noise,
-        elevator=elevator,
+        position=max(position, _LEAST_POSITION),
+        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
+        elevator=max(elevator, _LEAST_ANGLE),
         smoothing=smoothing,
     )
+
+
+_LEAST_POSITION = 1e-6
+_LEAST_ANGLE = 1e-5
+"""No log is better than this [m, rad]; a computed column has no noise at all."""
 
 
 def _elevator_error(flight: Flight, command_rate: float | None) -> np.ndarray:
@@ -215,9 +223,10 @@ def _record(
         level * np.linalg.norm(m[2, :n], axis=1)
         for level, m in zip(levels, maps, strict=True)
     ]
-    switches, commands = np.zeros(1), np.zeros(1)
-    if flight.command is not None:
+    switches, commands, rest = np.zeros(1), np.zeros(1), 0.0
+    if flight.command is not None and flight.elevator is not None:
         switches, commands = command_steps(time, flight.command, campaign.command_rate)
+        rest = float(flight.elevator[0])  # Its noise is what x[3] is for.
     return Record(
         flight=flight,
         time=time,
@@ -228,6 +237,7 @@ def _record(
         switch_times=switches,
         commands=commands,
         limits=campaign.elevator_limits if flight.command is not None else None,
+        rest=rest,
     )
 
 
@@ -273,6 +283,7 @@ def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
             np.concatenate([query, record.time]),
             delay=delay,
             time_constant=time_constant,
+            start=record.rest,
             limits=record.limits,
         )
         here, middle, logged = path[:n], path[n : 2 * n - 1], path[2 * n - 1 :]
@@ -336,6 +347,9 @@ def true_nodes(
                 states[:, :3] += shown - sensed(states, theta)
         nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
     nodes[:, NUM_STATES:] = _sin_alpha(nodes)[:, None]
+    if record.flight.elevator is not None:
+        path = logged_elevator(record, theta)
+        nodes[:, OFFSET] = np.mean(record.flight.elevator - path)
     kernel().log_extras(
         record.time,
         nodes,
@@ -362,11 +376,13 @@ class Linearized:
             prior of the launch state.
         by_start: (rows, 8).
         by_theta: (rows, m).
+        start: (8,) launch state that δstart is counted from.
     """
 
     residual: np.ndarray
     by_start: np.ndarray
     by_theta: np.ndarray
+    start: np.ndarray
 
 
 def linearize(
@@ -395,6 +411,9 @@ def linearize(
             flight (its angle is then `elevator_trim`), not at an own unknown angle.
     """
     points = true_nodes(record, theta, field) if nodes is None else nodes
+    if nodes is None and not (record.has_servo or trim_is_known):
+        points = points.copy()
+        points[:, OFFSET] = own_trim(record, theta, noise, field, points)
     n, dim = points.shape
     loops = kernel()
     in_kernel = np.array([i for i in free if i < NUM_KERNEL_THETA], dtype=np.int64)
@@ -463,7 +482,49 @@ def linearize(
         residual=table[:, -1],
         by_start=table[:, :dim],
         by_theta=table[:, dim:-1],
+        start=points[0].copy(),
     )
+
+
+DIVERGED = 1e12
+"""Errors beyond this, in standard deviations, mean that the model blew up."""
+
+
+def fitted_start(errors: Linearized) -> np.ndarray:
+    """Returns the change of the launch state that makes the errors least.
+
+    A model that blew up gives no change.
+    """
+    largest = max(np.abs(errors.by_start).max(), np.abs(errors.residual).max())
+    if not largest < DIVERGED:
+        return np.zeros(errors.by_start.shape[1])
+    scale = 1.0 / np.linalg.norm(errors.by_start, axis=0)
+    scaled = errors.by_start * scale
+    gram = scaled.T @ scaled + 1e-13 * np.eye(len(scale))
+    return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
+
+
+def own_trim(
+    record: Record, theta: np.ndarray, noise: Noise, field: Field, nodes: np.ndarray
+) -> float:
+    """Returns the elevator angle of a flight without a servo [rad].
+
+    It can be large, so the flight is linearised about it, not about zero.
+    """
+    trim = 0.0
+    for _ in range(3):
+        points = nodes.copy()
+        points[:, OFFSET] = trim
+        errors = linearize(
+            record, theta, (), noise, field=field, nodes=points, trim_is_known=False
+        )
+        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
+        trim = float(np.clip(trim + change, -1.2, 1.2))
+        if not np.isfinite(trim):
+            return 0.0
+        if abs(change) < 1e-3:
+            break
+    return trim
 
 
 _SIGNAL_STEP = 1e-5

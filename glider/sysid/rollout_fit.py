@@ -19,6 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from glider.effects import NO_FIELD, Field
 from glider.sysid.replay import (
+    DIVERGED,
     Linearized,
     Noise,
     Record,
@@ -28,7 +29,7 @@ from glider.sysid.replay import (
     theta_scale,
     theta_upper,
 )
-from glider.sysid.shooting import DIVERGED, fit_start, fly
+from glider.sysid.shooting import fit_start, fly
 
 _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
 
@@ -257,7 +258,7 @@ def fit(
         if total[-1, -1] - cost(total, step) < tolerance:
             break
         trial = theta.copy()
-        trial[index] += step
+        trial[index] = np.clip(theta[index] + step, lower, upper)
         moved = gather(problem, trial, free)
         gained = total[-1, -1] - moved[:, -1, -1].sum()
         if not gained > 0.0:

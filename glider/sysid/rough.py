@@ -14,7 +14,6 @@ import numpy as np
 
 from glider.effects import KINDS
 from glider.sysid.forecast import foretell
-from glider.sysid.replay import slots_of
 from glider.sysid.rollout_fit import (
     Fit,
     Problem,
@@ -65,7 +64,10 @@ class RoughTrace:
 
 def roughened(problem: Problem, theta: np.ndarray, free: tuple[int, ...]) -> Problem:
     """Returns the problem on rollouts, its noise as large as a model's errors."""
-    guess = dataclasses.replace(problem.noise, position=0.05, pitch=0.15)
+    elevator = max(problem.noise.elevator, 0.05)
+    guess = dataclasses.replace(
+        problem.noise, position=0.05, pitch=0.15, elevator=elevator
+    )
     problem = dataclasses.replace(problem, noise=guess, is_exact=True)
     found = fit(problem, theta, free, iterations=20)
     errors = np.concatenate(
@@ -152,8 +154,6 @@ def _further(search: Search, parent: Fitted) -> list[Fitted]:
     promised = []
     for kind in kinds:
         mine = free | set(search.free((kind,)))
-        if KINDS[kind].coefficients[0].grid:
-            mine |= set(slots_of(kind))
         keep = [j for j, i in enumerate(columns) if i in mine] + [len(columns)]
         own = information[np.ix_(keep, keep)]
         promised.append((cost(own, solve(own)), kind))
@@ -161,10 +161,7 @@ def _further(search: Search, parent: Fitted) -> list[Fitted]:
     found = []
     for _, kind in promised[:_REFINED]:
         kinds_now = (*parent.kinds, kind)
-        fits = [
-            fit(search.problem, start, search.free(kinds_now), iterations=20)
-            for start in starts(KINDS[kind], parent.fit.theta)[:1]
-        ]
-        best = min(fits, key=lambda f: f.cost)
-        found.append(Fitted(kinds=kinds_now, fit=best))
+        start = starts(KINDS[kind], parent.fit.theta)[0]
+        result = fit(search.problem, start, search.free(kinds_now), iterations=20)
+        found.append(Fitted(kinds=kinds_now, fit=result))
     return found

@@ -8,37 +8,19 @@ the forces from the moment, whose errors a free rollout multiplies.
 import dataclasses
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from glider.effects import NO_FIELD, Field
 from glider.sysid.replay import (
     NUM_KERNEL_THETA,
-    Linearized,
     Noise,
     Record,
+    fitted_start,
     kernel,
     linearize,
     pose_signals,
     sensed,
     true_nodes,
 )
-
-DIVERGED = 1e12
-"""Errors beyond this, in standard deviations, mean that the model blew up."""
-
-
-def fitted_start(errors: Linearized) -> np.ndarray:
-    """Returns the change of the launch state that makes the errors least.
-
-    A model that blew up gives no change.
-    """
-    largest = max(np.abs(errors.by_start).max(), np.abs(errors.residual).max())
-    if not largest < DIVERGED:
-        return np.zeros(errors.by_start.shape[1])
-    scale = 1.0 / np.linalg.norm(errors.by_start, axis=0)
-    scaled = errors.by_start * scale
-    gram = scaled.T @ scaled + 1e-13 * np.eye(len(scale))
-    return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
 
 
 def cut(record: Record, first: int, last: int) -> Record:

@@ -99,7 +99,7 @@ def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
 
     def deviance(log_ratio: float) -> float:
         scale = 1.0 + np.exp(log_ratio) * eigenvalues
-        return len(z) * np.log(np.mean(z * z / scale)) + np.sum(np.log(scale))
+        return len(z) * np.log(np.mean(z * z / scale) + 1e-300) + np.sum(np.log(scale))
 
     coarse = np.linspace(0.0, 60.0, 61)
     best = coarse[np.argmin([deviance(v) for v in coarse])]

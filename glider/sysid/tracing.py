@@ -110,8 +110,8 @@ class Trace:
         chosen: the set, possibly empty.
         base: no effect at all.
         weighed: one per member, strongest first.
-        candidates: evidence of each kind when tried alone.
-        singles: every kind fitted alone, best first.
+        candidates: evidence of the most promising kinds when tried alone.
+        singles: the most promising kinds, each fitted alone, best first.
     """
 
     chosen: EffectSet
@@ -227,8 +227,8 @@ def choose(sets: Sequence[EffectSet], num_kinds: int) -> EffectSet:
     """Returns the set that earns its place, from the best of each size.
 
     A larger set must leave `EARNING` times less for every effect that it adds, or
-    explain a further `SHARE` of the drawing's error with each, and its last
-    effect must be significant among all the candidates tried.
+    explain a further `SHARE` of the drawing's error with each (unless there was
+    little to explain), and it must be significant among all the candidates tried.
     """
     chosen = sets[0]
     for larger in sets[1:]:
@@ -259,6 +259,7 @@ def significant(small: Fit, large: Fit, num_kinds: int) -> bool:
 def evidence(small: Fit, large: Fit) -> float:
     """Log-likelihood that a larger fit gains on flights left out of it."""
     gain = held_out_costs(small.information) - held_out_costs(large.information)
+    gain = gain[: len(large.degrees)]  # A prior is no flight.
     return float(0.5 * gain.sum() / max(large.dispersion, 1.0))
 
 

@@ -20,6 +20,7 @@ from glider.sysid.replay import (
     kernel,
     node_signals,
     pose_signals,
+    true_nodes,
 )
 from glider.sysid.result import Estimate
 from glider.sysid.rollout_fit import (
@@ -96,10 +97,11 @@ class UnexplainedField:
 def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
     elevator, rate = node_signals(record, theta)
+    nodes = true_nodes(record, theta)
     values = np.empty((len(record.time), 9))
     kernel().log_flow(
         record.time,
-        record.nodes,
+        nodes,
         elevator,
         rate,
         theta[:NUM_KERNEL_THETA],
@@ -108,13 +110,13 @@ def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
     )
     alpha = np.arctan2(values[:, 1], values[:, 2])
     columns = {
-        "x": record.nodes[:, 0],
-        "z": record.nodes[:, 1],
+        "x": nodes[:, 0],
+        "z": nodes[:, 1],
         "t": record.time,
-        "pitch": record.nodes[:, 2],
+        "pitch": nodes[:, 2],
         "V": values[:, 0],
         "alpha": alpha,
-        "pitchdot": record.nodes[:, 6],
+        "pitchdot": nodes[:, 6],
         "elevator": values[:, 8],
         "elevator_rate": rate,
     }
@@ -173,12 +175,13 @@ def forcing_of(
     def forcing(record: Record) -> np.ndarray:
         signals = pose_signals(record, theta)
         dynamics = theta[:NUM_KERNEL_THETA]
+        nodes = true_nodes(record, theta)
 
         def ends(weights: np.ndarray) -> np.ndarray:
-            reached = np.empty_like(record.nodes[1:])
+            reached = np.empty_like(nodes[1:])
             kernel().log_advance(
                 record.time,
-                record.nodes,
+                nodes,
                 *signals,
                 dynamics,
                 constant._replace(weights=weights),

@@ -45,7 +45,7 @@ class Vehicle:
         own: indices of the flat plate's own parameters, for the refitted plate.
         kinds: effects that these logs could show.
         trim_is_known: False where the elevator stands elsewhere in each flight.
-        is_known: whether the drawing is complete.
+        is_known: whether the drawing is complete, the elevator's angle included.
         prior: mean and spread of theta before any flight, for what is unknown.
         notes: what was assumed, for the report.
     """
@@ -113,7 +113,7 @@ def make_vehicle(campaign: Campaign) -> Vehicle:
         own=tuple(sorted({*nuisance, *(INDEX["parameters", name] for name in OWN)})),
         kinds=tuple(e.kind for e in LIBRARY if e.kind not in dropped),
         trim_is_known=campaign.elevator != "fixed_per_flight",
-        is_known="mass" in known and not unknown,
+        is_known="mass" in known and not unknown and campaign.elevator != "fixed",
         notes=tuple(notes),
     )
 

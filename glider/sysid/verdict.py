@@ -41,6 +41,8 @@ class Explanation:
         weighed: the effects, strongest first; one may be "unexplained".
         unexplained: the residual field, or None.
         candidates: evidence of each kind when tried alone.
+        left_z: what the effects and the field leave of the fitted flights, in
+            standard deviations of noise.
         plate: theta of the flat plate with its own parameters refitted, where that
             took rollouts; else None.
     """
@@ -49,6 +51,7 @@ class Explanation:
     weighed: tuple[Weighed, ...]
     unexplained: UnexplainedField | None
     candidates: dict[str, float]
+    left_z: float = np.inf
     plate: np.ndarray | None = None
 
     @property
@@ -66,7 +69,7 @@ def explain(search: Search) -> Explanation:
     """Traces the effects, then carries what they leave if it is real."""
     traced = trace(search, most=1)
     base, alone = traced.base, None
-    is_drawn = not search.nuisance
+    is_drawn = search.problem.prior is None
     if not is_drawn and traced.chosen.fit.dispersion > ROUGH:
         return _explain_roughly(search)
     if base.lack.z >= SILENT and _is_real(traced.chosen, base):
@@ -80,6 +83,7 @@ def explain(search: Search) -> Explanation:
         weighed=traced.weighed,
         unexplained=None,
         candidates=traced.candidates,
+        left_z=chosen.lack.z,
     )
     if alone is None or not _is_real(chosen, base):
         return named
@@ -164,6 +168,7 @@ def _carry(
         weighed=tuple(sorted(weighed, key=lambda w: -w.share)),
         unexplained=field,
         candidates=named.candidates,
+        left_z=field.lack.z,
     )
 
 

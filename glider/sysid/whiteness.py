@@ -11,12 +11,14 @@ import dataclasses
 import numpy as np
 from scipy.fft import dct
 
-from glider.sysid.replay import Record, linearize
+from glider.sysid.replay import Record, fitted_start, linearize
 from glider.sysid.rollout_fit import Problem, in_parallel
-from glider.sysid.shooting import fitted_start
 
 SLOW_MODES = 10
 """Cosines of each channel that count as slow: up to five periods a flight."""
+
+_LEAST = 1e-2
+"""No channel is ten times better than its noise; a computed one has none."""
 
 CHANNELS = ("x", "z", "pitch", "elevator")
 
@@ -93,6 +95,7 @@ def spectrum_test(errors: list[np.ndarray]) -> LackOfFit:
             for c in range(channels)
         ]
     )
+    fast = np.maximum(fast, _LEAST)
     # A launch state (six numbers, and the elevator's zero) is fitted per flight.
     start = np.array([2.0, 2.0, 2.0, 1.0])[:channels] * len(spectra)
     degrees = float(sum(modes)) - start
