@@ -48,6 +48,7 @@ FLOORS: dict[float, list[str]] = {
         "glider.actuator",
         "glider.aerodynamics",
         "glider.geometry",
+        "glider.planning.plan",
         "glider.plots",
         "glider.sysid.regression",
         "glider.sysid.smoothing",

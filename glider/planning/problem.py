@@ -1,0 +1,127 @@
+"""What a perch asks for, apart from whoever solves it."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import yaml
+from pydrake.common.yaml import yaml_load_typed
+
+from glider.errors import InputError
+from glider.state import NUM_STATES, STATE_NAMES
+
+
+@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+class PerchingProblem:
+    """Fly from a launch to a wire and arrive slowly, nose up.
+
+    minimize   rate_cost ∫ u² dt + (x(T) - goal)ᵀ diag(goal_weights) (x(T) - goal)
+    subject to the glider's dynamics, its launch, the bounds below, and the
+               travel and rate limits of the vehicle's elevator.
+
+    The defaults are the article's problem. Signs as in `glider.state`: a pitch
+    of -π/4 is nose up.
+    """
+
+    launch: list[float] = dataclasses.field(
+        default_factory=lambda: [-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
+    )
+    """State at release, in the order of STATE_NAMES [m, rad, m/s, rad/s]."""
+
+    wire: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+    """Where the center of mass must end, (x, z) [m]."""
+
+    x_limits: list[float] = dataclasses.field(default_factory=lambda: [-3.5, 1.0])
+    """Of the whole flight [m]."""
+
+    z_limits: list[float] = dataclasses.field(default_factory=lambda: [-1.0, 1.0])
+    """Of the whole flight [m]."""
+
+    pitch_limits: list[float] = dataclasses.field(
+        default_factory=lambda: [-math.pi / 2, math.pi / 2]
+    )
+    """Of the whole flight [rad]."""
+
+    final_pitch_limits: list[float] = dataclasses.field(
+        default_factory=lambda: [-1.0, -math.pi / 6]
+    )
+    """At the wire [rad]."""
+
+    final_speed_limit: float = 2.0
+    """Of |ẋ| and |ż| at the wire [m/s]."""
+
+    rate_cost: float = 100.0
+    """Weight of the elevator's squared rate [1/(rad²/s)]."""
+
+    goal: list[float] = dataclasses.field(
+        default_factory=lambda: [0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0]
+    )
+    """State that the final cost draws to."""
+
+    goal_weights: list[float] = dataclasses.field(
+        default_factory=lambda: [10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0]
+    )
+    """Diagonal of the final cost's weight."""
+
+    duration_limits: list[float] = dataclasses.field(default_factory=lambda: [0.5, 2.0])
+    """The step between knots lies between these over the number of knots [s]."""
+
+    def __post_init__(self):
+        """Raises InputError where the problem makes no sense."""
+        check_problem(self, source="PerchingProblem")
+
+
+_STATES = ("launch", "goal", "goal_weights")
+_INTERVALS = (
+    "x_limits",
+    "z_limits",
+    "pitch_limits",
+    "final_pitch_limits",
+    "duration_limits",
+)
+
+
+def check_problem(problem: PerchingProblem, source: str) -> None:
+    """Raises InputError, naming `source` and the field, where a value cannot be."""
+    for name, value in dataclasses.asdict(problem).items():
+        size = NUM_STATES if name in _STATES else np.size(value)
+        if name in (*_INTERVALS, "wire"):
+            size = 2
+        numbers = np.asarray(value, dtype=object).ravel()
+        if len(numbers) != size or not all(_is_number(v) for v in numbers):
+            needed = "a finite number" if size == 1 else f"{size} finite numbers"
+            if name in _STATES:
+                needed += f" ({', '.join(STATE_NAMES)})"
+            raise InputError(f"{source}: field '{name}' is {value!r}; {needed} needed.")
+        if name in _INTERVALS and not value[0] < value[1]:
+            raise InputError(
+                f"{source}: field '{name}' is {value!r}; [lower, upper] with "
+                "lower < upper is needed."
+            )
+        if name in ("goal_weights", "rate_cost") and min(numbers) < 0.0:
+            raise InputError(
+                f"{source}: field '{name}' is {value!r}; weights must not be negative."
+            )
+    if problem.duration_limits[0] <= 0.0 or problem.final_speed_limit <= 0.0:
+        raise InputError(
+            f"{source}: 'duration_limits' and 'final_speed_limit' must be positive."
+        )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def load_problem(path: Path | str) -> PerchingProblem:
+    """Loads a problem; a misspelt field or a value that cannot be is an InputError.
+
+    A file gives only the fields that differ from the article's problem.
+    """
+    try:
+        problem = yaml_load_typed(schema=PerchingProblem, filename=str(path))
+    except (RuntimeError, TypeError, ValueError, OSError, yaml.YAMLError) as error:
+        first = str(error).strip().splitlines()[0]
+        raise InputError(f"{path}: not a perching problem: {first}") from None
+    check_problem(problem, source=str(path))
+    return problem
