@@ -4,12 +4,23 @@ import hypothesis
 import matplotlib
 import pytest
 
+from glider.planning.dircol import plan
+from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem
+from glider.plant import GliderPlant
+
 matplotlib.use("Agg")  # Tests open no window.
 
 # The same examples on every machine, and no time limit on one of them: the first
 # call of a kernel compiles it.
 hypothesis.settings.register_profile("glider", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("glider")
+
+
+@pytest.fixture(scope="session")
+def article_plan() -> Plan:
+    """The article's problem, solved cold for the drawn glider."""
+    return plan(GliderPlant(), PerchingProblem())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

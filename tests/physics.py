@@ -6,7 +6,8 @@ from glider.dynamics import compose, initial_extra
 from glider.effects import NO_FIELD
 from glider.effects.effect import Effect, EffectKind
 from glider.effects.field import FieldData
-from glider.parameters import GliderParameters, parameter_vector
+from glider.parameters import GliderParameters, ParameterView, parameter_vector
+from glider.state import GliderState
 
 PARAMETERS = parameter_vector(GliderParameters())
 NO_COEFFICIENTS = np.zeros(0)
@@ -25,6 +26,46 @@ def drawing(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
     return np.array(
         compose().derivatives(0.0, x, u, *wind, p, NO_COEFFICIENTS, NO_FIELD)
     )
+
+
+def nose_up_dynamics(x, u, p):
+    """An independent glider, in the article's signs (nose up positive).
+
+    Vectors instead of formulas: theta = -pitch, phi = -elevator, rates too; the
+    moment is the cross product of arms and forces.
+    """
+    s, p = GliderState(x.copy()), ParameterView(p)
+    theta, phi, thetadot, phidot = -s.pitch, -s.elevator, -s.pitchdot, -u
+
+    def axis(angle):
+        return np.array([np.cos(angle), np.sin(angle)])
+
+    def across(vector):  # A quarter turn nose up.
+        return np.array([-vector[1], vector[0]])
+
+    def plate(velocity, angle, area):
+        speed = np.linalg.norm(velocity)
+        attack = angle - np.arctan2(velocity[1], velocity[0])
+        lift = 2 * np.sin(attack) * np.cos(attack)
+        drag = 2 * np.sin(attack) ** 2
+        along = velocity / speed
+        size = 0.5 * p.air_density * area * speed**2
+        return size * (lift * across(along) - drag * along)
+
+    velocity = np.array([s.xdot, s.zdot])
+    wing_arm = p.wing_offset * axis(theta)
+    hinge_arm = -p.hinge_offset * axis(theta)
+    tail_arm = -p.elevator_offset * axis(theta + phi)
+    wing_velocity = velocity + thetadot * across(wing_arm)
+    tail_velocity = (
+        velocity + thetadot * across(hinge_arm) + (thetadot + phidot) * across(tail_arm)
+    )
+    wing = plate(wing_velocity, theta, p.wing_area)
+    tail = plate(tail_velocity, theta + phi, p.elevator_area)
+    moment = np.dot(across(wing_arm), wing)
+    moment += np.dot(across(hinge_arm + tail_arm), tail)
+    force = (wing + tail) / p.mass - np.array([0, p.gravity])
+    return np.array([s.xdot, s.zdot, s.pitchdot, u, *force, -moment / p.pitch_inertia])
 
 
 def at_work(kind: EffectKind) -> Effect:

@@ -18,7 +18,13 @@ from glider.parameters import (
     parameter_vector,
 )
 from glider.state import GliderState
-from tests.physics import NO_COEFFICIENTS, PARAMETERS, drawing, random_states
+from tests.physics import (
+    NO_COEFFICIENTS,
+    PARAMETERS,
+    drawing,
+    nose_up_dynamics,
+    random_states,
+)
 
 HEAVY_EKF = parameter_vector(
     GliderParameters(mass=0.12, air_density=1.292, wing_offset=-0.03)
@@ -48,46 +54,6 @@ def test_check_values_of_the_reference(state, u, expected):
     actual = drawing(np.array(state, dtype=float), u)
     np.testing.assert_allclose(actual[:5], expected[:5], atol=6e-4)
     np.testing.assert_allclose(actual[5:], expected[5:], atol=6e-3)
-
-
-def nose_up_dynamics(x, u, p):
-    """An independent glider, in the article's signs (nose up positive).
-
-    Vectors instead of formulas: theta = -pitch, phi = -elevator, rates too; the
-    moment is the cross product of arms and forces.
-    """
-    s, p = GliderState(x.copy()), ParameterView(p)
-    theta, phi, thetadot, phidot = -s.pitch, -s.elevator, -s.pitchdot, -u
-
-    def axis(angle):
-        return np.array([np.cos(angle), np.sin(angle)])
-
-    def across(vector):  # A quarter turn nose up.
-        return np.array([-vector[1], vector[0]])
-
-    def plate(velocity, angle, area):
-        speed = np.linalg.norm(velocity)
-        attack = angle - np.arctan2(velocity[1], velocity[0])
-        lift = 2 * np.sin(attack) * np.cos(attack)
-        drag = 2 * np.sin(attack) ** 2
-        along = velocity / speed
-        size = 0.5 * p.air_density * area * speed**2
-        return size * (lift * across(along) - drag * along)
-
-    velocity = np.array([s.xdot, s.zdot])
-    wing_arm = p.wing_offset * axis(theta)
-    hinge_arm = -p.hinge_offset * axis(theta)
-    tail_arm = -p.elevator_offset * axis(theta + phi)
-    wing_velocity = velocity + thetadot * across(wing_arm)
-    tail_velocity = (
-        velocity + thetadot * across(hinge_arm) + (thetadot + phidot) * across(tail_arm)
-    )
-    wing = plate(wing_velocity, theta, p.wing_area)
-    tail = plate(tail_velocity, theta + phi, p.elevator_area)
-    moment = np.dot(across(wing_arm), wing)
-    moment += np.dot(across(hinge_arm + tail_arm), tail)
-    force = (wing + tail) / p.mass - np.array([0, p.gravity])
-    return np.array([s.xdot, s.zdot, s.pitchdot, u, *force, -moment / p.pitch_inertia])
 
 
 @pytest.mark.parametrize("p", [PARAMETERS, HEAVY_EKF], ids=["perching", "heavy_ekf"])

@@ -54,9 +54,11 @@ class Plan:
     max_defect: float
     """Largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s², rad/s²]."""
 
+    path_defect: float
+    """The same anywhere between the knots, where collocation does not look."""
+
     drift: float
-    """Largest distance from the plan of the true path in between knots, flown
-    afresh from each knot; in m or rad, whichever state is worst."""
+    """Largest |x_k+1 - flight from x_k| over the segments, over all states."""
 
     attempts: tuple[Attempt, ...] = ()
     """What the planner tried, the last one with success."""

@@ -1,0 +1,243 @@
+"""Plans a perch by direct collocation: first on few knots, then on more.
+
+A ladder of attempts: where a solver fails from one guess, the other solver,
+other guesses and a looser tolerance are tried. The plan tells what was tried.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydrake.planning import DirectCollocation
+from pydrake.solvers import (
+    IpoptSolver,
+    MathematicalProgramResult,
+    SnoptSolver,
+    SolverInterface,
+    SolverOptions,
+)
+from pydrake.systems.framework import LeafSystem
+
+from glider.errors import InputError
+from glider.linearization import Dynamics
+from glider.planning.audit import path_defect, segment_drift
+from glider.planning.guess import Guess, straight_line, swoop
+from glider.planning.plan import Attempt, Plan
+from glider.planning.problem import PerchingProblem
+from glider.planning.transcription import (
+    arrival_violations,
+    to_guess,
+    transcribe,
+    violated,
+)
+from glider.plant import initial_state
+
+TOLERANCE = 1e-6
+"""Of constraints and optimality, as the solvers scale them."""
+
+LOOSE = 1e-3
+"""Tolerance of an attempt whose result is only a better guess."""
+
+ROUGH = 1e-4
+"""Tolerance of how near an infeasible problem's flights come to the wire."""
+
+ELASTIC_WEIGHT = 100.0
+"""Of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
+times as many iterations of this problem."""
+
+Progress = Callable[[str], None]
+Solution = tuple[DirectCollocation, MathematicalProgramResult]
+
+
+class PlanningError(RuntimeError):
+    """No attempt found a plan.
+
+    Attributes:
+        violations: the constraints at the wire that the closest flight found
+            violates, and by how much [m, rad or m/s]; empty where no flight within
+            the limits was found at all.
+        attempts: what was tried.
+    """
+
+    def __init__(self, violations: dict[str, float], attempts: tuple[Attempt, ...]):
+        """Takes what `PlanningError` holds."""
+        self.violations = violations
+        self.attempts = attempts
+        left = [f"{name} by {amount:.3g}" for name, amount in violations.items()]
+        super().__init__(
+            f"No plan in {len(attempts)} attempts on {attempts[-1].knots} knots; the "
+            f"closest flight violates {', '.join(left) or 'the dynamics'}."
+        )
+
+
+def plan(
+    plant: LeafSystem,
+    problem: PerchingProblem,
+    knots: Sequence[int] = (25, 41),
+    *,
+    guess: Guess | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Plans a flight of any GliderPlant from the launch to the wire.
+
+    Args:
+        plant: a GliderPlant. Effects' own states start at rest in still air.
+        problem: what to fly; the elevator's limits are the vehicle's.
+        knots: numbers of knots; each plan is the guess for the next.
+        guess: to start from instead of straight lines.
+        progress: told about each attempt.
+
+    Raises:
+        InputError: where the plant or the problem cannot be planned for.
+        PlanningError: where no attempt succeeds.
+    """
+    if not knots or min(knots) < 3:
+        raise InputError(f"plan: knots is {tuple(knots)}; at least 3 are needed.")
+    if progress and plant.fast:
+        progress("the dynamics of this glider (compiled once, then kept on disk)")
+        Dynamics(plant).linearize(initial_state(plant, problem.launch), 0.0)
+    ladder = _Ladder(plant, problem, progress)
+    found = None
+    for count in knots:
+        warm = guess if found is None else to_guess(*found, "the plan on fewer knots")
+        found = ladder.climb(count, warm)
+    assert found is not None
+    return _finish(plant, *found, tuple(ladder.attempts))
+
+
+class _Ladder:
+    """Tries one way after another and writes down what it did."""
+
+    def __init__(
+        self,
+        plant: LeafSystem,
+        problem: PerchingProblem,
+        progress: Progress | None,
+    ):
+        self._plant, self._problem = plant, problem
+        self._progress = progress or (lambda text: None)
+        self.attempts: list[Attempt] = []
+
+    def climb(self, knots: int, warm: Guess | None) -> Solution:
+        """Returns a solved program; raises PlanningError after the last rung."""
+        program = transcribe(self._plant, self._problem, knots)
+        line = straight_line(self._plant, self._problem)
+        way = line.states.end_time()
+        arcs = [
+            swoop(self._plant, self._problem, dip, stretch * way)
+            for dip, stretch in ((0.3, 1.2), (0.0, 0.9), (0.6, 1.4))
+        ]
+        for guess in [line] if warm is None else [warm, line]:
+            for solver in (SnoptSolver, IpoptSolver):
+                if found := self._solve(program, knots, solver, guess):
+                    return found
+        if found := self._solve(program, knots, SnoptSolver, line, LOOSE):
+            guess = to_guess(*found, f"{line.name}, solved loosely")
+            if found := self._solve(program, knots, SnoptSolver, guess):
+                return found
+        for guess in arcs:
+            if found := self._solve(program, knots, SnoptSolver, guess):
+                return found
+        return self._arrive_first(program, knots, [line, *arcs])
+
+    def _arrive_first(
+        self, program: DirectCollocation, knots: int, guesses: list[Guess]
+    ) -> Solution:
+        """Looks for any flight that arrives; if one does, starts from there."""
+        relaxed = transcribe(self._plant, self._problem, knots, arrive=False)
+        violations: dict[str, float] = {}
+        least = np.inf
+        for guess in guesses:
+            near = self._solve(relaxed, knots, SnoptSolver, guess, ROUGH)
+            if near is None or near[1].get_optimal_cost() >= least:
+                continue
+            least = near[1].get_optimal_cost()
+            violations = arrival_violations(*near, self._problem)
+            if not violations:
+                for solver in (SnoptSolver, IpoptSolver):
+                    feasible = to_guess(*near, "a flight that arrives")
+                    if found := self._solve(program, knots, solver, feasible):
+                        return found
+        raise PlanningError(violations, tuple(self.attempts))
+
+    def _solve(
+        self,
+        program: DirectCollocation,
+        knots: int,
+        solver: type[SolverInterface],
+        guess: Guess,
+        tolerance: float = TOLERANCE,
+    ) -> Solution | None:
+        name = solver.__name__.removesuffix("Solver").upper()
+        self._progress(f"{knots} knots, {name}, from {guess.name}")
+        program.SetInitialTrajectory(guess.inputs, guess.states)
+        start = time.perf_counter()
+        result = solver().Solve(program.prog(), None, _options(solver, tolerance))
+        seconds = time.perf_counter() - start
+        # A solver's word is not enough.
+        solved = result.is_success() and not violated(program, result, tolerance)
+        self.attempts.append(
+            Attempt(
+                knots=knots,
+                solver=name,
+                guess=guess.name,
+                tolerance=tolerance,
+                solved=solved,
+                status=_status(result),
+                seconds=seconds,
+            )
+        )
+        return (program, result) if solved else None
+
+
+def _options(solver: type[SolverInterface], tolerance: float) -> SolverOptions:
+    options, own = SolverOptions(), solver.id()
+    if solver is SnoptSolver:
+        options.SetOption(own, "Major feasibility tolerance", tolerance)
+        options.SetOption(own, "Major optimality tolerance", tolerance)
+        options.SetOption(own, "Elastic weight", ELASTIC_WEIGHT)
+        options.SetOption(own, "Major iterations limit", 300)
+    else:
+        options.SetOption(own, "tol", tolerance)
+        options.SetOption(own, "max_iter", 200)
+    return options
+
+
+def _status(result: MathematicalProgramResult) -> str:
+    details = result.get_solver_details()
+    code = getattr(details, "info", getattr(details, "status", "unknown"))
+    return f"{result.get_solution_result().name.lstrip('k')} ({code})"
+
+
+def _finish(
+    plant: LeafSystem,
+    dc: DirectCollocation,
+    result: MathematicalProgramResult,
+    attempts: tuple[Attempt, ...],
+) -> Plan:
+    dynamics = Dynamics(plant)
+    times = dc.GetSampleTimes(result)
+    states, inputs = dc.GetStateSamples(result).T, dc.GetInputSamples(result)[0]
+    path = dc.ReconstructStateTrajectory(result)
+    tape = dc.ReconstructInputTrajectory(result)
+    middle = 0.5 * (times[1:] + times[:-1])
+    slope = path.MakeDerivative()
+    defect = [
+        slope.value(t)[:, 0]
+        - dynamics.evaluate(path.value(t)[:, 0], tape.value(t)[0, 0])
+        for t in middle
+    ]
+    return Plan(
+        times=times - times[0],
+        states=states,
+        slopes=np.array(
+            [dynamics.evaluate(x, u) for x, u in zip(states, inputs, strict=True)]
+        ),
+        inputs=inputs,
+        state_names=plant.state_names,
+        cost=result.get_optimal_cost(),
+        max_defect=float(np.abs(defect).max()),
+        path_defect=float(path_defect(dynamics, path, tape).max()),
+        drift=float(segment_drift(dynamics, times, states, inputs).max()),
+        attempts=attempts,
+    )

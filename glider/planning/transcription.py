@@ -1,0 +1,232 @@
+"""Direct collocation of a perching problem, as a MathematicalProgram of Drake.
+
+Drake's DirectCollocation holds variables, costs and trajectories. Its defect
+constraints call the plant through Python three times a segment; here they are
+replaced by the same formula over the compiled dynamics with exact Jacobians.
+"""
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
+from pydrake.planning import DirectCollocation, DirectCollocationConstraint
+from pydrake.solvers import MathematicalProgramResult
+from pydrake.systems.framework import LeafSystem
+
+from glider.errors import InputError
+from glider.linearization import Dynamics
+from glider.planning.guess import Guess
+from glider.planning.problem import PerchingProblem
+from glider.plant import initial_state
+from glider.state import STATE_NAMES
+
+
+def hermite_simpson(linearize, h, x0, x1, u0, u1):
+    """Returns the defect of a segment and its Jacobian.
+
+    With f₀, f₁ at the ends, x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8 and
+    u_c = (u₀ + u₁)/2, the cubic through the ends has at its middle the slope
+    3 (x₁ - x₀)/(2 h) - (f₀ + f₁)/4, and the defect is this minus f(x_c, u_c).
+
+    Args:
+        linearize: (x, u) to f (n,) and its slopes (n, n + 1).
+        h: length of the segment [s].
+        x0, x1: (n,) states at its ends.
+        u0, u1: inputs at its ends.
+
+    Returns:
+        (n,) and (n, 1 + n + n + 1 + 1), by h, x0, x1, u0, u1.
+    """
+    n = len(x0)
+    f0, slopes0 = linearize(x0, u0)
+    f1, slopes1 = linearize(x1, u1)
+    middle, slopes = linearize(0.5 * (x0 + x1) + h / 8 * (f0 - f1), 0.5 * (u0 + u1))
+    a, b = slopes[:, :n], slopes[:, n]
+    by_0 = -0.25 * slopes0 - (h / 8) * (a @ slopes0)
+    by_1 = -0.25 * slopes1 + (h / 8) * (a @ slopes1)
+    own = 1.5 / h * np.eye(n)
+    jacobian = np.empty((n, 2 * n + 3))
+    jacobian[:, 0] = -1.5 / h**2 * (x1 - x0) - a @ (f0 - f1) / 8
+    jacobian[:, 1 : n + 1] = by_0[:, :n] - own - 0.5 * a
+    jacobian[:, n + 1 : 2 * n + 1] = by_1[:, :n] + own - 0.5 * a
+    jacobian[:, 2 * n + 1] = by_0[:, n] - 0.5 * b
+    jacobian[:, 2 * n + 2] = by_1[:, n] - 0.5 * b
+    return 1.5 / h * (x1 - x0) - 0.25 * (f0 + f1) - middle, jacobian
+
+
+def transcribe(
+    plant: LeafSystem, problem: PerchingProblem, knots: int, arrive: bool = True
+) -> DirectCollocation:
+    """Builds the program of a problem with equal steps between so many knots.
+
+    Every constraint has a name, which `violated` reports.
+
+    Args:
+        plant: a GliderPlant. With `fast=False` Drake's own defects stay.
+        problem: what to fly.
+        knots: at least 2.
+        arrive: whether the flight must meet the bounds at the wire; else what it
+            misses them by is what is minimized.
+
+    Raises:
+        InputError: where the plant varies in time, or the launch is outside the
+            problem's own limits.
+    """
+    if plant.is_time_varying():
+        raise InputError(
+            "plan: the glider's residual field depends on time, and direct "
+            "collocation would take it as at time 0; plan with a field over x."
+        )
+    low, high = np.array(problem.duration_limits) / knots
+    dc = DirectCollocation(plant, plant.CreateDefaultContext(), knots, low, high)
+    dc.AddEqualTimeIntervalsConstraints()
+    if plant.fast:
+        _compile_defects(dc, knots, Dynamics(plant))
+    else:
+        for k, binding in enumerate(_defects(dc)):
+            binding.evaluator().set_description(f"defect of segment {k}")
+    _add_limits(dc, knots, plant, problem)
+    launch = initial_state(plant, problem.launch)
+    _bound(dc, dc.initial_state(), launch, launch, "launch")
+    if arrive:
+        for name, (variables, low, high) in _arrival(dc, problem).items():
+            _bound(dc, variables, low, high, name)
+        _add_cost(dc, problem)
+    else:
+        for variables, low, high in _arrival(dc, problem).values():
+            _minimize_violation(dc, variables, low, high)
+    return dc
+
+
+def violated(
+    dc: DirectCollocation, result: MathematicalProgramResult, tolerance: float
+) -> tuple[str, ...]:
+    """Returns the names of the constraints that a result does not meet.
+
+    Solvers scale what they test, so a hundred times their tolerance is allowed.
+    """
+    names = result.GetInfeasibleConstraintNames(dc.prog(), tol=100.0 * tolerance)
+    return tuple(dict.fromkeys(name.split("[")[0].strip() for name in names))
+
+
+def to_guess(
+    dc: DirectCollocation, result: MathematicalProgramResult, name: str
+) -> Guess:
+    """Returns a solver's result as a guess, for another number of knots too."""
+    return Guess(
+        name=name,
+        states=dc.ReconstructStateTrajectory(result),
+        inputs=dc.ReconstructInputTrajectory(result),
+    )
+
+
+def _defects(dc):
+    return [
+        binding
+        for binding in dc.prog().generic_constraints()
+        if isinstance(binding.evaluator(), DirectCollocationConstraint)
+    ]
+
+
+def _compile_defects(dc, knots, dynamics):
+    n, program = dynamics.num_states, dc.prog()
+
+    def defect(variables):
+        is_float = variables.dtype != object
+        z = variables if is_float else ExtractValue(variables)[:, 0]
+        value, jacobian = hermite_simpson(
+            dynamics.linearize,
+            z[0],
+            z[1 : n + 1],
+            z[n + 1 : 2 * n + 1],
+            z[2 * n + 1],
+            z[2 * n + 2],
+        )
+        if is_float:
+            return value
+        slopes = jacobian @ ExtractGradient(variables)
+        return np.fromiter(map(AutoDiffXd, value.tolist(), slopes), object, n)
+
+    for binding in _defects(dc):
+        program.RemoveConstraint(binding)
+    zero = np.zeros(n)
+    for k in range(knots - 1):
+        ends = [dc.state(k), dc.state(k + 1), dc.input(k), dc.input(k + 1)]
+        variables = np.concatenate([np.ravel(dc.time_step(k)), *ends])
+        name = f"defect of segment {k}"
+        program.AddConstraint(defect, zero, zero, variables, name)
+
+
+def _bound(dc, variables, low, high, name):
+    size = len(variables)
+    binding = dc.prog().AddBoundingBoxConstraint(
+        np.broadcast_to(low, size), np.broadcast_to(high, size), variables
+    )
+    binding.evaluator().set_description(name)
+
+
+def _add_limits(dc, knots, plant, problem):
+    vehicle = plant.model.parameters
+    limits = {
+        "x": problem.x_limits,
+        "z": problem.z_limits,
+        "pitch": problem.pitch_limits,
+        "elevator": vehicle.elevator_limits,
+    }
+    for i, (name, (low, high)) in enumerate(limits.items()):
+        if not low <= problem.launch[i] <= high:
+            raise InputError(
+                f"plan: the launch has {name} = {problem.launch[i]:g}, and its "
+                f"limits are {low:g} and {high:g}."
+            )
+        path = np.array([dc.state(k)[i] for k in range(knots)])
+        _bound(dc, path, low, high, f"{name} limits")
+    inputs = np.array([dc.input(k)[0] for k in range(knots)])
+    rate = vehicle.elevator_rate_limit
+    _bound(dc, inputs, -rate, rate, "elevator rate limit")
+
+
+def _arrival(dc, problem):
+    """Returns the variables at the wire and their bounds, by name."""
+    final, place, speed = dc.final_state(), problem.wire, problem.final_speed_limit
+    return {
+        "position at the wire": (final[:2], place, place),
+        "pitch at the wire": (final[2:3], *problem.final_pitch_limits),
+        "speed at the wire": (final[4:6], -speed, speed),
+    }
+
+
+def _add_cost(dc, problem):
+    dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
+    dc.prog().AddQuadraticErrorCost(
+        np.diag(problem.goal_weights),
+        np.array(problem.goal),
+        dc.final_state()[: len(STATE_NAMES)],
+    )
+
+
+def _minimize_violation(dc, variables, low, high):
+    """Adds the violation of bounds, in m, rad and m/s, as slack to the cost."""
+    size, program = len(variables), dc.prog()
+    slack = program.NewContinuousVariables(2 * size, "violation")
+    program.AddBoundingBoxConstraint(0.0, np.inf, slack)
+    program.AddLinearCost(np.ones(2 * size), slack)
+    # low <= variable + shortfall - excess <= high
+    one = np.eye(size)
+    program.AddLinearConstraint(
+        np.hstack([one, one, -one]),
+        np.broadcast_to(low, size),
+        np.broadcast_to(high, size),
+        np.concatenate([variables, slack]),
+    )
+
+
+def arrival_violations(
+    dc: DirectCollocation, result: MathematicalProgramResult, problem: PerchingProblem
+) -> dict[str, float]:
+    """Returns by how much a result misses the bounds at the wire, where it does."""
+    violations = {}
+    for name, (variables, low, high) in _arrival(dc, problem).items():
+        value = result.GetSolution(variables)
+        excess = np.maximum(value - high, np.asarray(low) - value).max()
+        if excess > 1e-4:
+            violations[name] = float(excess)
+    return violations
