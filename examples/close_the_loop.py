@@ -5,6 +5,7 @@ python examples/close_the_loop.py [CAMPAIGN]
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 from glider.model_file import save_model
@@ -19,7 +20,8 @@ def describe(result: Result) -> str:
     for effect in result.effects:
         lines.append(f"  {effect.kind} ({effect.words})")
         for name, c in effect.coefficients.items():
-            lines.append(f"    {name} = {c.value:.4g} ± {c.std:.2g} {c.unit}")
+            error = f" ± {c.std:.2g}" if math.isfinite(c.std) else ""
+            lines.append(f"    {name} = {c.value:.4g}{error} {c.unit}")
     for model, errors in result.errors.items():
         if errors is not None:
             position = 1000.0 * errors.position_rms_m

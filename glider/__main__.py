@@ -124,7 +124,9 @@ def _close_the_loop(args: argparse.Namespace) -> int:
     progress_console = Console(stderr=True)
     with progress_console.status("starting") as status:
         # These take a second to import: not before --help.
-        from glider.report import print_summary, to_json, write_report
+        from glider.report.folder import write_report
+        from glider.report.json_report import to_json
+        from glider.report.terminal import print_summary
         from glider.sysid.pipeline import close_the_loop
 
         result = close_the_loop(

@@ -20,7 +20,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from glider import aerodynamics, chain, loops, trigonometry
+from glider import aerodynamics, chain, loops, servo_limits, trigonometry
 from glider.dynamics import formulas, source
 from glider.effects import effect as effect_module
 from glider.effects import field
@@ -61,6 +61,7 @@ def _text(effects: tuple[EffectKind, ...], has_field: bool) -> str:
     """Returns the text of the module to compile, without the formulas' names."""
     parts = [
         "import numpy as np",
+        "from glider.servo_limits import limited_rate",
         source(effects, has_field, skip_absent=True),
         f"DIFFERENCE = {loops.DIFFERENCE!r}",
         f"TINY = {loops.TINY!r}",
@@ -78,7 +79,7 @@ def _wrap(names: dict, effects: tuple[EffectKind, ...], cache: bool) -> None:
             isinstance(value, types.FunctionType)
             and value.__module__ == names["__name__"]
         ):
-            is_loop = name.startswith("log_") or name in ("rollouts", "directional")
+            is_loop = name.startswith("log_") or name in loops.ENTRIES
             names[name] = numba.njit(
                 value,
                 nogil=True,
@@ -91,7 +92,7 @@ def _wrap(names: dict, effects: tuple[EffectKind, ...], cache: bool) -> None:
 
 def _digest(text: str, effects: tuple[EffectKind, ...]) -> str:
     modules = {inspect.getmodule(f) for f in formulas(effects).values()}
-    modules |= {aerodynamics, chain, effect_module, field, trigonometry}
+    modules |= {aerodynamics, chain, effect_module, field, servo_limits, trigonometry}
     modules.add(sys.modules[__name__])
     files = sorted(inspect.getsource(m) for m in modules if m is not None)
     seed = "\n".join([text, *files, numba.__version__, np.__version__, sys.version])

@@ -27,7 +27,7 @@ class Dynamics:
         )
         self._z = np.zeros(self.num_states + 3 + len(self._theta))
         self._z[self.num_states + 3 :] = self._theta
-        self._all = np.eye(self.num_states + 1)
+        self._all = np.asfortranarray(np.eye(self.num_states + 1))
         self._none = np.empty((0, 0))
 
     def evaluate(self, x, u):

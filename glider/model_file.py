@@ -7,12 +7,13 @@ field: {kind: unexplained, variables: [x], ...}      # optional
 """
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from glider.effects import KINDS, NO_FIELD, Effect, Field
+from glider.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.effects.field import FieldData, make_field
 from glider.errors import InputError
 from glider.parameters import GliderParameters, check_parameters
@@ -64,8 +65,14 @@ def save_model(path: Path, model: GliderModel) -> None:
     yaml_dump_typed(data, filename=str(path), schema=_ModelFile)
 
 
-def load_model(path: Path) -> GliderModel:
-    """Loads a model; anything unknown in the file is an InputError."""
+def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
+    """Loads a model; anything unknown in the file is an InputError.
+
+    Args:
+        path: of the file.
+        own_effects: kinds that the library lacks and the file may name.
+    """
+    kinds = {**KINDS, **{e.kind: e for e in own_effects}}
     try:
         data = yaml_load_typed(schema=_ModelFile, filename=str(path))
     except (RuntimeError, ValueError, TypeError, OSError, yaml.YAMLError) as error:
@@ -74,12 +81,13 @@ def load_model(path: Path) -> GliderModel:
     check_parameters(dataclasses.asdict(data.parameters), source=str(path))
     effects = []
     for entry in data.effects:
-        if entry.kind not in KINDS:
+        if entry.kind not in kinds:
             raise InputError(
-                f"{path}: unknown effect '{entry.kind}'; known are {', '.join(KINDS)}."
+                f"{path}: unknown effect '{entry.kind}'; known are {', '.join(kinds)} "
+                "(an effect of your own must be given in own_effects)."
             )
         try:
-            effects.append(KINDS[entry.kind](**entry.coefficients))
+            effects.append(kinds[entry.kind](**entry.coefficients))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     if data.field is not None:

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glider.errors import InputError
-from glider.sysid import flight_log as mut
+from glider.sysid.campaign_reader import load_campaign
+from glider.sysid.campaign_writer import save_campaign, save_flight
+from glider.sysid.flight_log import (
+    POSE_COLUMNS,
+    SERVO_COLUMNS,
+    Campaign,
+    Flight,
+    split_flights,
+)
 
 VEHICLE = {"mass": 0.08, "wing_area": 0.0885, "hinge_offset": 0.27, "gravity": 9.81}
 LIMITS = (-0.4463, 0.9473)
@@ -23,7 +32,7 @@ def make_flight(name="flight_000.csv", *, time=None, servo=True):
     """A smooth glide with a moving elevator; 60 rows at 100 Hz by default."""
     t = np.arange(60) / 100 if time is None else np.asarray(time)
     s = t - t[0]
-    return mut.Flight(
+    return Flight(
         name=name,
         time=t,
         pose=np.column_stack([7 * s - 3.5, 0.1 - s**2, -0.5 * s]),
@@ -34,9 +43,9 @@ def make_flight(name="flight_000.csv", *, time=None, servo=True):
 
 def make_campaign(flights, **changes):
     """A campaign with a partly known vehicle."""
-    campaign = mut.Campaign(
+    campaign = Campaign(
         name="folder",
-        path=mut.Path("folder"),
+        path=Path("folder"),
         vehicle=VEHICLE,
         elevator="servo",
         elevator_limits=LIMITS,
@@ -52,7 +61,7 @@ def make_campaign(flights, **changes):
 def folder(tmp_path):
     """A good campaign of four flights, on disk, to be spoilt."""
     path = tmp_path / "folder"
-    mut.save_campaign(path, make_campaign([make_flight(name) for name in NAMES]))
+    save_campaign(path, make_campaign([make_flight(name) for name in NAMES]))
     (path / "index.csv").write_text(
         "file,grade,remark\n"
         'flight_000.csv,A,"long, straight"\nflight_001,B,\nflight_003.csv,A,\n'
@@ -64,7 +73,7 @@ def folder(tmp_path):
 def refusal(path, **choice):
     """Returns the message, which must be a single line."""
     with pytest.raises(InputError) as info:
-        mut.load_campaign(path, **choice)
+        load_campaign(path, **choice)
     message = str(info.value)
     assert "\n" not in message
     return message
@@ -160,7 +169,7 @@ def test_spoilt_flight_is_refused(folder, case):
         assert word in message
 
 
-@pytest.mark.parametrize("column", (*mut.POSE_COLUMNS, *mut.SERVO_COLUMNS))
+@pytest.mark.parametrize("column", (*POSE_COLUMNS, *SERVO_COLUMNS))
 def test_missing_column_is_refused(folder, column):
     for file in folder.glob("flight_*.csv"):
         file.write_text(file.read_text().replace(f"{column}", "other", 1))
@@ -184,7 +193,7 @@ def test_binary_file_is_refused(folder, name, content):
 def test_flights_of_different_columns_are_refused(folder, first):
     """Whichever of the two lacks the column, both files are named."""
     name = NAMES[0] if first else NAMES[2]
-    mut.save_flight(folder / name, make_flight(servo=False))
+    save_flight(folder / name, make_flight(servo=False))
     message = refusal(folder)
     other = NAMES[1] if first else NAMES[0]
     assert f"{name}: column 'elevator' is missing, which {other} has" in message
@@ -280,7 +289,7 @@ def test_choice_of_flights(folder):
     """By name, by grade and by both; what is not chosen is not even read."""
 
     def names(**choice):
-        flights = mut.load_campaign(folder, **choice).flights
+        flights = load_campaign(folder, **choice).flights
         return tuple(flight.name for flight in flights)
 
     (folder / "flight_002.csv").write_text("broken")
@@ -320,21 +329,21 @@ def test_irregular_times_and_gaps_are_accepted(folder):
     rng = np.random.default_rng(1)
     time = 1.7e9 + np.delete(np.arange(90) / 100, [*range(20, 32), 50, 70, 71])
     time = time + rng.uniform(-0.004, 0.004, time.size)
-    mut.save_flight(folder / NAMES[1], make_flight(time=time))
-    flight = mut.load_campaign(folder).flights[1]
+    save_flight(folder / NAMES[1], make_flight(time=time))
+    flight = load_campaign(folder).flights[1]
     np.testing.assert_allclose(flight.time, time, rtol=0, atol=1e-5)
 
 
 def test_habits_of_other_programs_are_accepted(folder):
     """Byte order mark, CRLF, quoted and spaced names, blank lines, 1e-3."""
-    expected = mut.load_campaign(folder).flights[0]
+    expected = load_campaign(folder).flights[0]
     for name in NAMES:
         lines = (folder / name).read_text().splitlines()
         lines[0] = ", ".join(f'"{column} "' for column in lines[0].split(","))
         text = "\r\n".join(["\ufeff" + lines[0], *lines[1:], "", ""])
         (folder / name).write_bytes(text.encode())
     written("vehicle: {pitch_inertia: 15e-4}\npose_rate: 100\n")(folder)
-    campaign = mut.load_campaign(str(folder))
+    campaign = load_campaign(str(folder))
     np.testing.assert_array_equal(campaign.flights[0].pose, expected.pose)
     assert campaign.vehicle == {"pitch_inertia": 0.0015}
 
@@ -343,8 +352,8 @@ def test_what_is_left_out_stays_unknown(folder):
     """Only the pose rate is estimated, from the steps of all flights."""
     written("vehicle: {elevator: fixed}\n")(folder)
     for name in NAMES:
-        mut.save_flight(folder / name, make_flight(time=np.arange(40) / 80))
-    campaign = mut.load_campaign(folder)
+        save_flight(folder / name, make_flight(time=np.arange(40) / 80))
+    campaign = load_campaign(folder)
     assert campaign.vehicle == {}
     assert campaign.elevator_limits is None
     assert campaign.elevator_rate_limit is None
@@ -371,8 +380,8 @@ def test_pitch_is_unwrapped(folder):
     flight = make_flight()
     pitch = np.linspace(-0.3, -9.0, flight.time.size)
     pose = np.column_stack([flight.pose[:, :2], pitch])
-    mut.save_flight(folder / NAMES[0], dataclasses.replace(flight, pose=pose))
-    loaded = mut.load_campaign(folder).flights[0]
+    save_flight(folder / NAMES[0], dataclasses.replace(flight, pose=pose))
+    loaded = load_campaign(folder).flights[0]
     np.testing.assert_allclose(loaded.pose[:, 2], pitch, atol=1e-7)
 
 
@@ -382,9 +391,9 @@ def test_a_turned_sign_is_accepted(folder, column):
     file = folder / NAMES[0]
     flight = make_flight(NAMES[0])
     full = dataclasses.replace(flight, elevator=np.linspace(*LIMITS, flight.time.size))
-    mut.save_flight(file, full)
+    save_flight(file, full)
     file.write_text("\n".join(scaled(column, -1)(file.read_text().splitlines())))
-    assert len(mut.load_campaign(folder).flights) == len(NAMES)
+    assert len(load_campaign(folder).flights) == len(NAMES)
 
 
 @pytest.mark.parametrize("elevator", ["servo", "fixed", "fixed_per_flight"])
@@ -398,12 +407,12 @@ def test_campaign_round_trip(tmp_path, elevator, known):
         campaign = dataclasses.replace(
             campaign, vehicle={}, command_rate=None, **nothing
         )
-    mut.save_campaign(campaign.path, campaign)
-    loaded = mut.load_campaign(campaign.path)
+    save_campaign(campaign.path, campaign)
+    loaded = load_campaign(campaign.path)
     same = {"flights": ()}
     assert dataclasses.replace(loaded, **same) == dataclasses.replace(campaign, **same)
     for ours, theirs in zip(flights, loaded.flights, strict=True):
-        for field in dataclasses.fields(mut.Flight)[1:]:
+        for field in dataclasses.fields(Flight)[1:]:
             expected, actual = getattr(ours, field.name), getattr(theirs, field.name)
             if expected is None:
                 assert actual is None
@@ -415,10 +424,10 @@ def test_campaign_round_trip(tmp_path, elevator, known):
 def test_save_does_not_mix_campaigns(folder):
     campaign = make_campaign([make_flight("flight_000.csv")])
     with pytest.raises(InputError, match=re.escape(f"{folder}: holds flight_001.csv")):
-        mut.save_campaign(folder, campaign)
+        save_campaign(folder, campaign)
     shutil.rmtree(folder)
-    mut.save_campaign(folder, campaign)
-    assert len(mut.load_campaign(folder).flights) == 1
+    save_campaign(folder, campaign)
+    assert len(load_campaign(folder).flights) == 1
 
 
 @settings(deadline=None)
@@ -426,7 +435,7 @@ def test_save_does_not_mix_campaigns(folder):
 def test_split_is_a_partition_of_whole_flights(count, fraction, seed):
     """Disjoint, complete, sorted, repeatable and of the size asked for."""
     flights = [make_flight(f"flight_{i:03d}.csv") for i in range(count)]
-    fit, held_out = mut.split_flights(make_campaign(flights), fraction, seed)
+    fit, held_out = split_flights(make_campaign(flights), fraction, seed)
     assert len(fit) >= 2
     assert len(held_out) >= 1
     assert len(held_out) == pytest.approx(
@@ -436,7 +445,7 @@ def test_split_is_a_partition_of_whole_flights(count, fraction, seed):
     for part in (fit, held_out):
         assert [f.name for f in part] == sorted(f.name for f in part)
     turned = make_campaign(flights[::-1])
-    again = mut.split_flights(turned, fraction, seed)
+    again = split_flights(turned, fraction, seed)
     for part, same in zip((fit, held_out), again, strict=True):
         assert all(a is b for a, b in zip(part, same, strict=True))
 
@@ -444,7 +453,7 @@ def test_split_is_a_partition_of_whole_flights(count, fraction, seed):
 def test_split_depends_on_the_seed():
     campaign = make_campaign([make_flight(f"flight_{i:03d}.csv") for i in range(20)])
     splits = {
-        tuple(f.name for f in mut.split_flights(campaign, 0.25, seed)[1])
+        tuple(f.name for f in split_flights(campaign, 0.25, seed)[1])
         for seed in range(5)
     }
     assert len(splits) > 1
@@ -454,10 +463,10 @@ def test_split_depends_on_the_seed():
 def test_split_needs_a_fraction(fraction):
     campaign = make_campaign([make_flight(name) for name in NAMES])
     with pytest.raises(InputError, match="held-out fraction"):
-        mut.split_flights(campaign, fraction, 0)
+        split_flights(campaign, fraction, 0)
 
 
 def test_split_needs_three_flights():
     campaign = make_campaign([make_flight(name) for name in NAMES[:2]])
     with pytest.raises(InputError, match="needs at least 3 flights, found 2"):
-        mut.split_flights(campaign, 0.25, 0)
+        split_flights(campaign, 0.25, 0)

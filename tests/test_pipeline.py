@@ -79,6 +79,10 @@ def test_what_the_library_lacks_is_unexplained_and_carried():
     assert result.effects[0].depends_on == ("x",)
     assert value(result, "wind_z_peak") == pytest.approx(1.0, rel=0.15)
     assert value(result, "wind_z_peak_at_x") == pytest.approx(-1.8, abs=0.1)
+    height = result.effects[0].coefficients["wind_z_peak"]
+    place = result.effects[0].coefficients["wind_z_peak_at_x"]
+    assert 0.0 < height.std < 0.05
+    assert 0.0 < place.std < 0.05
     drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
     assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
 

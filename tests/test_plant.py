@@ -19,6 +19,7 @@ from glider.effects import (
     SERVO_LAG,
     WIND,
 )
+from glider.effects.effect import STAGES
 from glider.effects.field import FieldData
 from glider.errors import InputError
 from glider.kernel import compiled
@@ -236,11 +237,12 @@ def test_the_fast_way_equals_the_plain_one(model, with_theta, wind):
     np.testing.assert_allclose(fast[1] / size, plain[1] / size, atol=1e-12)
 
 
-@pytest.mark.slow  # Compiles a kernel for each effect.
-@pytest.mark.parametrize("with_theta", [True, False], ids=["parameters", "state"])
-@pytest.mark.parametrize("model", EACH, ids=EACH_IDS)
-def test_the_fast_way_equals_the_plain_one_for_each_effect(model, with_theta):
-    test_the_fast_way_equals_the_plain_one(model, with_theta, wind=True)
+@pytest.mark.slow  # Compiles a kernel for each stage.
+@pytest.mark.parametrize("stage", STAGES)
+def test_the_fast_way_equals_the_plain_one_for_each_stage(stage):
+    effects = tuple(at_work(k) for k in LIBRARY if k.stage == stage)
+    model = GliderModel(effects=effects)
+    test_the_fast_way_equals_the_plain_one(model, with_theta=True, wind=True)
 
 
 def test_numbers_without_derivatives_stay_so():

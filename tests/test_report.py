@@ -18,14 +18,11 @@ from rich.console import Console
 from glider.effects import KINDS
 from glider.errors import InputError
 from glider.model_file import GliderModel, load_model
-from glider.report import (
-    headline,
-    print_summary,
-    remarks,
-    to_html,
-    to_json,
-    write_report,
-)
+from glider.report.folder import write_report
+from glider.report.json_report import to_json
+from glider.report.page import to_html
+from glider.report.terminal import print_summary
+from glider.report.wording import headline, remarks
 from glider.sysid.result import (
     Errors,
     Estimate,
@@ -34,6 +31,7 @@ from glider.sysid.result import (
     ResidualTable,
     Result,
 )
+from tests.own_kinds import FLAP
 
 SLOW = pytest.mark.slow
 
@@ -207,7 +205,7 @@ def written(request, tmp_path_factory):
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glider.report._DPI", 50)  # Quicker.
+        patch.setattr("glider.report.figures.DPI", 50)  # Quicker.
         write_report(VARIANTS[request.param], folder)
     return VARIANTS[request.param], folder
 
@@ -215,7 +213,7 @@ def written(request, tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """Draws no figure, where that is not what is tested."""
-    monkeypatch.setattr("glider.report.make_figures", lambda result: STUBS)
+    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: STUBS)
 
 
 class Page(HTMLParser):
@@ -391,7 +389,7 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
     fewer = {"errors": STUBS["residual"]}
-    monkeypatch.setattr("glider.report.make_figures", lambda result: fewer)
+    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"errors", "mine"}
     assert (tmp_path / "figures" / "errors.png").read_bytes() == STUBS["residual"]
@@ -405,7 +403,7 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
 def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
     write_report(make_result(), tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    monkeypatch.setattr("glider.report.to_html", lambda *_: 1 / 0)
+    monkeypatch.setattr("glider.report.folder.to_html", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_report(make_result(verdict="no_effect"), tmp_path)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
@@ -419,7 +417,7 @@ def test_a_failed_write_leaves_no_half_file(tmp_path, monkeypatch, quick):
         path.write_text("half")
         raise OSError("disk full")
 
-    monkeypatch.setattr("glider.report.save_model", fill_the_disk)
+    monkeypatch.setattr("glider.report.folder.save_model", fill_the_disk)
     with pytest.raises(OSError, match="disk full"):
         write_report(make_result(), tmp_path)
     assert (tmp_path / "model.yaml").read_bytes() == before
@@ -497,6 +495,23 @@ def test_what_is_left_is_said_even_where_nothing_was_found():
     assert remarks(result) == [
         "The model still leaves more than noise (5,000 σ; below 4 is noise)."
     ]
+
+
+def test_an_own_effect_is_called_by_its_words():
+    effect = dataclasses.replace(WIND, indistinguishable_from=("flap",))
+    result = make_result(effects=(effect,), own_effects=(FLAP,))
+    assert f"could also be {FLAP.words}." in remarks(result)[0]
+    for text in (Page(to_html(result, {})).text, summary(result, 200)):
+        assert f"{FLAP.words} (flap)" in " ".join(text.split())
+
+
+def test_an_error_that_is_not_known_is_null_and_not_shown():
+    place = Estimate(value=-1.8, std=math.nan, unit="m")
+    effect = dataclasses.replace(WIND, coefficients={"place": place})
+    result = make_result(effects=(effect,))
+    data = to_json(result)["effects"][0]["coefficients"]["place"]
+    assert data == {"value": -1.8, "std": None, "unit": "m"}
+    assert "place = -1.8 m;" in headline(result)
 
 
 @pytest.mark.parametrize(

@@ -7,19 +7,17 @@ import pytest
 
 from glider.effects import KINDS
 from glider.model_file import GliderModel
-from glider.sysid.replay import INDEX, default_theta, linearize, measure_noise, prepare
-from glider.sysid.rollout_fit import (
-    Problem,
-    bounded_step,
-    cost,
-    covariance,
-    fit,
-    gather,
-    held_out_costs,
-    solve,
-)
+from glider.sysid.information import bounded_step, cost, held_out_costs, moved, solve
+from glider.sysid.layout import LIBRARY_LAYOUT
+from glider.sysid.linearization import linearize
+from glider.sysid.noise import measure_noise
+from glider.sysid.record import prepare
+from glider.sysid.rollout_fit import Problem, fit, fit_covariance, gather
 from glider.sysid.shooting import fit_start, fly
-from glider.sysid.simulate import CampaignPlan, simulate_campaign, slots_of, theta_of
+from glider.sysid.simulate import CampaignPlan, simulate_campaign, theta_of
+
+INDEX, slots_of = LIBRARY_LAYOUT.index, LIBRARY_LAYOUT.slots_of
+default_theta = LIBRARY_LAYOUT.default_theta
 
 
 def make_problem(model, seed=0, **plan):
@@ -46,7 +44,7 @@ def test_wind_is_found_within_its_standard_error(windy):
     model, problem = windy
     found = fit(problem, default_theta(model.parameters), slots_of("wind"))
     error = found.theta[list(slots_of("wind"))] - [-0.4, 0.1]
-    std = np.sqrt(np.diag(covariance(found)))
+    std = np.sqrt(np.diag(fit_covariance(found)))
     assert np.all(np.abs(error) < 4.0 * std)
     assert np.all(std < 0.01)
 
@@ -57,9 +55,13 @@ def test_standard_errors_cover_over_campaigns():
     scores = []
     for seed in range(12):
         problem = make_problem(model, seed=seed, flights=5)
-        found = fit(problem, default_theta(model.parameters), slots_of("profile_drag"))
+        found = fit(
+            problem,
+            default_theta(model.parameters),
+            slots_of("profile_drag"),
+        )
         error = found.theta[INDEX["profile_drag", "cd0"]] - 0.05
-        scores.append(error / np.sqrt(covariance(found)[0, 0]))
+        scores.append(error / np.sqrt(fit_covariance(found)[0, 0]))
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 1.8
 
 
@@ -105,6 +107,14 @@ def test_bounds_hold_and_the_others_adjust():
     assert step[0] == pytest.approx(limit)
     rest = np.linalg.lstsq(table[:, 1:3], table[:, 3] - limit * table[:, 0], rcond=None)
     np.testing.assert_allclose(step[1:], rest[0], rtol=1e-6)
+
+
+def test_information_moves_with_the_coefficients():
+    rng = np.random.default_rng(0)
+    table = rng.normal(size=(50, 4))
+    information, step, further = table.T @ table, rng.normal(size=3), rng.normal(size=3)
+    there = moved(information, step)
+    assert cost(there, further) == pytest.approx(cost(information, step + further))
 
 
 def test_left_out_flights_are_left_out():

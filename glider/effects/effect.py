@@ -136,6 +136,7 @@ class EffectKind:
             scalar for one state, else a tuple. Actuators get the incoming rate
             instead of a Flow.
         steady_state: the same arguments without states: their values at rest.
+        state_scales: typical sizes of the states; 1 where not given.
     """
 
     kind: str
@@ -148,6 +149,7 @@ class EffectKind:
     states: tuple[str, ...] = ()
     state_rate: Callable | None = None
     steady_state: Callable | None = None
+    state_scales: tuple[float, ...] = ()
 
     def __call__(self, **values: float) -> "Effect":
         """Returns this effect with the given coefficients, others at default."""

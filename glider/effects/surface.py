@@ -176,7 +176,7 @@ TAIL_WAKE = EffectKind(
     stage="surface",
     adds_to=("elevator_factor",),
     coefficients=(
-        Coefficient(name="loss", unit="-", scale=0.4, lower=-3.0, upper=3.0),
+        Coefficient(name="loss", unit="-", scale=0.4, lower=0.0, upper=1.0),
         Coefficient(
             name="angle",
             unit="rad",

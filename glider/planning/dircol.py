@@ -4,8 +4,10 @@ A ladder of attempts: where a solver fails from one guess, the other solver,
 other guesses and a looser tolerance are tried. The plan tells what was tried.
 """
 
+import contextlib
+import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from pydrake.planning import DirectCollocation
@@ -37,9 +39,6 @@ TOLERANCE = 1e-6
 
 LOOSE = 1e-3
 """Tolerance of an attempt whose result is only a better guess."""
-
-ROUGH = 1e-4
-"""Tolerance of how near an infeasible problem's flights come to the wire."""
 
 ELASTIC_WEIGHT = 100.0
 """Of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
@@ -148,11 +147,15 @@ class _Ladder:
         violations: dict[str, float] = {}
         least = np.inf
         for guess in guesses:
-            near = self._solve(relaxed, knots, SnoptSolver, guess, ROUGH)
-            if near is None or near[1].get_optimal_cost() >= least:
+            near = self._solve(relaxed, knots, SnoptSolver, guess, LOOSE)
+            if near is None:
                 continue
-            least = near[1].get_optimal_cost()
-            violations = arrival_violations(*near, self._problem)
+            total = near[1].get_optimal_cost()
+            if violations and abs(total - least) < 0.01 * least:
+                break  # Two guesses lead to the same place, short of the wire.
+            if total >= least:
+                continue
+            least, violations = total, arrival_violations(*near, self._problem)
             if not violations:
                 for solver in (SnoptSolver, IpoptSolver):
                     feasible = to_guess(*near, "a flight that arrives")
@@ -172,7 +175,8 @@ class _Ladder:
         self._progress(f"{knots} knots, {name}, from {guess.name}")
         program.SetInitialTrajectory(guess.inputs, guess.states)
         start = time.perf_counter()
-        result = solver().Solve(program.prog(), None, _options(solver, tolerance))
+        with _quiet():
+            result = solver().Solve(program.prog(), None, _options(solver, tolerance))
         seconds = time.perf_counter() - start
         # A solver's word is not enough.
         solved = result.is_success() and not violated(program, result, tolerance)
@@ -188,6 +192,18 @@ class _Ladder:
             )
         )
         return (program, result) if solved else None
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps Drake from warning of an attempt that the ladder knows how to follow."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _options(solver: type[SolverInterface], tolerance: float) -> SolverOptions:

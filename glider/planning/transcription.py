@@ -101,9 +101,10 @@ def violated(
 ) -> tuple[str, ...]:
     """Returns the names of the constraints that a result does not meet.
 
-    Solvers scale what they test, so a hundred times their tolerance is allowed.
+    Solvers scale what they test, so ten times their tolerance is allowed, or 1e-4.
     """
-    names = result.GetInfeasibleConstraintNames(dc.prog(), tol=100.0 * tolerance)
+    allowed = max(10.0 * tolerance, 1e-4)
+    names = result.GetInfeasibleConstraintNames(dc.prog(), tol=allowed)
     return tuple(dict.fromkeys(name.split("[")[0].strip() for name in names))
 
 

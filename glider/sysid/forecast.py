@@ -9,11 +9,9 @@ import dataclasses
 import numpy as np
 
 from glider.effects import Field
-from glider.sysid.replay import (
-    OFFSET,
-    Record,
-    sensed,
-)
+from glider.sysid.layout import OFFSET
+from glider.sysid.nodes import sensed
+from glider.sysid.record import Record
 from glider.sysid.residual import make_table
 from glider.sysid.result import Errors
 from glider.sysid.rollout_fit import Problem, in_parallel
@@ -61,7 +59,7 @@ def foretell(
     )
     states = fly(record, theta, start, problem.field)
     return Forecast(
-        pose=sensed(states, theta),
+        pose=sensed(record.layout, states, theta),
         translated=_translate(record, theta, start, problem.field, rows),
         trim=float(start[OFFSET]),
     )

@@ -16,37 +16,24 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.effects import KINDS
+from glider.effects import EffectKind
 from glider.errors import InputError
-from glider.model_file import GliderModel
-from glider.sysid.flight_log import Campaign, load_campaign, split_flights
-from glider.sysid.forecast import Forecast, beginning_rows, measure_errors
-from glider.sysid.replay import (
-    OFFSET,
-    Noise,
-    Record,
-    fitted_start,
-    linearize,
-    measure_noise,
-    prepare,
-    slots_of,
-    warm_up,
-)
+from glider.sysid.campaign_reader import load_campaign
+from glider.sysid.flight_log import Campaign, split_flights
+from glider.sysid.forecast import Forecast, measure_errors
+from glider.sysid.layout import OFFSET, Layout, layout_of
+from glider.sysid.linearization import fitted_start, linearize
+from glider.sysid.noise import Noise, measure_noise
+from glider.sysid.outcome import effects_of, flights_of, model_of, verdict_of
+from glider.sysid.record import Record, prepare
 from glider.sysid.residual import make_table
-from glider.sysid.result import (
-    MODELS,
-    Errors,
-    Estimate,
-    FoundEffect,
-    HeldOutFlight,
-    ResidualTable,
-    Result,
-)
-from glider.sysid.rollout_fit import Problem, covariance, fit, in_parallel
+from glider.sysid.result import Errors, ResidualTable, Result
+from glider.sysid.rollout_fit import Problem, fit, in_parallel
+from glider.sysid.search import Search
 from glider.sysid.signs import Signs, find_signs, turn_campaign
-from glider.sysid.tracing import SILENT, Search
-from glider.sysid.vehicle import Vehicle, make_vehicle, parameters_of
-from glider.sysid.verdict import Explanation, explain
+from glider.sysid.vehicle import Vehicle, make_vehicle
+from glider.sysid.verdict import explain
+from glider.sysid.warm_up import warm_up
 from glider.sysid.whiteness import lack_of_fit
 
 Progress = Callable[[str], None]
@@ -60,6 +47,7 @@ def close_the_loop(
     held_out: float = 0.3,
     seed: int = 0,
     effects: Sequence[str] | None = None,
+    own_effects: Sequence[EffectKind] = (),
     progress: Progress = lambda text: None,
 ) -> Result:
     """Finds what a glider's model lacks, adds it, and measures what that buys.
@@ -70,7 +58,10 @@ def close_the_loop(
         grades: grades of `index.csv` to use; all by default.
         held_out: share of the flights that errors are measured on.
         seed: of the split into fitted and held-out flights.
-        effects: kinds to try; the whole library by default.
+        effects: names of the kinds to try; by default the whole library and
+            `own_effects`.
+        own_effects: kinds that the library lacks, of any stage but the actuator.
+            They are traced, weighed and carried by the model like the library's.
         progress: called with a line of text as the work goes on.
 
     Returns:
@@ -83,10 +74,11 @@ def close_the_loop(
         raise InputError(
             f"the held-out fraction is {held_out:g}; it must lie between 0 and 1."
         )
-    unknown = [name for name in effects or () if name not in KINDS]
+    layout = layout_of(tuple(own_effects))
+    unknown = [name for name in effects or () if name not in layout.kinds]
     if unknown:
         raise InputError(
-            f"unknown effect '{unknown[0]}'; known are {', '.join(KINDS)}."
+            f"unknown effect '{unknown[0]}'; known are {', '.join(layout.kinds)}."
         )
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         run = _Run(progress)
@@ -100,9 +92,10 @@ def close_the_loop(
             "flights": None if flights is None else list(flights),
             "grades": None if grades is None else list(grades),
             "effects": None if effects is None else list(effects),
+            "own_effects": [e.kind for e in own_effects],
         }
         names = tuple(f.name for f in fitted), tuple(f.name for f in unseen)
-        return run.analyse(campaign, names, effects, settings)
+        return run.analyse(campaign, names, effects, layout, settings)
 
 
 @dataclasses.dataclass
@@ -125,10 +118,11 @@ class _Run:
         logged: Campaign,
         names: tuple[tuple[str, ...], tuple[str, ...]],
         effects: Sequence[str] | None,
+        layout: Layout,
         settings: dict[str, object],
     ) -> Result:
         """Runs all stages on a campaign that has been read."""
-        vehicle = make_vehicle(logged)
+        vehicle = make_vehicle(logged, layout)
         kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
         if effects is not None and not kinds and "angle_sign" not in effects:
             raise InputError(
@@ -136,7 +130,7 @@ class _Run:
                 "told from what this campaign logs and leaves unknown."
             )
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
-            warm_up()
+            warm_up(layout)
         with self.stage("smooth"):
             noise = measure_noise(logged)
         with self.stage("signs"):
@@ -190,19 +184,20 @@ class _Run:
             path=logged.path,
             fit_flights=names[0],
             held_out_flights=names[1],
-            verdict=_verdict(found, signs),
-            effects=_effects(found, signs),
+            verdict=verdict_of(found, signs),
+            effects=effects_of(found, signs, layout),
             errors=errors,
             left_z=left.z,
             candidates=found.candidates,
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
-            model=_model(found, signs, campaign),
-            held_out=_flown(before, forecasts, vehicle, signs),
+            model=model_of(found, signs, campaign, layout),
+            held_out=flights_of(before, forecasts, vehicle, signs),
             residual_before=before_table,
             residual_after=after_table,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
+            own_effects=layout.own,
             settings={**settings, "notes": list(vehicle.notes)},
         )
 
@@ -214,7 +209,7 @@ def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:
 def _problem(
     campaign: Campaign, names: tuple[str, ...], noise: Noise, vehicle: Vehicle
 ) -> Problem:
-    records = prepare(_pick(campaign, names), campaign, noise)
+    records = prepare(_pick(campaign, names), campaign, noise, vehicle.layout)
     return Problem(
         records=records,
         noise=noise,
@@ -243,117 +238,3 @@ def _table_of_all(model: tuple[Problem, np.ndarray], fitted: Problem) -> Residua
 
     trims = in_parallel(trim, everything.records)
     return make_table(everything.records, theta, trims, problem.field)
-
-
-def _verdict(found: Explanation, signs: Signs) -> str:
-    kinds = [w.kind for w in found.weighed]
-    if not kinds and signs.are_right:
-        return "no_effect" if found.left_z < SILENT else "unexplained"
-    if kinds and kinds[0] == "unexplained":
-        return "unexplained"
-    return "effect_found"
-
-
-def _effects(found: Explanation, signs: Signs) -> tuple[FoundEffect, ...]:
-    errors = dict(
-        zip(found.fit.free, np.sqrt(np.diag(covariance(found.fit))), strict=True)
-    )
-    effects = []
-    if not signs.are_right:
-        effects.append(
-            FoundEffect(
-                kind="angle_sign",
-                words=KINDS["angle_sign"].words,
-                coefficients={
-                    name: Estimate(value=float(getattr(signs, name)), std=0.0, unit="-")
-                    for name in ("pitch", "elevator", "command")
-                },
-                evidence=signs.evidence,
-                share=signs.share,
-                indistinguishable_from=(),
-                depends_on=KINDS["angle_sign"].depends_on,
-            )
-        )
-    for weighed in found.weighed:
-        if weighed.kind == "unexplained":
-            assert found.unexplained is not None
-            coefficients, words = (
-                found.unexplained.coefficients,
-                found.unexplained.words,
-            )
-            depends_on = found.unexplained.depends_on
-        else:
-            kind = KINDS[weighed.kind]
-            coefficients = {
-                c.name: Estimate(
-                    value=float(found.theta[i]),
-                    std=float(errors.get(i, 0.0)),
-                    unit=c.unit,
-                )
-                for i, c in zip(slots_of(weighed.kind), kind.coefficients, strict=True)
-            }
-            words, depends_on = kind.words, kind.depends_on
-        effects.append(
-            FoundEffect(
-                kind=weighed.kind,
-                words=words,
-                coefficients=coefficients,
-                evidence=weighed.evidence,
-                share=weighed.share,
-                indistinguishable_from=weighed.alternatives,
-                depends_on=depends_on,
-            )
-        )
-    return tuple(effects)
-
-
-def _model(found: Explanation, signs: Signs, campaign: Campaign) -> GliderModel:
-    effects = []
-    if not signs.are_right:
-        effects.append(
-            KINDS["angle_sign"](
-                pitch=float(signs.pitch),
-                elevator=float(signs.elevator),
-                command=float(signs.command),
-            )
-        )
-    kinds = [w.kind for w in found.weighed if w.kind != "unexplained"]
-    if campaign.elevator == "fixed" and "elevator_trim" not in kinds:
-        kinds.append("elevator_trim")  # The unknown angle at which it stands.
-    for name in kinds:
-        if name in KINDS:
-            kind = KINDS[name]
-            values = found.theta[list(slots_of(name))]
-            names = [c.name for c in kind.coefficients]
-            effects.append(kind(**dict(zip(names, map(float, values), strict=True))))
-    return GliderModel(
-        parameters=parameters_of(found.theta, campaign),
-        effects=tuple(effects),
-        field=None if found.unexplained is None else found.unexplained.data,
-    )
-
-
-def _flown(
-    problem: Problem,
-    forecasts: dict[str, list[Forecast]],
-    vehicle: Vehicle,
-    signs: Signs,
-) -> tuple[HeldOutFlight, ...]:
-    flights = []
-    as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
-    for i, record in enumerate(problem.records):
-        rows = beginning_rows(record, problem.trim_is_known)
-        flights.append(
-            HeldOutFlight(
-                name=record.flight.name,
-                time=record.time,
-                measured=record.flight.pose,
-                flown={
-                    name: forecasts[name][i].pose * as_logged.get(name, 1.0)
-                    for name in MODELS
-                    if name != "as_drawn" or vehicle.is_known
-                },
-                fitted_until=float(record.time[rows - 1]),
-            )
-        )
-    return tuple(flights)

@@ -10,16 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.effects import FIELD_VARIABLES, NO_FIELD, Field
-from glider.sysid.replay import (
-    INDEX,
-    NUM_KERNEL_THETA,
-    OFFSET,
-    Record,
-    kernel,
-    node_signals,
-    true_nodes,
-)
+from glider.sysid.layout import OFFSET
+from glider.sysid.nodes import true_nodes
+from glider.sysid.record import Record
 from glider.sysid.result import ResidualTable
+from glider.sysid.signals import node_signals
 
 _EDGE = 3
 """Rows at both ends of a flight where an acceleration is not known well."""
@@ -28,7 +23,7 @@ _EDGE = 3
 def flow_along(
     record: Record, theta: np.ndarray, field: Field, trim: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns smoothed true states (n, 8) and the model's flow there (n, 9).
+    """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
 
     The flow's columns are those of `loops.log_flow`.
     """
@@ -36,8 +31,9 @@ def flow_along(
     nodes[:, OFFSET] = trim
     elevator, rate = node_signals(record, theta)
     values = np.empty((len(record.time), 9))
-    kernel().log_flow(
-        record.time, nodes, elevator, rate, theta[:NUM_KERNEL_THETA], field, values
+    dynamics = record.layout.dynamics(theta)
+    record.layout.kernel.log_flow(
+        record.time, nodes, elevator, rate, dynamics, field, values
     )
     return nodes, values
 
@@ -56,13 +52,14 @@ def make_table(
         trims: elevator offset of each flight [rad].
         field: the model's residual field.
     """
+    index = records[0].layout.index
     mass, area = (
-        theta[INDEX["parameters", "mass"]],
-        theta[INDEX["parameters", "wing_area"]],
+        theta[index["parameters", "mass"]],
+        theta[index["parameters", "wing_area"]],
     )
-    inertia = theta[INDEX["parameters", "pitch_inertia"]]
-    density = theta[INDEX["parameters", "air_density"]]
-    gravity = theta[INDEX["parameters", "gravity"]]
+    inertia = theta[index["parameters", "pitch_inertia"]]
+    density = theta[index["parameters", "air_density"]]
+    gravity = theta[index["parameters", "gravity"]]
     rows: dict[str, list[np.ndarray]] = {}
 
     def put(name: str, values: np.ndarray) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.effects import EffectKind
 from glider.model_file import GliderModel
 
 MODELS = ("as_drawn", "refitted", "corrected")
@@ -25,7 +26,7 @@ class FoundEffect:
     """An effect that the flights show.
 
     Attributes:
-        kind: in the library, or "unexplained".
+        kind: in the library, of the caller's own, or "unexplained".
         words: a short phrase for people.
         coefficients: by name.
         evidence: log-likelihood gained on flights left out of the fit [nats].
@@ -132,6 +133,7 @@ class Result:
         seconds: stage to wall-clock time.
         version: of this package.
         settings: seed, fraction and what else would repeat this run.
+        own_effects: kinds of the caller's that were tried beside the library.
     """
 
     campaign: str
@@ -152,3 +154,4 @@ class Result:
     seconds: dict[str, float]
     version: str
     settings: dict[str, object]
+    own_effects: tuple[EffectKind, ...] = ()

@@ -2,7 +2,7 @@
 
 This is the article's simulation-error refinement (its BPTT/RTRL step), as a
 Gauss-Newton method in the lifted (multiple-shooting) form of
-`glider.sysid.replay`. Launch states are eliminated flight by flight, so a fit
+`glider.sysid.linearization`. Launch states are eliminated flight by flight, so a fit
 deals with one small matrix a flight: the information that the flight holds on
 the coefficients. Sums, cross-validation and standard errors over flights are
 then sums over these matrices.
@@ -15,20 +15,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from glider.effects import NO_FIELD, Field
-from glider.sysid.replay import (
-    DIVERGED,
-    Linearized,
-    Noise,
-    Record,
-    kernel,
-    linearize,
-    theta_lower,
-    theta_scale,
-    theta_upper,
-)
+from glider.sysid.information import bounded_step, cost, covariance, eliminate_start
+from glider.sysid.layout import Layout
+from glider.sysid.linearization import linearize
+from glider.sysid.noise import Noise
+from glider.sysid.record import Record
 from glider.sysid.shooting import fit_start, fly
 
 _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
@@ -36,77 +29,7 @@ _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
 
 def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
     """Returns function(item) for each; the compiled loops release Python's lock."""
-    kernel()  # Compiled once, before the threads meet in it.
     return list(_POOL.map(function, items))
-
-
-def eliminate_start(errors: Linearized) -> np.ndarray:
-    """Returns a flight's information on theta, launch state eliminated.
-
-    With errors e = r - X δs - T δθ, min over δs of |e|² is the quadratic form
-    [δθ; -1]' R [δθ; -1]; R has shape (m + 1, m + 1). A model that blows up has
-    an infinite cost.
-    """
-    table = np.column_stack([errors.by_start, errors.by_theta, errors.residual])
-    k = errors.by_start.shape[1]
-    if not np.abs(table).max() < DIVERGED:
-        lost = np.zeros((table.shape[1] - k,) * 2)
-        lost[-1, -1] = np.inf
-        return lost
-    gram = table.T @ table
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram)[:k], 1e-300))
-    corner = gram[:k, :k] * scale[:, None] * scale + 1e-13 * np.eye(k)
-    side = gram[:k, k:] * scale[:, None]
-    return gram[k:, k:] - side.T @ cho_solve(cho_factor(corner), side)
-
-
-def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
-    """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1] + Σ ridge δθ²."""
-    m = information.shape[0] - 1
-    if m == 0:
-        return np.zeros(0)
-    hessian = information[:m, :m] + np.diag(np.broadcast_to(ridge, m))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled = hessian * scale[:, None] * scale + 1e-10 * np.eye(m)
-    return scale * np.linalg.solve(scaled, scale * information[:m, m])
-
-
-def bounded_step(
-    information: np.ndarray,
-    ridge: np.ndarray,
-    damping: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> np.ndarray:
-    """Returns a Levenberg-Marquardt step that keeps between bounds.
-
-    A coefficient that would leave them stays on its bound, and the others are
-    solved for anew.
-    """
-    m = len(ridge)
-    hessian = np.diag(information)[:m]
-    fixed = np.zeros(m, dtype=bool)
-    step = np.zeros(m)
-    for _ in range(m + 1):
-        loose = np.flatnonzero(~fixed)
-        keep = np.append(loose, m)
-        reduced = information[np.ix_(keep, keep)].copy()
-        reduced[:-1, -1] -= (
-            information[np.ix_(loose, np.flatnonzero(fixed))] @ step[fixed]
-        )
-        step[loose] = solve(reduced, ridge[loose] + damping * hessian[loose])
-        outside = ~fixed & ((step < lower) | (step > upper))
-        if not outside.any():
-            break
-        step[outside] = np.clip(step, lower, upper)[outside]
-        fixed |= outside
-    return step
-
-
-def cost(information: np.ndarray, step: np.ndarray) -> float:
-    """Returns [δθ; -1]' R [δθ; -1]: the sum of squared errors at a step."""
-    v = np.append(step, -1.0)
-    return float(v @ information @ v)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -114,7 +37,7 @@ class Fit:
     """Coefficients found by rollout.
 
     Attributes:
-        theta: the model found, in the order of SLOTS.
+        theta: the model found, as the layout has it.
         free: indices into theta that were fitted.
         information: (flights, m + 1, m + 1) at theta, see `eliminate_start`.
         degrees: number of measurements less launch states, of each flight.
@@ -147,7 +70,7 @@ class Problem:
         trim_is_known: as in `linearize`.
         is_exact: whether errors are taken along rollouts from fitted starts, not
             linearised about the smoothed measurement.
-        prior: mean and standard deviation of theta (each in the order of SLOTS,
+        prior: mean and standard deviation of theta (each as the layout has it,
             infinite where nothing is known beforehand), or None.
     """
 
@@ -157,6 +80,11 @@ class Problem:
     trim_is_known: bool = True
     is_exact: bool = False
     prior: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def layout(self) -> Layout:
+        """What theta's entries are."""
+        return self.records[0].layout
 
     def thinned(self, count: int) -> "Problem":
         """Returns the problem with at most `count` of its flights, evenly picked."""
@@ -245,8 +173,9 @@ def fit(
     """
     free = tuple(sorted(free))
     index = list(free)
-    lower, upper = theta_lower()[index], theta_upper()[index]
-    ridge = 1e-6 / theta_scale()[index] ** 2
+    layout = problem.layout
+    lower, upper = layout.lower[index], layout.upper[index]
+    ridge = 1e-6 / layout.scale[index] ** 2
     theta = theta.copy()
     information = gather(problem, theta, free)
     damping = 0.0
@@ -278,35 +207,6 @@ def fit(
     )
 
 
-def covariance(result: Fit) -> np.ndarray:
-    """Returns the covariance of the fitted coefficients, (m, m).
-
-    The larger of the classical one, scaled by the dispersion, and the sandwich
-    estimate whose meat is the flights' scores: that one stays honest when errors
-    within a flight are correlated.
-    """
-    m = len(result.free)
-    total = result.information.sum(axis=0)[:m, :m]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    inverse = np.linalg.inv(total * scale[:, None] * scale + 1e-12 * np.eye(m))
-    inverse = inverse * scale[:, None] * scale
-    scores = result.information[:, :m, m]
-    flights = len(scores)
-    meat = scores.T @ scores * (flights / max(flights - 1.0, 1.0))
-    sandwich = inverse @ meat @ inverse
-    classical = inverse * max(1.0, result.dispersion)
-    larger = np.diag(sandwich) > np.diag(classical)
-    grow = np.sqrt(np.where(larger, np.diag(sandwich) / np.diag(classical), 1.0))
-    return classical * grow[:, None] * grow
-
-
-def held_out_costs(
-    information: np.ndarray, ridge: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Returns each flight's cost at the coefficients that the others give.
-
-    Leave one flight out: δθ is refitted without flight i, then flight i, with
-    its own launch state, is scored. Shape (flights,).
-    """
-    total = information.sum(axis=0)
-    return np.array([cost(own, solve(total - own, ridge)) for own in information])
+def fit_covariance(result: Fit) -> np.ndarray:
+    """Returns the covariance of the fitted coefficients, (m, m)."""
+    return covariance(result.information, result.dispersion)

@@ -12,19 +12,11 @@ import dataclasses
 
 import numpy as np
 
-from glider.effects import KINDS
+from glider.sysid.explanation import Explanation
 from glider.sysid.forecast import foretell
-from glider.sysid.rollout_fit import (
-    Fit,
-    Problem,
-    cost,
-    fit,
-    gather,
-    held_out_costs,
-    in_parallel,
-    solve,
-)
-from glider.sysid.tracing import Fitted, Search, Weighed, starts
+from glider.sysid.information import cost, held_out_costs, solve
+from glider.sysid.rollout_fit import Fit, Problem, fit, gather, in_parallel
+from glider.sysid.search import Fitted, Search, Weighed, starts
 
 INDEPENDENT = 30.0
 """Independent errors that a flight's channels are worth together, for evidence."""
@@ -43,23 +35,6 @@ _ALIKE = 6.0
 
 _REFINED = 5
 """Candidates of each round that are fitted in full."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RoughTrace:
-    """What the search found.
-
-    Attributes:
-        fit: of the chosen effects.
-        weighed: the effects, strongest first.
-        candidates: evidence of each kind tried first, alone.
-        plate: theta of the flat plate alone, its own parameters refitted.
-    """
-
-    fit: Fit
-    weighed: tuple[Weighed, ...]
-    candidates: dict[str, float]
-    plate: np.ndarray
 
 
 def roughened(problem: Problem, theta: np.ndarray, free: tuple[int, ...]) -> Problem:
@@ -107,8 +82,11 @@ def evidence_of(small: Fit, large: Fit) -> tuple[float, float, float]:
     return total, float(np.mean(ratios)) / error, share
 
 
-def trace_rough(search: Search) -> RoughTrace:
-    """Finds effects that foretell unseen flights better, one at a time."""
+def explain_roughly(search: Search) -> Explanation:
+    """Finds effects that foretell unseen flights better, one at a time.
+
+    What they leave is not tested: it is real, and centimetres.
+    """
     search.progress("fitting the plate to free rollouts")
     problem = roughened(search.problem, search.theta, search.free(()))
     search = search.on(problem)
@@ -137,9 +115,10 @@ def trace_rough(search: Search) -> RoughTrace:
             )
         )
         chosen = best
-    return RoughTrace(
+    return Explanation(
         fit=chosen.fit,
         weighed=tuple(sorted(found, key=lambda w: -w.share)),
+        unexplained=None,
         candidates=candidates,
         plate=base.theta,
     )
@@ -161,7 +140,7 @@ def _further(search: Search, parent: Fitted) -> list[Fitted]:
     found = []
     for _, kind in promised[:_REFINED]:
         kinds_now = (*parent.kinds, kind)
-        start = starts(KINDS[kind], parent.fit.theta)[0]
+        start = starts(search.layout, search.layout.kinds[kind], parent.fit.theta)[0]
         result = fit(search.problem, start, search.free(kinds_now), iterations=20)
         found.append(Fitted(kinds=kinds_now, fit=result))
     return found

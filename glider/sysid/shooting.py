@@ -10,17 +10,11 @@ import dataclasses
 import numpy as np
 
 from glider.effects import NO_FIELD, Field
-from glider.sysid.replay import (
-    NUM_KERNEL_THETA,
-    Noise,
-    Record,
-    fitted_start,
-    kernel,
-    linearize,
-    pose_signals,
-    sensed,
-    true_nodes,
-)
+from glider.sysid.linearization import fitted_start, linearize
+from glider.sysid.nodes import sensed, true_nodes
+from glider.sysid.noise import Noise
+from glider.sysid.record import Record
+from glider.sysid.signals import pose_signals
 
 
 def cut(record: Record, first: int, last: int) -> Record:
@@ -40,20 +34,20 @@ def cut(record: Record, first: int, last: int) -> Record:
         pitch=record.pitch[first : last - 1],
         acceleration=record.acceleration[rows],
         acceleration_std=record.acceleration_std[rows],
-        _signals={},
+        replays={},
     )
 
 
 def fly(
     record: Record, theta: np.ndarray, start: np.ndarray, field: Field
 ) -> np.ndarray:
-    """Returns the states (n, 8) of a free rollout along a record's times."""
+    """Returns the states (n, num_states) of a free rollout along a record's times."""
     states = np.empty((len(record.time), len(start)))
-    kernel().log_rollout(
+    record.layout.kernel.log_rollout(
         record.time,
         start,
         *pose_signals(record, theta),
-        theta[:NUM_KERNEL_THETA],
+        record.layout.dynamics(theta),
         field,
         states,
     )
@@ -68,7 +62,7 @@ def fit_start(
     trim_is_known: bool = True,
     iterations: int = 4,
 ) -> np.ndarray:
-    """Returns the launch state (8,) that fits a whole record best."""
+    """Returns the launch state (num_states,) that fits a whole record best."""
     nodes = true_nodes(record, theta)
     start = nodes[0].copy()
     for _ in range(iterations):
@@ -115,16 +109,17 @@ class AlongPitch:
         state = self._state.copy()
         state[[0, 1, 4, 5, 3]] = launch
         states = np.empty((len(self._record.time), len(state)))
-        kernel().log_translation(
+        layout = self._record.layout
+        layout.kernel.log_translation(
             self._record.time,
             state,
             self._pitch,
             *self._signals,
-            self._theta[:NUM_KERNEL_THETA],
+            layout.dynamics(self._theta),
             self._field,
             states,
         )
-        return sensed(states, self._theta)[:, :2]
+        return sensed(layout, states, self._theta)[:, :2]
 
     def by_launch(self, launch: np.ndarray, flown: np.ndarray) -> np.ndarray:
         """Returns the places' derivatives by the launch, (n, 2, 5)."""

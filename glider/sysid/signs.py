@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.flight_log import Campaign, Flight
-from glider.sysid.replay import Noise, measure_noise, prepare, slots_of
+from glider.sysid.noise import Noise, measure_noise
+from glider.sysid.record import prepare
 from glider.sysid.rollout_fit import Problem, fit
 from glider.sysid.vehicle import Vehicle
 
@@ -112,8 +113,8 @@ def _cost(
     turned = tuple(turn(f, signs) for f in flights)
     if campaign.elevator == "servo":  # Its noise depends on the signs.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned))
-    records = prepare(turned, campaign, noise)
+    records = prepare(turned, campaign, noise, vehicle.layout)
     problem = Problem(records=records, noise=noise, trim_is_known=vehicle.trim_is_known)
-    companions = [i for kind in COMPANIONS for i in slots_of(kind)]
+    companions = [i for kind in COMPANIONS for i in vehicle.layout.slots_of(kind)]
     free = tuple(sorted({*vehicle.nuisance, *companions}))
     return fit(problem, vehicle.theta, free, iterations=8).cost

@@ -5,23 +5,15 @@ the format of real ones.
 """
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from glider.actuator import elevator_path
+from glider.effects import LIBRARY
 from glider.model_file import GliderModel
-from glider.parameters import PARAMETER_NAMES
-from glider.sysid.flight_log import Campaign, Flight
-from glider.sysid.replay import (
-    INDEX,
-    NUM_KERNEL_STATES,
-    NUM_KERNEL_THETA,
-    default_theta,
-    kernel,
-    sensed,
-    slots_of,
-)
+from glider.sysid.flight_log import Campaign, Flight, campaign_of
+from glider.sysid.layout import OFFSET, Layout, layout_of
+from glider.sysid.nodes import sensed
 
 FINE = 10
 """Integration steps between two rows of the log."""
@@ -59,12 +51,18 @@ class CampaignPlan:
     """Standard deviation of the launch states."""
 
 
+def layout_for(model: GliderModel) -> Layout:
+    """Returns the layout of the library and of a model's own effects."""
+    return layout_of(tuple(e.kind for e in model.effects if e.kind not in LIBRARY))
+
+
 def theta_of(model: GliderModel) -> np.ndarray:
-    """Returns a model's numbers in the order of `replay.SLOTS`."""
-    theta = default_theta(model.parameters)
+    """Returns a model's numbers as its layout has them."""
+    layout = layout_for(model)
+    theta = layout.default_theta(model.parameters)
     for effect in model.effects:
         if effect.kind.kind != "angle_sign":
-            theta[list(slots_of(effect.kind.kind))] = effect.values
+            theta[list(layout.slots_of(effect.kind.kind))] = effect.values
     return theta
 
 
@@ -81,18 +79,8 @@ def simulate_campaign(
     flights = tuple(
         _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
     )
-    drawing = model.parameters
-    low, high = drawing.elevator_limits
-    return Campaign(
-        name=name,
-        path=Path(name),
-        vehicle={name: getattr(drawing, name) for name in PARAMETER_NAMES},
-        elevator="servo",
-        elevator_limits=(low, high),
-        elevator_rate_limit=drawing.elevator_rate_limit,
-        pose_rate=plan.pose_rate,
-        command_rate=plan.command_rate,
-        flights=flights,
+    return campaign_of(
+        name, model.parameters, flights, plan.pose_rate, plan.command_rate
     )
 
 
@@ -124,7 +112,7 @@ def random_commands(
 def _fly(
     model: GliderModel, plan: CampaignPlan, rng: np.random.Generator, name: str
 ) -> Flight:
-    theta = theta_of(model)
+    layout, theta = layout_for(model), theta_of(model)
     low, high = model.parameters.elevator_limits
     rows = round(plan.duration * plan.pose_rate) + 1
     time = np.arange(rows) / plan.pose_rate
@@ -142,34 +130,34 @@ def _fly(
             switches,
             commands,
             query,
-            delay=theta[INDEX["command_delay", "delay"]],
-            time_constant=theta[INDEX["servo_lag", "time_constant"]],
+            delay=theta[layout.index["command_delay", "delay"]],
+            time_constant=theta[layout.index["servo_lag", "time_constant"]],
             limits=(low, high),
         )
 
-    latency = float(theta[INDEX["pose_latency", "latency"]])
+    latency = float(theta[layout.index["pose_latency", "latency"]])
     fine_rate = plan.pose_rate * FINE
     before = int(np.ceil(max(latency, 0.0) * fine_rate))
     fine = np.arange(-before, (rows - 1) * FINE + 1) / fine_rate
-    start = np.zeros(NUM_KERNEL_STATES)
+    start = np.zeros(layout.num_states)
     start[:7] = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
-    speed = np.hypot(start[4], start[5])
-    normal = start[4] * np.sin(start[2]) + start[5] * np.cos(start[2])
-    start[7:] = -normal / speed
-    start[3] = 0.0
     here, middle = path(fine), path(0.5 * (fine[1:] + fine[:-1]))
+    rate = np.diff(here) * fine_rate
+    start[OFFSET] = here[0]
+    start[7:] = layout.steady_states(fine[0], start, rate[0], theta)
+    start[OFFSET] = 0.0
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-    states = np.empty((len(fine), NUM_KERNEL_STATES))
-    kernel().log_rollout(
+    states = np.empty((len(fine), layout.num_states))
+    layout.kernel.log_rollout(
         fine,
         start,
         elevator,
-        np.diff(here) * fine_rate,
-        theta[:NUM_KERNEL_THETA],
+        rate,
+        layout.dynamics(theta),
         model.residual_field,
         states,
     )
-    shown = sensed(states, theta)
+    shown = sensed(layout, states, theta)
     pose = np.stack(
         [np.interp(time - latency, fine, column) for column in shown.T], axis=1
     )

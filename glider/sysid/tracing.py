@@ -8,30 +8,23 @@ data cannot tell apart.
 """
 
 import dataclasses
-import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
-from glider.effects import KINDS, EffectKind
-from glider.sysid.replay import INDEX, slots_of
-from glider.sysid.rollout_fit import (
-    Fit,
-    Problem,
-    cost,
-    fit,
-    gather,
-    held_out_costs,
-    solve,
+from glider.sysid.search import (
+    EffectSet,
+    Fitted,
+    Search,
+    Weighed,
+    evidence,
+    extend,
+    fit_set,
+    judge,
+    significant,
+    without,
 )
-from glider.sysid.whiteness import LackOfFit, lack_of_fit
-
-Progress = Callable[[str], None]
-
-FALSE_ALARM = 0.002
-"""Chance that the whole library of candidates finds one effect where none is."""
 
 SILENT = 4.0
 """Lack of fit, in standard deviations, below which nothing is left."""
@@ -54,52 +47,10 @@ BEAM = 3
 SEARCH_FLIGHTS = 12
 """Flights to search with where the error is large; all are used in the end."""
 
+_NEARLY_SILENT = 20.0
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Fitted:
-    """Effects fitted together.
-
-    Attributes:
-        kinds: in the order in which they were added.
-        fit: by rollout.
-    """
-
-    kinds: tuple[str, ...]
-    fit: Fit
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class EffectSet(Fitted):
-    """Effects fitted together, and what they leave.
-
-    Attributes:
-        lack: what is left.
-    """
-
-    lack: LackOfFit
-
-    @property
-    def left(self) -> float:
-        """What is left, no less than the noise of that figure."""
-        return max(self.lack.excess, 0.0) + 2.0 * self.lack.std
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Weighed:
-    """One effect of the chosen set, and how sure it is.
-
-    Attributes:
-        kind: of the effect.
-        evidence: log-likelihood gained on held-out flights (leave one flight out,
-            the others of the set kept), over the error's dispersion.
-        share: of the drawing's error that goes when the effect is added last.
-        alternatives: kinds that would do as well in its place.
-    """
-
-    kind: str
-    evidence: float
-    share: float
-    alternatives: tuple[str, ...]
+_INDISTINGUISHABLE = 12.0
+"""Difference of twice the log-likelihood below which two kinds are one to us."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -119,36 +70,6 @@ class Trace:
     weighed: tuple[Weighed, ...]
     candidates: dict[str, float]
     singles: tuple[Fitted, ...]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Search:
-    """What to search and from where.
-
-    Attributes:
-        problem: the flights to fit.
-        theta: the drawing.
-        nuisance: indices into theta that are unknown and always fitted.
-        kinds: the candidates.
-        progress: called with a line of text now and then.
-    """
-
-    problem: Problem
-    theta: np.ndarray
-    nuisance: tuple[int, ...] = ()
-    kinds: tuple[str, ...] = ()
-    progress: Progress = lambda text: None
-
-    def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
-        """Returns the indices to fit for a set of kinds."""
-        slots = {i for kind in kinds for i in slots_of(kind)}
-        if INDEX["parameters", "wing_offset"] in self.nuisance:
-            slots.discard(INDEX["center_of_pressure", "shift"])
-        return tuple(sorted(slots | set(self.nuisance)))
-
-    def on(self, problem: Problem) -> "Search":
-        """Returns the same search on other flights."""
-        return dataclasses.replace(self, problem=problem)
 
 
 def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
@@ -179,7 +100,7 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
         )
         found: dict[frozenset[str], Fitted] = {}
         for parent in levels[-1][:BEAM]:
-            for child in _extend(search, parent, 10 if depth == 0 else 6):
+            for child in extend(search, parent, 10 if depth == 0 else 6):
                 key = frozenset(child.kinds)
                 if key not in found or child.fit.cost < found[key].fit.cost:
                     found[key] = child
@@ -211,18 +132,6 @@ def _hopeless(sizes: Sequence[EffectSet]) -> bool:
     return len(sizes) > 2 and sizes[-1].left > HOPELESS * sizes[0].left
 
 
-def fit_set(search: Search, kinds: tuple[str, ...], theta: np.ndarray) -> EffectSet:
-    """Fits a set of effects from a start and tests what it leaves."""
-    found = fit(search.problem, theta, search.free(kinds))
-    return judge(search, Fitted(kinds=kinds, fit=found))
-
-
-def judge(search: Search, fitted: Fitted) -> EffectSet:
-    """Returns the set with a test of what it leaves."""
-    lack = lack_of_fit(search.problem, fitted.fit.theta)
-    return EffectSet(kinds=fitted.kinds, fit=fitted.fit, lack=lack)
-
-
 def choose(sets: Sequence[EffectSet], num_kinds: int) -> EffectSet:
     """Returns the set that earns its place, from the best of each size.
 
@@ -243,74 +152,12 @@ def choose(sets: Sequence[EffectSet], num_kinds: int) -> EffectSet:
     return chosen
 
 
-def significant(small: Fit, large: Fit, num_kinds: int) -> bool:
-    """Whether a fit beats a smaller one by more than the best of many would by luck.
-
-    The likelihood ratio over the dispersion is held against χ², with the level
-    divided by the number of candidates; and the gain must hold on flights that
-    were left out of the fit.
-    """
-    extra = max(len(large.free) - len(small.free), 1)
-    ratio = (small.cost - large.cost) / max(large.dispersion, 1e-9)
-    by_luck = chi2.sf(ratio, extra) * max(num_kinds, 1)
-    return bool(by_luck < FALSE_ALARM and evidence(small, large) > 3.0)
-
-
-def evidence(small: Fit, large: Fit) -> float:
-    """Log-likelihood that a larger fit gains on flights left out of it."""
-    gain = held_out_costs(small.information) - held_out_costs(large.information)
-    gain = gain[: len(large.degrees)]  # A prior is no flight.
-    return float(0.5 * gain.sum() / max(large.dispersion, 1.0))
-
-
-def starts(kind: EffectKind, theta: np.ndarray) -> list[np.ndarray]:
-    """Returns theta with each combination of the kind's starting values."""
-    options = [c.grid or (c.default,) for c in kind.coefficients]
-    found = []
-    for values in itertools.product(*options):
-        start = theta.copy()
-        start[list(slots_of(kind.kind))] = values
-        found.append(start)
-    return found
-
-
-def _sizes(kind: EffectKind) -> set[int]:
-    """Indices of the coefficients that the cost is nearly quadratic in."""
-    slots = slots_of(kind.kind)
-    sizes = {i for i, c in zip(slots, kind.coefficients, strict=True) if not c.is_shape}
-    return sizes or set(slots)
-
-
-def _extend(search: Search, parent: Fitted, most: int) -> list[Fitted]:
-    """Fits a set with each promising further effect."""
-    ranked = []
-    free = set(search.free(parent.kinds))
-    for name in search.kinds:
-        if name in parent.kinds:
-            continue
-        sizes = tuple(sorted(free | (_sizes(KINDS[name]) & set(search.free((name,))))))
-        best = math.inf, parent.fit.theta
-        for start in starts(KINDS[name], parent.fit.theta):
-            information = gather(search.problem, start, sizes).sum(axis=0)
-            promised = cost(information, solve(information))
-            if promised < best[0]:
-                best = promised, start
-        ranked.append((*best, name))
-    ranked.sort(key=lambda entry: entry[0])
-    found = []
-    for _, start, name in ranked[:most]:
-        kinds = (*parent.kinds, name)
-        result = fit(search.problem, start, search.free(kinds))
-        found.append(Fitted(kinds=kinds, fit=result))
-    return found
-
-
 def _prune(search: Search, chosen: EffectSet) -> EffectSet:
     """Drops members that the others have made needless."""
     for kind in chosen.kinds:
         if len(chosen.kinds) < 2:
             break
-        smaller = _without(search, chosen, kind)
+        smaller = without(search, chosen, kind)
         needed = significant(smaller.fit, chosen.fit, len(search.kinds))
         if not needed or smaller.left < 1.2 * chosen.left:
             chosen = smaller
@@ -324,7 +171,7 @@ def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
     an effect must gain `CLEAR` evidence and leave nothing.
     """
     while chosen.kinds and len(chosen.kinds) < most and chosen.lack.z < _NEARLY_SILENT:
-        children = _extend(search, chosen, 3)
+        children = extend(search, chosen, 3)
         if not children:
             break
         best = judge(search, min(children, key=lambda s: s.fit.cost))
@@ -337,21 +184,11 @@ def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
     return chosen
 
 
-_NEARLY_SILENT = 20.0
-
-
-def _without(search: Search, chosen: EffectSet, kind: str) -> EffectSet:
-    theta = chosen.fit.theta.copy()
-    slots = list(slots_of(kind))
-    theta[slots] = search.theta[slots]
-    return fit_set(search, tuple(k for k in chosen.kinds if k != kind), theta)
-
-
 def _weigh(search: Search, base: EffectSet, chosen: EffectSet) -> tuple[Weighed, ...]:
     weighed = []
     total = max(base.lack.excess - min(chosen.lack.excess, 0.0), 1e-9)
     for kind in chosen.kinds:
-        smaller = _without(search, chosen, kind)
+        smaller = without(search, chosen, kind)
         share = (smaller.lack.excess - max(chosen.lack.excess, 0.0)) / total
         weighed.append(
             Weighed(
@@ -372,7 +209,7 @@ def _alternatives(
         search, kinds=tuple(k for k in search.kinds if k not in chosen.kinds)
     )
     equal = []
-    for other in _extend(rest, smaller, 4):
+    for other in extend(rest, smaller, 4):
         penalty = math.log(chosen.fit.degrees.sum()) * (
             len(other.fit.free) - len(chosen.fit.free)
         )
@@ -380,7 +217,3 @@ def _alternatives(
         if gap + min(penalty, 0.0) < _INDISTINGUISHABLE:
             equal.append(other.kinds[-1])
     return tuple(equal)
-
-
-_INDISTINGUISHABLE = 12.0
-"""Difference of twice the log-likelihood below which two kinds are one to us."""

@@ -7,36 +7,41 @@ error fall and tells where to look, but it is not a name.
 """
 
 import dataclasses
-import itertools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 
 import numpy as np
 
-from glider.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
+from glider.effects import FIELD_TERMS, FIELD_VARIABLES, Field
 from glider.effects.field import FieldData, make_field
-from glider.sysid.replay import (
-    NUM_KERNEL_THETA,
-    Record,
-    kernel,
-    node_signals,
-    pose_signals,
-    true_nodes,
+from glider.sysid.field_fit import (
+    FORMS,
+    WEIGHT_SPREAD,
+    FieldFit,
+    fit_field,
+    forcing_of,
+    place_basis,
 )
+from glider.sysid.information import held_out_costs
 from glider.sysid.result import Estimate
-from glider.sysid.rollout_fit import (
-    Problem,
-    degrees_of_freedom,
-    gather,
-    held_out_costs,
-    solve,
-)
+from glider.sysid.rollout_fit import Problem, degrees_of_freedom, gather
 from glider.sysid.whiteness import LackOfFit, lack_of_fit
 
-FORMS = {"air": ("wind_x", "wind_z"), "forces": ("c_lift", "c_drag", "c_moment")}
-"""What a field may be: terms that it has."""
+SURVEY_FLIGHTS = 12
+"""Flights to survey the variables with; the field is fitted to all."""
 
-WEIGHT_SPREAD = 2.0
-"""Spread of the weights before data: the ridge [m/s or -]."""
+_COARSE = 12
+_FINER = (18, 27, 40)
+_REFINEMENT = 1.5
+"""From one number of basis functions to the next."""
+
+_FINER = (18, 27, 40)
+
+_NEARLY = 1.5
+"""Ratio of what is left below which another variable does nearly as well."""
+
+_STANDS_STILL = 1e-6
+"""Range of a variable below which nothing can be said to depend on it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,152 +99,6 @@ class UnexplainedField:
         return make_field(self.data)
 
 
-def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
-    elevator, rate = node_signals(record, theta)
-    nodes = true_nodes(record, theta)
-    values = np.empty((len(record.time), 9))
-    kernel().log_flow(
-        record.time,
-        nodes,
-        elevator,
-        rate,
-        theta[:NUM_KERNEL_THETA],
-        NO_FIELD,
-        values,
-    )
-    alpha = np.arctan2(values[:, 1], values[:, 2])
-    columns = {
-        "x": nodes[:, 0],
-        "z": nodes[:, 1],
-        "t": record.time,
-        "pitch": nodes[:, 2],
-        "V": values[:, 0],
-        "alpha": alpha,
-        "pitchdot": nodes[:, 6],
-        "elevator": values[:, 8],
-        "elevator_rate": rate,
-    }
-    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
-
-
-def place_basis(
-    records: Sequence[Record],
-    theta: np.ndarray,
-    variables: tuple[str, ...],
-    count: int,
-) -> FieldData:
-    """Spreads Gaussians evenly over what the flights covered, weights zero."""
-    columns = [FIELD_VARIABLES.index(name) for name in variables]
-    flown = np.concatenate([flow_variables(r, theta)[:, columns] for r in records])
-    low, high = np.percentile(flown, [0.5, 99.5], axis=0)
-    axes = [np.linspace(a, b, count) for a, b in zip(low, high, strict=True)]
-    widths = [float(axis[1] - axis[0]) for axis in axes]
-    centers = np.array(list(itertools.product(*axes)))
-    if len(variables) > 1:  # Keep only where somebody flew.
-        scaled = (flown[:, None, :] - centers[None]) / np.array(widths)
-        near = np.min(np.sum(scaled**2, axis=2), axis=0) < 1.0
-        centers = centers[near]
-    return FieldData(
-        kind="unexplained",
-        variables=list(variables),
-        centers=centers.tolist(),
-        widths=widths,
-    )
-
-
-def with_weights(data: FieldData, form: str, weights: np.ndarray) -> FieldData:
-    """Returns the field with weights (M, terms of the form)."""
-    terms = dict(zip(FORMS[form], weights.T.tolist(), strict=True))
-    return dataclasses.replace(data, weights=terms)
-
-
-def forcing_of(
-    theta: np.ndarray, field: Field, terms: tuple[str, ...]
-) -> Callable[[Record], np.ndarray]:
-    """Returns how each weight of a field moves the end of each interval.
-
-    A weight acts like a constant air velocity or coefficient times the value of
-    its basis function at the middle of the interval. The columns run over the
-    basis functions first, then over the terms.
-    """
-    chosen = [FIELD_TERMS.index(name) for name in terms]
-    used = np.flatnonzero(np.any(field.inverse_widths != 0.0, axis=0))
-    row = np.zeros((1, len(FIELD_VARIABLES)))
-    constant = Field(
-        np.vstack([field.centers, row]),
-        np.vstack([field.inverse_widths, row]),
-        np.vstack([field.weights, np.zeros((1, len(FIELD_TERMS)))]),
-    )
-
-    def forcing(record: Record) -> np.ndarray:
-        signals = pose_signals(record, theta)
-        dynamics = theta[:NUM_KERNEL_THETA]
-        nodes = true_nodes(record, theta)
-
-        def ends(weights: np.ndarray) -> np.ndarray:
-            reached = np.empty_like(nodes[1:])
-            kernel().log_advance(
-                record.time,
-                nodes,
-                *signals,
-                dynamics,
-                constant._replace(weights=weights),
-                reached,
-            )
-            return reached
-
-        nominal = ends(constant.weights)
-        responses = []
-        for term in chosen:
-            weights = constant.weights.copy()
-            weights[-1, term] = _STEP
-            responses.append((ends(weights) - nominal) / _STEP)
-        values = flow_variables(record, theta)[:, used]
-        values = 0.5 * (values[1:] + values[:-1])
-        scaled = values[:, None, :] - field.centers[None][:, :, used]
-        scaled = scaled * field.inverse_widths[None][:, :, used]
-        basis = np.exp(-0.5 * np.sum(scaled**2, axis=2))  # (n - 1, M)
-        product = basis[:, None, :, None] * np.stack(responses, axis=2)[:, :, None, :]
-        return product.reshape(*nominal.shape, -1)
-
-    return forcing
-
-
-_STANDS_STILL = 1e-6
-"""Range of a variable below which nothing can be said to depend on it."""
-
-_STEP = 1e-4
-"""Finite-difference step of a weight [m/s or -]."""
-
-
-def fit_field(
-    problem: Problem, theta: np.ndarray, data: FieldData, form: str, iterations: int
-) -> tuple[FieldData, float, Problem]:
-    """Fits a field's weights by Gauss-Newton.
-
-    Returns:
-        the field, its cost on flights left out, the problem with the field in it.
-    """
-    base, terms = problem, FORMS[form]
-    weights = np.zeros((len(data.centers), len(terms)))
-    if data.weights:
-        weights = np.array([data.weights[term] for term in terms]).T
-    ridge = 1.0 / WEIGHT_SPREAD**2
-    held_out = np.inf
-    for _ in range(iterations):
-        data = with_weights(data, form, weights)
-        problem = dataclasses.replace(base, field=make_field(data))
-        information = gather(
-            problem, theta, (), forcing=forcing_of(theta, problem.field, terms)
-        )
-        step = solve(information.sum(axis=0), ridge).reshape(weights.shape)
-        held_out = float(held_out_costs(information, ridge).sum())
-        weights = weights + step
-    data = with_weights(data, form, weights)
-    return data, held_out, dataclasses.replace(base, field=make_field(data))
-
-
 def survey(problem: Problem, theta: np.ndarray) -> dict[tuple[str, str], float]:
     """Returns the held-out cost of a field of each form over each variable.
 
@@ -275,7 +134,7 @@ def find_field(
     count, best = _COARSE, tried[form, variable]
     for finer in _FINER:
         data = place_basis(thinned.records, theta, (variable,), finer)
-        held_out = fit_field(thinned, theta, data, form, 1)[1]
+        held_out = fit_field(thinned, theta, data, form, 1).held_out_cost
         if held_out < best:
             count, best = finer, held_out
     progress(f"fitting a field over {variable}")
@@ -299,34 +158,75 @@ def _fitted(
     tried: dict[tuple[str, str], float],
     thinned: Problem,
 ) -> UnexplainedField:
-    data, held_out, with_field = fit_field(problem, theta, data, form, 3)
+    found = fit_field(problem, theta, data, form, 3)
+    with_field = dataclasses.replace(problem, field=make_field(found.data))
     return UnexplainedField(
         form=form,
         variables=tuple(data.variables),
-        data=data,
-        held_out_cost=held_out,
+        data=found.data,
+        held_out_cost=found.held_out_cost,
         expected_cost=float(degrees_of_freedom(problem).sum()),
         lack=lack_of_fit(with_field, theta),
         tried=tried,
         survey_noise=float(degrees_of_freedom(thinned).sum()),
-        coefficients=_peaks(data),
+        coefficients=find_peaks(found),
     )
 
 
-def _peaks(data: FieldData) -> dict[str, Estimate]:
-    """Returns the largest value of each term of a field over one variable."""
+def with_form_errors(
+    problem: Problem, theta: np.ndarray, found: UnexplainedField
+) -> UnexplainedField:
+    """Returns the field with standard errors that own up to its basis too.
+
+    Where a peak lies also hangs on the Gaussians that the field is made of: by how
+    much it moves with a finer basis counts as one more standard error.
+    """
+    count = round(_REFINEMENT * len(found.data.centers))
+    data = place_basis(problem.records, theta, found.variables, count)
+    finer = find_peaks(fit_field(problem, theta, data, found.form, 2))
+    coefficients = {
+        name: dataclasses.replace(c, std=math.hypot(c.std, finer[name].value - c.value))
+        for name, c in found.coefficients.items()
+    }
+    return dataclasses.replace(found, coefficients=coefficients)
+
+
+def find_peaks(fitted: FieldFit) -> dict[str, Estimate]:
+    """Returns the largest value of each term of a field over one variable.
+
+    Standard errors follow from the weights' covariance C. With the field
+    f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place
+    as -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at the
+    edge of what was flown is none of the field's, so its place has no error (NaN).
+    """
+    data = fitted.data
     variable = data.variables[0]
-    centers = np.array(data.centers)[:, 0]
+    centers, width = np.array(data.centers)[:, 0], data.widths[0]
     grid = np.linspace(centers.min(), centers.max(), 401)
-    basis = np.exp(-0.5 * ((grid[:, None] - centers) / data.widths[0]) ** 2)
     found = {}
-    for term, weights in data.weights.items():
-        curve = basis @ np.array(weights)
-        peak = int(np.argmax(np.abs(curve)))
+    for k, (term, values) in enumerate(data.weights.items()):
+        weights = np.array(values)
+        of_term = slice(k, None, len(data.weights))
+        covariance = fitted.covariance[of_term, of_term]
+        scaled = (grid[:, None] - centers) / width
+        basis = np.exp(-0.5 * scaled**2)
+        peak = int(np.argmax(np.abs(basis @ weights)))
+        height, place = basis[peak], grid[peak]
+        slope = -scaled[peak] / width * height
+        curvature = (scaled[peak] ** 2 - 1.0) / width**2 * height @ weights
+        is_inside = 0 < peak < len(grid) - 1
         unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
-        found[f"{term}_peak"] = Estimate(value=float(curve[peak]), std=0.0, unit=unit)
+        found[f"{term}_peak"] = Estimate(
+            value=float(height @ weights),
+            std=float(np.sqrt(height @ covariance @ height)),
+            unit=unit,
+        )
         found[f"{term}_peak_at_{variable}"] = Estimate(
-            value=float(grid[peak]), std=0.0, unit=_UNITS[variable]
+            value=float(place),
+            std=float(np.sqrt(slope @ covariance @ slope) / abs(curvature))
+            if is_inside and curvature != 0.0
+            else math.nan,
+            unit=_UNITS[variable],
         )
     return found
 
@@ -342,12 +242,3 @@ _UNITS = {
     "elevator": "rad",
     "elevator_rate": "rad/s",
 }
-
-_NEARLY = 1.5
-"""Ratio of what is left below which another variable does nearly as well."""
-
-SURVEY_FLIGHTS = 12
-"""Flights to survey the variables with; the field is fitted to all."""
-
-_COARSE = 12
-_FINER = (18, 27, 40)

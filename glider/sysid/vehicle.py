@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from glider.effects import LIBRARY
-from glider.parameters import GliderParameters
+from glider.parameters import PARAMETER_NAMES, GliderParameters
 from glider.sysid.flight_log import Campaign
-from glider.sysid.replay import INDEX, SIGNAL_KINDS, default_theta, theta_scale
+from glider.sysid.layout import LIBRARY_LAYOUT, SIGNAL_KINDS, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
@@ -40,6 +39,7 @@ class Vehicle:
     """A campaign's vehicle as the fits see it.
 
     Attributes:
+        layout: of theta.
         theta: the drawing, unknown entries at a start value.
         nuisance: indices into theta that are unknown and fitted with everything.
         own: indices of the flat plate's own parameters, for the refitted plate.
@@ -50,6 +50,7 @@ class Vehicle:
         notes: what was assumed, for the report.
     """
 
+    layout: Layout
     theta: np.ndarray
     nuisance: tuple[int, ...]
     own: tuple[int, ...]
@@ -60,8 +61,9 @@ class Vehicle:
     notes: tuple[str, ...]
 
 
-def make_vehicle(campaign: Campaign) -> Vehicle:
+def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
     """Sorts a campaign's vehicle into known and unknown."""
+    index = layout.index
     known = dict(campaign.vehicle)
     notes = []
     drawing: dict[str, Any] = dataclasses.asdict(GliderParameters())
@@ -86,32 +88,33 @@ def make_vehicle(campaign: Campaign) -> Vehicle:
     unknown = [name for name in OWN if name not in known]
     if "mass" not in known and has_scale:
         unknown.append("mass")
-    nuisance = [INDEX["parameters", name] for name in unknown]
+    nuisance = [index["parameters", name] for name in unknown]
     dropped = {"angle_sign"}
     if campaign.elevator != "servo":
         dropped |= set(SIGNAL_KINDS) | {"elevator_trim"}
     if campaign.elevator == "fixed":
-        nuisance.append(INDEX["elevator_trim", "angle"])
+        nuisance.append(index["elevator_trim", "angle"])
     if "mass" not in known or "wing_area" in unknown:
         dropped.add("mass")
     if "pitch_inertia" in unknown:
         dropped.add("inertia")
     if "elevator_area" in unknown:
         dropped.add("elevator_area")
-    theta = default_theta(parameters)
+    theta = layout.default_theta(parameters)
     prior = None
     if unknown:
-        spread = PRIOR_SCALES * theta_scale()
+        spread = PRIOR_SCALES * layout.scale
         for name in unknown:
-            i = INDEX["parameters", name]
+            i = index["parameters", name]
             spread[i] = _OFFSET_SPREAD if name == "wing_offset" else 0.5 * theta[i]
         prior = theta.copy(), spread
     return Vehicle(
+        layout=layout,
         theta=theta,
         prior=prior,
         nuisance=tuple(sorted(nuisance)),
-        own=tuple(sorted({*nuisance, *(INDEX["parameters", name] for name in OWN)})),
-        kinds=tuple(e.kind for e in LIBRARY if e.kind not in dropped),
+        own=tuple(sorted({*nuisance, *(index["parameters", name] for name in OWN)})),
+        kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
         trim_is_known=campaign.elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and campaign.elevator != "fixed",
         notes=tuple(notes),
@@ -126,8 +129,6 @@ def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
     if campaign.elevator_rate_limit is not None:
         limits["elevator_rate_limit"] = campaign.elevator_rate_limit
     values: dict[str, Any] = {
-        name: float(theta[i])
-        for (kind, name), i in INDEX.items()
-        if kind == "parameters"
+        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
     }
     return GliderParameters(**values, **limits)

@@ -8,17 +8,17 @@ import dataclasses
 
 import numpy as np
 
-from glider.effects import NO_FIELD, Field
+from glider.sysid.explanation import Explanation
 from glider.sysid.rollout_fit import Fit, Problem, fit
-from glider.sysid.rough import trace_rough
-from glider.sysid.tracing import (
-    SILENT,
-    EffectSet,
-    Search,
-    Weighed,
-    trace,
+from glider.sysid.rough import explain_roughly
+from glider.sysid.search import EffectSet, Search, Weighed
+from glider.sysid.tracing import SILENT, trace
+from glider.sysid.unexplained import (
+    UnexplainedField,
+    find_field,
+    refit_field,
+    with_form_errors,
 )
-from glider.sysid.unexplained import UnexplainedField, find_field, refit_field
 from glider.sysid.whiteness import lack_of_fit
 
 WORTH = 2.0
@@ -32,46 +32,13 @@ IN_PLACE = 4.0
 """Factor by which a field alone must beat the effects, to take their place."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Explanation:
-    """What was found, named or not.
-
-    Attributes:
-        fit: of the named effects' coefficients.
-        weighed: the effects, strongest first; one may be "unexplained".
-        unexplained: the residual field, or None.
-        candidates: evidence of each kind when tried alone.
-        left_z: what the effects and the field leave of the fitted flights, in
-            standard deviations of noise.
-        plate: theta of the flat plate with its own parameters refitted, where that
-            took rollouts; else None.
-    """
-
-    fit: Fit
-    weighed: tuple[Weighed, ...]
-    unexplained: UnexplainedField | None
-    candidates: dict[str, float]
-    left_z: float = np.inf
-    plate: np.ndarray | None = None
-
-    @property
-    def theta(self) -> np.ndarray:
-        """The corrected model's numbers."""
-        return self.fit.theta
-
-    @property
-    def field(self) -> Field:
-        """The corrected model's residual field."""
-        return NO_FIELD if self.unexplained is None else self.unexplained.field
-
-
 def explain(search: Search) -> Explanation:
     """Traces the effects, then carries what they leave if it is real."""
     traced = trace(search, most=1)
     base, alone = traced.base, None
     is_drawn = search.problem.prior is None
     if not is_drawn and traced.chosen.fit.dispersion > ROUGH:
-        return _explain_roughly(search)
+        return explain_roughly(search)
     if base.lack.z >= SILENT and _is_real(traced.chosen, base):
         alone = find_field(search.problem, base.fit.theta, search.progress)
         in_space_or_time = alone.variables[0] in ("x", "t")
@@ -96,18 +63,6 @@ def explain(search: Search) -> Explanation:
     if not _is_worth(chosen, on_top):
         return named
     return _carry(search, base, chosen, on_top, named)
-
-
-def _explain_roughly(search: Search) -> Explanation:
-    """Traces what makes real flights of an undrawn glider easier to foretell."""
-    found = trace_rough(search)
-    return Explanation(
-        fit=found.fit,
-        weighed=found.weighed,
-        unexplained=None,
-        candidates=found.candidates,
-        plate=found.plate,
-    )
 
 
 def _is_real(chosen: EffectSet, base: EffectSet) -> bool:
@@ -166,7 +121,7 @@ def _carry(
     return Explanation(
         fit=result,
         weighed=tuple(sorted(weighed, key=lambda w: -w.share)),
-        unexplained=field,
+        unexplained=with_form_errors(search.problem, result.theta, field),
         candidates=named.candidates,
         left_z=field.lack.z,
     )

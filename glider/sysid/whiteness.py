@@ -11,7 +11,8 @@ import dataclasses
 import numpy as np
 from scipy.fft import dct
 
-from glider.sysid.replay import Record, fitted_start, linearize
+from glider.sysid.linearization import fitted_start, linearize
+from glider.sysid.record import Record
 from glider.sysid.rollout_fit import Problem, in_parallel
 
 SLOW_MODES = 10

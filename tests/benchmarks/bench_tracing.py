@@ -17,10 +17,11 @@ import numpy as np
 
 from glider.effects import FIELD_TERMS, FIELD_VARIABLES, KINDS, Field
 from glider.model_file import GliderModel
-from glider.sysid.flight_log import load_campaign
+from glider.sysid.campaign_reader import load_campaign
 from glider.sysid.forecast import measure_errors
+from glider.sysid.noise import measure_noise
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay import measure_noise, prepare, slots_of
+from glider.sysid.record import prepare
 from glider.sysid.rollout_fit import Problem, fit
 from glider.sysid.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.vehicle import make_vehicle
@@ -71,8 +72,8 @@ def floor_of(name: str, held_out: tuple[str, ...]) -> float:
         problem = dataclasses.replace(problem, field=vent())
     elif truth is not None:
         if truth == "servo_lag":
-            theta[list(slots_of(truth))] = 0.02
-        theta = fit(problem, theta, slots_of(truth)).theta
+            theta[list(vehicle.layout.slots_of(truth))] = 0.02
+        theta = fit(problem, theta, vehicle.layout.slots_of(truth)).theta
     test = dataclasses.replace(problem, records=prepare(unseen, campaign, noise))
     return measure_errors(test, theta)[0].position_rms_m
 

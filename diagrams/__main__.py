@@ -1,0 +1,76 @@
+"""Pictures of the diagrams: python -m diagrams [--out DIR].
+
+For each diagram an .svg drawn by Matplotlib, and the .dot that Graphviz takes
+(`dot -Tsvg closed_loop.dot`); where `dot` is installed, its .svg too.
+"""
+
+import argparse
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from pydrake.systems.framework import Diagram
+
+from diagrams.closed_loop import closed_loop
+from diagrams.open_loop import open_loop
+from diagrams.picture import make_picture
+from glider.control import tracking_regulator
+from glider.effects import SERVO_LAG
+from glider.model_file import GliderModel
+from glider.planning import dircol
+from glider.planning.problem import PerchingProblem
+from glider.plant import GliderPlant
+
+
+def make_examples() -> dict[str, Diagram]:
+    """Returns the diagrams to draw, by the names of their files."""
+    drawing, lag = GliderModel(), GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
+    problem = PerchingProblem()
+
+    def fly(model: GliderModel, **options: Any) -> Diagram:
+        plant = GliderPlant(model)
+        plan = dircol.plan(plant, problem)
+        regulator = tracking_regulator(plant, plan)
+        return closed_loop(drawing, regulator, planned=model, **options)
+
+    plan = dircol.plan(GliderPlant(drawing), problem)
+    return {
+        "open_loop": open_loop(drawing, plan),
+        "closed_loop": fly(drawing),
+        "closed_loop_sampled": fly(
+            lag, command_rate=50.0, feedback_noise=True, motion_capture=120.0
+        ),
+    }
+
+
+def save_pictures(diagrams: dict[str, Diagram], folder: Path) -> list[Path]:
+    """Writes the pictures of diagrams into a folder; returns the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, diagram in diagrams.items():
+        dot = folder / f"{name}.dot"
+        dot.write_text(diagram.GetGraphvizString(), encoding="utf-8")
+        picture = folder / f"{name}.svg"
+        with matplotlib.rc_context({"svg.hashsalt": name}):  # The same each time.
+            make_picture(diagram).savefig(picture, metadata={"Date": None})
+        files += [dot, picture]
+        if program := shutil.which("dot"):
+            drawn = folder / f"{name}.graphviz.svg"
+            subprocess.run([program, "-Tsvg", str(dot), "-o", str(drawn)], check=True)
+            files.append(drawn)
+    return files
+
+
+def main() -> None:
+    """Runs the command."""
+    parser = argparse.ArgumentParser(prog="python -m diagrams", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out/diagrams"))
+    args = parser.parse_args()
+    for file in save_pictures(make_examples(), args.out):
+        print(file)
+
+
+if __name__ == "__main__":
+    main()

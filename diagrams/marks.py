@@ -1,0 +1,163 @@
+"""Marks on a glider in Meshcat: the trail of its flight, arrows of its forces."""
+
+import math
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.geometry import Cylinder, Mesh, Meshcat, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import (
+    DiagramBuilder,
+    EventStatus,
+    LeafSystem_,
+    OutputPort,
+)
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from diagrams.scene import FRAMES_PER_SECOND
+from glider.parameters import GliderParameters
+from glider.paths import models_path
+
+ARROW_SCALE = 0.2
+"""Length of an arrow over its force [m/N]."""
+
+_ARROW_RADIUS = 0.006
+"""Of the shaft [m]."""
+
+_TRAIL_RADIUS = 0.004
+"""[m]."""
+
+_TRAIL_STEP = 0.03
+"""Between two pieces of the trail [m]."""
+
+_INK = Rgba(0.45, 0.15, 0.6)
+
+
+@TemplateSystem.define("GliderMarks_", T_list=[float, AutoDiffXd])
+def GliderMarks_(T):
+    class Impl(LeafSystem_[T]):
+        """Draws trail and arrows; only the float system does, not its twin.
+
+        state --> [ GliderMarks ]
+        forces -> [             ]
+
+        Args:
+            meshcat: where to draw.
+            name: the glider's in Meshcat, as in AddScene.
+            color: of the trail.
+            num_states: width of the port `state`; x and z come first.
+            num_forces: width of the port `forces`, which may be left open; the
+                wing's and the elevator's along their normals come first [N].
+        """
+
+        def _construct(
+            self, meshcat, name, color, num_states, num_forces, *, converter=None
+        ):
+            LeafSystem_[T].__init__(self, converter)
+            self._arguments = meshcat, name, color, num_states, num_forces
+            self._last = None
+            self._pieces = 0
+            self.DeclareVectorInputPort("state", num_states)
+            self.DeclareVectorInputPort("forces", num_forces)
+            if T is float:
+                self.DeclareInitializationPublishEvent(publish=self._clear)
+                self.DeclarePeriodicPublishEvent(
+                    period_sec=1.0 / FRAMES_PER_SECOND,
+                    offset_sec=0.0,
+                    publish=self._draw,
+                )
+
+        def _construct_copy(self, other, converter=None):
+            Impl._construct(self, *other._arguments, converter=converter)
+
+        def _clear(self, context):
+            meshcat, name, *_ = self._arguments
+            meshcat.Delete(trail_path(name))
+            self._last, self._pieces = None, 0
+            return EventStatus.Succeeded()
+
+        def _draw(self, context):
+            meshcat, name, *_ = self._arguments
+            t = context.get_time()
+            x, z = self.GetInputPort("state").Eval(context)[:2]
+            self._draw_trail(t, np.array([x, 0.0, z]))
+            forces = self.GetInputPort("forces")
+            if forces.HasValue(context):
+                wing_elevator = forces.Eval(context)[:2]
+                for path, force in zip(arrow_paths(name), wing_elevator, strict=True):
+                    # An arrow of no length has no direction to light it by.
+                    length = ARROW_SCALE * force or 1e-6
+                    size = [_ARROW_RADIUS, _ARROW_RADIUS, length]
+                    meshcat.SetProperty(path, "scale", size, t)
+            return EventStatus.Succeeded()
+
+        def _draw_trail(self, t, here):
+            meshcat, name, color, *_ = self._arguments
+            if self._last is None:
+                self._last = here
+            step = here - self._last
+            length = float(np.linalg.norm(step))
+            if not (math.isfinite(length) and length > _TRAIL_STEP):
+                return
+            path = f"{trail_path(name)}/{self._pieces}"
+            meshcat.SetObject(path, Cylinder(_TRAIL_RADIUS, length), color)
+            along = RotationMatrix.MakeFromOneVector(step, 2)
+            meshcat.SetTransform(path, RigidTransform(along, self._last + 0.5 * step))
+            # A recording keeps properties, not that an object came later.
+            meshcat.SetProperty(path, "visible", False, 0.0)
+            meshcat.SetProperty(path, "visible", True, t)
+            self._last, self._pieces = here, self._pieces + 1
+
+    return Impl
+
+
+GliderMarks = GliderMarks_[None]  # The float instantiation.
+
+
+def trail_path(name: str) -> str:
+    """Returns where the trail of a glider is in Meshcat."""
+    return f"/drake/{name}_trail"
+
+
+def arrow_paths(name: str) -> tuple[str, str]:
+    """Returns where the arrows of wing and elevator are in Meshcat."""
+    glider = f"/drake/{name}/glider"
+    return f"{glider}/body/wing_force", f"{glider}/elevator/elevator_force"
+
+
+def AddMarks(
+    builder: DiagramBuilder,
+    state: OutputPort,
+    meshcat: Meshcat,
+    *,
+    name: str = "glider",
+    color: Rgba | None = None,
+    forces: OutputPort | None = None,
+    parameters: GliderParameters | None = None,
+) -> None:
+    """Adds a trail, and arrows of ARROW_SCALE, to a glider that AddScene has added.
+
+    Args:
+        builder: gets the system "NAME_marks".
+        state: as in AddScene.
+        meshcat: as in AddScene.
+        name: as in AddScene.
+        color: of the trail; grey if None.
+        forces: port of the wing's and the elevator's force along their normals [N]
+            and anything after them, such as GliderPlant's "forces".
+        parameters: the drawing, which says where the forces act.
+    """
+    trail = color if color is not None else Rgba(0.3, 0.33, 0.38)
+    width = 2 if forces is None else forces.size()
+    marks = GliderMarks(meshcat, name, trail, state.size(), width)
+    builder.AddNamedSystem(f"{name}_marks", marks)
+    builder.Connect(state, marks.GetInputPort("state"))
+    if forces is None:
+        return
+    builder.Connect(forces, marks.GetInputPort("forces"))
+    drawing = parameters if parameters is not None else GliderParameters()
+    places = drawing.wing_offset, -drawing.elevator_offset
+    arrow = Mesh(str(models_path("glider", "arrow.obj")))
+    for path, place in zip(arrow_paths(name), places, strict=True):
+        meshcat.SetObject(path, arrow, _INK)
+        meshcat.SetTransform(path, RigidTransform([place, 0.0, 0.0]))

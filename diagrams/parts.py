@@ -1,0 +1,100 @@
+"""What the diagrams share: a glider with its servo, and its logs."""
+
+import math
+
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import LogVectorOutput, MatrixGain, Multiplexer
+
+from diagrams.scene import AddScene
+from glider.model_file import GliderModel
+from glider.plant import GliderPlant
+from glider.sensing import SampledNoise
+from glider.servo import ElevatorServo
+from glider.state import POSE_NAMES, STATE_NAMES
+
+LONGEST = 3.0
+"""Of a flight with noise [s]: how long its tapes are."""
+
+
+def add_glider(builder: DiagramBuilder, model: GliderModel) -> tuple[System, System]:
+    """Adds "glider" and "servo", connected; the servo's "command" stays open.
+
+    Their outputs are exported as "state", "pose" and "elevator_rate", and logged
+    at the integrator's steps in "state_log" and "rate_log", the glider's "forces" in
+    "force_log".
+    """
+    glider = builder.AddNamedSystem("glider", GliderPlant(model))
+    state = glider.GetOutputPort("state")
+    servo = builder.AddNamedSystem(
+        "servo", ElevatorServo(model.parameters, state.size())
+    )
+    rate = servo.GetOutputPort("elevator_rate")
+    builder.Connect(state, servo.GetInputPort("state"))
+    builder.Connect(rate, glider.GetInputPort("elevator_rate"))
+    builder.ExportOutput(state, "state")
+    builder.ExportOutput(glider.GetOutputPort("pose"), "pose")
+    builder.ExportOutput(rate, "elevator_rate")
+    add_log(builder, state, "state_log")
+    add_log(builder, rate, "rate_log")
+    add_log(builder, glider.GetOutputPort("forces"), "force_log")
+    return glider, servo
+
+
+def add_log(
+    builder: DiagramBuilder, port: OutputPort, name: str, rate: float | None = None
+) -> None:
+    """Adds a log, of every integrator step or at a rate [Hz]."""
+    if rate is None:
+        LogVectorOutput(port, builder).set_name(name)
+    else:
+        LogVectorOutput(port, builder, 1.0 / rate).set_name(name)
+
+
+def add_motion_capture(
+    builder: DiagramBuilder, glider: System, servo: System, rate: float
+) -> None:
+    """Adds what a campaign's log is made of, sampled at a rate [Hz].
+
+    Adds "elevator_angle" and "markers", which gather POSE_NAMES and the elevator,
+    "motion_capture", which adds noise, and the logs "capture_log" and
+    "command_log". Exports "capture".
+    """
+    state = glider.GetOutputPort("state")
+    row = [[float(name == "elevator") for name in STATE_NAMES]]
+    row[0] += [0.0] * (state.size() - len(STATE_NAMES))
+    angle = builder.AddNamedSystem("elevator_angle", MatrixGain(row))
+    markers = builder.AddNamedSystem("markers", Multiplexer([len(POSE_NAMES), 1]))
+    size = len(POSE_NAMES) + 1
+    capture = builder.AddNamedSystem(
+        "motion_capture", SampledNoise(size, rate, tape_rows(rate))
+    )
+    builder.Connect(state, angle.get_input_port())
+    builder.Connect(glider.GetOutputPort("pose"), markers.get_input_port(0))
+    builder.Connect(angle.get_output_port(), markers.get_input_port(1))
+    builder.Connect(markers.get_output_port(), capture.GetInputPort("signal"))
+    measured = capture.GetOutputPort("measured")
+    builder.ExportOutput(measured, "capture")
+    add_log(builder, measured, "capture_log", rate)
+    add_log(builder, servo.GetOutputPort("elevator_rate"), "command_log", rate)
+
+
+def tape_rows(rate: float) -> int:
+    """Returns how many samples the longest flight has."""
+    return math.ceil(LONGEST * rate) + 1
+
+
+def finish(
+    builder: DiagramBuilder,
+    name: str,
+    glider: System,
+    model: GliderModel,
+    meshcat: Meshcat | None,
+) -> Diagram:
+    """Adds the scene, if there is a Meshcat, and builds the diagram."""
+    if meshcat is not None:
+        state = glider.GetOutputPort("state")
+        AddScene(builder, state, meshcat, parameters=model.parameters)
+    diagram = builder.Build()
+    diagram.set_name(name)
+    return diagram

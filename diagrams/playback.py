@@ -1,0 +1,236 @@
+"""Flights that are known already, side by side in Meshcat: playback and recording.
+
+play(tracks, meshcat, rate=0.2)
+write_html(path, meshcat, tracks, "Measured against modelled")
+"""
+
+import dataclasses
+import html
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, Rgba
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from diagrams.marks import ARROW_SCALE, AddMarks
+from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
+from glider.errors import InputError
+from glider.geometry import COLORS
+from glider.parameters import GliderParameters
+
+RED = (0.85, 0.16, 0.12, 0.4)
+GREEN = (0.05, 0.6, 0.25, 0.5)
+GREY = (0.45, 0.47, 0.5, 0.4)
+"""Colors of ghosts: red, green, blue, opacity."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Track:
+    """A flight to show.
+
+    Attributes:
+        name: shown with it; letters, digits, spaces, hyphens and underscores.
+        times: (K,) increasing; all tracks share one clock [s].
+        poses: (K, 4) x, z [m], pitch, elevator [rad].
+        color: red, green, blue, opacity; None for the glider's own colors.
+        forces: (K, 2) of wing and elevator along their normals [N], or None.
+    """
+
+    name: str
+    times: np.ndarray
+    poses: np.ndarray
+    color: tuple[float, float, float, float] | None = None
+    forces: np.ndarray | None = None
+
+    def __post_init__(self):
+        """Raises InputError where the arrays are no flight."""
+        if not self.slug.replace("_", "").replace("-", "").isalnum():
+            raise InputError(
+                f"Track '{self.name}': a name of letters, digits, spaces, hyphens and "
+                "underscores is needed."
+            )
+        times, poses = np.asarray(self.times), np.asarray(self.poses)
+        count = len(times)
+        if count == 0 or not np.all(np.diff(times) > 0.0):
+            raise InputError(f"Track '{self.name}': the times must increase.")
+        arrays = [("poses", poses, NUM_POSITIONS)]
+        if self.forces is not None:
+            arrays.append(("forces", np.asarray(self.forces), 2))
+        for field, array, width in arrays:
+            if array.shape != (count, width) or not np.all(np.isfinite(array)):
+                raise InputError(
+                    f"Track '{self.name}': '{field}' has shape {array.shape}; finite "
+                    f"numbers of shape {(count, width)} are needed."
+                )
+
+    @property
+    def slug(self) -> str:
+        """The name in Meshcat and in the diagram."""
+        return self.name.replace(" ", "_")
+
+
+def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Stage:
+    """Returns a stage with a whole flight in view, and the wire if there is one."""
+    places = [*track.poses[:, :2], *([] if wire is None else [np.array(wire)])]
+    (left, low), (right, high) = np.min(places, axis=0), np.max(places, axis=0)
+    return Stage(
+        wire=wire,
+        x_limits=(float(left) - 0.4, float(right) + 0.6),
+        z_limits=(float(low) - 0.6, float(high) + 0.4),
+    )
+
+
+def duration_of(tracks: Sequence[Track]) -> float:
+    """Returns the time from the first start to the last end [s]."""
+    start = min(track.times[0] for track in tracks)
+    return float(max(track.times[-1] for track in tracks) - start)
+
+
+def MakePlayback(
+    tracks: Sequence[Track],
+    meshcat: Meshcat,
+    *,
+    rate: float = 1.0,
+    parameters: GliderParameters | None = None,
+    stage: Stage | None = None,
+) -> Diagram:
+    """Wires each track's positions and forces to a glider with its marks.
+
+    Args:
+        tracks: of different names; each keeps its last pose after its end.
+        meshcat: where to draw.
+        rate: seconds of flight in one second of the diagram's time, which counts
+            from the earliest start; 0.2 is five times slower than real.
+        parameters: the drawing, which gives the sizes.
+        stage: what to set round them; from the first track if None.
+
+    Returns:
+        A Diagram with the systems "NAME_track", "NAME_forces" and those of AddScene
+        and AddMarks.
+    """
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise InputError(f"The playback rate is {rate:g}; it must be positive.")
+    if not tracks:
+        raise InputError("There is no track to play.")
+    slugs = [track.slug for track in tracks]
+    if len(set(slugs)) < len(slugs):
+        raise InputError(f"Two tracks have one name: {', '.join(slugs)}.")
+    stage = stage if stage is not None else stage_of(tracks[0])
+    start = min(track.times[0] for track in tracks)
+    builder = DiagramBuilder()
+    for track in tracks:
+        name = track.slug
+        times = (np.asarray(track.times, dtype=float) - start) / rate
+        color = None if track.color is None else Rgba(*track.color)
+        state = _add_source(builder, f"{name}_track", times, track.poses)
+        forces = None
+        if track.forces is not None:
+            forces = _add_source(builder, f"{name}_forces", times, track.forces)
+        AddScene(
+            builder,
+            state,
+            meshcat,
+            name=name,
+            color=color,
+            parameters=parameters,
+            stage=stage,
+        )
+        AddMarks(
+            builder,
+            state,
+            meshcat,
+            name=name,
+            color=color,
+            forces=forces,
+            parameters=parameters,
+        )
+    return builder.Build()
+
+
+def _add_source(builder, name, times, values):
+    """Adds a source of values over time, constant if there is but one."""
+    rows = np.asarray(values, dtype=float)
+    if len(rows) == 1:
+        source = ConstantVectorSource(rows[0])
+    else:
+        source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, rows.T))
+    return builder.AddNamedSystem(name, source).get_output_port()
+
+
+def play(
+    tracks: Sequence[Track],
+    meshcat: Meshcat,
+    *,
+    rate: float = 1.0,
+    live: bool = False,
+    parameters: GliderParameters | None = None,
+    stage: Stage | None = None,
+) -> None:
+    """Plays tracks together, and leaves them in Meshcat as a recording.
+
+    A page that is open on Meshcat then plays the recording once, at `rate`; its
+    Animations panel repeats, stops and slows it.
+
+    Args:
+        tracks: as in MakePlayback.
+        meshcat: as in MakePlayback.
+        rate: as in MakePlayback.
+        live: whether to take the time that the playback lasts; otherwise the
+            recording is made as fast as the machine can.
+        parameters: as in MakePlayback.
+        stage: as in MakePlayback.
+    """
+    diagram = MakePlayback(
+        tracks, meshcat, rate=rate, parameters=parameters, stage=stage
+    )
+    # To a whole frame, so that the very end is drawn.
+    frames = math.ceil(duration_of(tracks) / rate * FRAMES_PER_SECOND)
+    meshcat.DeleteRecording()
+    meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=live)
+    simulator = Simulator(diagram)
+    simulator.set_target_realtime_rate(1.0 if live else 0.0)
+    simulator.Initialize()
+    simulator.AdvanceTo(frames / FRAMES_PER_SECOND)
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+
+
+_LEGEND = """\
+<div style="position:absolute;left:14px;top:10px;font:15px/1.5 sans-serif;color:#222">
+<b>{title}</b><br>
+{entries}
+</div>
+"""
+
+_ENTRY = """\
+<span style="display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;\
+background:rgb({red},{green},{blue})"></span>{name}<br>
+"""
+
+
+def write_html(
+    path: Path | str, meshcat: Meshcat, tracks: Sequence[Track], title: str
+) -> None:
+    """Writes what Meshcat shows, the recording included, as one page with a legend.
+
+    The page needs no server and no network.
+    """
+    entries = []
+    for track in tracks:
+        color = track.color if track.color is not None else COLORS["wing"]
+        red, green, blue = (round(255 * c) for c in color[:3])
+        name = html.escape(track.name)
+        entries.append(_ENTRY.format(red=red, green=green, blue=blue, name=name))
+    if any(track.forces is not None for track in tracks):
+        entries.append(f"arrows: force of wing and elevator, {ARROW_SCALE:g} m per N")
+    legend = _LEGEND.format(title=html.escape(title), entries="".join(entries))
+    head, end, tail = meshcat.StaticHtml().rpartition("</body>")
+    part = Path(f"{path}.{os.getpid()}.part")
+    part.write_text(f"{head}{legend}{end}{tail}", encoding="utf-8")
+    part.replace(path)

@@ -1,0 +1,243 @@
+"""A glider to look at: any diagram's state, live in Meshcat.
+
+    AddScene(builder, plant.GetOutputPort("state"), meshcat)
+
+To watch in real time, or slower, tell the simulator:
+`simulator.set_target_realtime_rate(0.2)`, and give AddScene 5 times the
+`frames_per_second`. To record, call
+`meshcat.StartRecording()` before the simulator and `PublishRecording()` after.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.common.value import Value
+from pydrake.geometry import (
+    Box,
+    Cylinder,
+    FramePoseVector_,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Rgba,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import DiagramBuilder, LeafSystem_, OutputPort
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from glider.geometry import make_urdf
+from glider.parameters import GliderParameters
+from glider.paths import models_path
+
+FRAMES_PER_SECOND = 64.0
+"""Of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
+
+NUM_POSITIONS = 4
+"""x, z, pitch, elevator: the first of the states, and all that is drawn."""
+
+
+@TemplateSystem.define("GliderGeometry_", T_list=[float, AutoDiffXd])
+def GliderGeometry_(T):
+    class Impl(LeafSystem_[T]):
+        """Where the glider's parts are, by the joints of its URDF.
+
+        state -> [ GliderGeometry ] -> geometry_pose
+
+        Args:
+            plant: a MultibodyPlant of the URDF, registered with a SceneGraph.
+            num_states: width of the input port; the first NUM_POSITIONS count.
+        """
+
+        def _construct(self, plant, num_states, *, converter=None):
+            LeafSystem_[T].__init__(self, converter)
+            self._plant = plant
+            self._twin = plant if T is float else plant.ToScalarType[T]()
+            self._scratch = self._twin.CreateDefaultContext()
+            self._bodies = [
+                (plant.GetBodyFrameIdOrThrow(index), self._twin.get_body(index))
+                for index in map(BodyIndex, range(1, plant.num_bodies()))
+            ]
+            self.DeclareVectorInputPort("state", num_states)
+            self.DeclareAbstractOutputPort(
+                "geometry_pose", Value[FramePoseVector_[T]], self._calc_poses
+            )
+
+        def _construct_copy(self, other, converter=None):
+            width = other.get_input_port().size()
+            Impl._construct(self, other._plant, width, converter=converter)
+
+        def _calc_poses(self, context, output):
+            state = self.get_input_port().Eval(context)
+            self._twin.SetPositions(self._scratch, state[:NUM_POSITIONS])
+            poses = FramePoseVector_[T]()
+            for frame, body in self._bodies:
+                X_WB = self._twin.EvalBodyPoseInWorld(self._scratch, body)
+                poses.set_value(id=frame, value=X_WB)
+            output.set_value(poses)
+
+    return Impl
+
+
+GliderGeometry = GliderGeometry_[None]  # The float instantiation.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stage:
+    """What stands round the glider, and what is in view."""
+
+    wire: tuple[float, float] | None = (0.0, 0.0)
+    """The perch, (x, z) [m]; None for no perch."""
+
+    x_limits: tuple[float, float] = (-3.7, 0.7)
+    """In view [m]."""
+
+    z_limits: tuple[float, float] = (-0.7, 0.9)
+    """In view; the floor is at the lower one [m]."""
+
+
+def AddScene(
+    builder: DiagramBuilder,
+    state: OutputPort,
+    meshcat: Meshcat,
+    *,
+    name: str = "glider",
+    color: Rgba | None = None,
+    parameters: GliderParameters | None = None,
+    stage: Stage | None = None,
+    frames_per_second: float = FRAMES_PER_SECOND,
+) -> SceneGraph:
+    """Adds what draws a glider in Meshcat under "/drake/NAME".
+
+    Several gliders may fly in one Meshcat, under different names. The diagram
+    still converts to AutoDiffXd, but no longer to Expression (Drake's Meshcat
+    visualizer does not). The float diagram and its twins share the Meshcat.
+
+    Args:
+        builder: gets the systems "NAME_scene_graph", "NAME_geometry" and
+            "NAME_visualizer".
+        state: port of x, z, pitch, elevator and anything after them.
+        meshcat: where to draw.
+        name: of the glider in Meshcat.
+        color: of the whole glider; the model's own if None.
+        parameters: the drawing, which gives the sizes.
+        stage: what to set round it; None for the article's flight to the wire.
+        frames_per_second: of simulated time; more where it is to run slowly.
+    """
+    drawing = parameters if parameters is not None else GliderParameters()
+    SetStage(meshcat, stage if stage is not None else Stage())
+    meshcat.Delete(f"/drake/{name}")
+    scene_graph = builder.AddNamedSystem(f"{name}_scene_graph", SceneGraph())
+    plant = MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    ParseGlider(plant, drawing, color)
+    geometry = builder.AddNamedSystem(
+        f"{name}_geometry", GliderGeometry(plant, state.size())
+    )
+    builder.Connect(state, geometry.get_input_port())
+    builder.Connect(
+        geometry.get_output_port(),
+        scene_graph.get_source_pose_port(plant.get_source_id()),
+    )
+    settings = MeshcatVisualizerParams()
+    settings.prefix = name
+    settings.publish_period = 1.0 / frames_per_second
+    settings.delete_on_initialization_event = False  # Arrows are in its tree.
+    visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, settings)
+    visualizer.set_name(f"{name}_visualizer")
+    return scene_graph
+
+
+def ParseGlider(
+    plant: MultibodyPlant, parameters: GliderParameters, color: Rgba | None = None
+) -> None:
+    """Adds the glider's model to a plant and finalizes it.
+
+    Its positions are x, z, pitch, elevator.
+    """
+    parser = Parser(plant)
+    parser.package_map().AddPackageXml(str(models_path("package.xml")))
+    rgba = None if color is None else tuple(color.rgba)
+    parser.AddModelsFromString(make_urdf(parameters, rgba), "urdf")
+    plant.Finalize()
+
+
+_WIRE_SPAN = 1.2
+"""Between the posts [m]; twice the wing's span."""
+
+_FIELD_OF_VIEW = 20.0
+"""Vertical, of the camera [deg]: narrow, to look square at the plane of flight."""
+
+_WIDTH_PER_HEIGHT = 1.5
+"""Of a window in which the whole stage is in view."""
+
+
+def SetStage(meshcat: Meshcat, stage: Stage) -> None:
+    """Sets the floor, the perch and the camera, on a white background."""
+    floor = stage.z_limits[0]
+    meshcat.SetProperty("/Background", "top_color", [1.0, 1.0, 1.0])
+    meshcat.SetProperty("/Background", "bottom_color", [0.93, 0.95, 0.97])
+    meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Grid", "visible", False)
+    _set_floor(meshcat, stage)
+    meshcat.Delete("perch")
+    if stage.wire is not None:
+        _set_perch(meshcat, stage.wire, floor)
+    camera, target = camera_of(stage)
+    perspective = Meshcat.PerspectiveCamera()
+    perspective.fov = _FIELD_OF_VIEW
+    meshcat.SetCamera(perspective)
+    meshcat.SetCameraPose(camera, target)
+
+
+def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
+    """Returns where the camera is and what it looks at, in the world [m].
+
+    It looks along +y, so that x is to the right and z is up, a little from above.
+    """
+    (left, right), (low, high) = stage.x_limits, stage.z_limits
+    height = max(high - low, (right - left) / _WIDTH_PER_HEIGHT)
+    distance = 0.5 * height / math.tan(math.radians(0.5 * _FIELD_OF_VIEW))
+    target = np.array([0.5 * (left + right), 0.0, 0.5 * (low + high)])
+    return target + distance * np.array([0.0, -1.0, 0.12]), target
+
+
+_SQUARE = 0.5
+"""Of the floor's grid [m]."""
+
+
+def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
+    """Draws a grid of squares, one unit beyond the view and as deep as the perch."""
+    low, high = (math.floor(limit / _SQUARE) for limit in stage.x_limits)
+    columns = _SQUARE * np.arange(low - 1, high + 3)
+    rows = _SQUARE * np.arange(-2, 5)
+    ends = [((x, rows[0]), (x, rows[-1])) for x in columns]
+    ends += [((columns[0], y), (columns[-1], y)) for y in rows]
+    flat = np.array(ends)
+    lines = np.insert(flat, 2, stage.z_limits[0], axis=2)
+    grey = Rgba(0.75, 0.78, 0.8)
+    start, end = (np.asfortranarray(lines[:, i].T) for i in range(2))
+    meshcat.SetLineSegments("floor", start, end, 1.0, grey)
+
+
+def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
+    x, z = wire
+    steel, wood = Rgba(0.75, 0.1, 0.1), Rgba(0.55, 0.45, 0.35)
+    along_y = RollPitchYaw(0.5 * math.pi, 0.0, 0.0).ToRotationMatrix()
+    meshcat.SetObject("perch/wire", Cylinder(0.008, _WIRE_SPAN), steel)
+    meshcat.SetTransform("perch/wire", RigidTransform(along_y, [x, 0.0, z]))
+    height = max(z - floor, 0.01)
+    for name, side in (("near", -0.5), ("far", 0.5)):
+        meshcat.SetObject(f"perch/{name}", Cylinder(0.015, height), wood)
+        meshcat.SetObject(f"perch/{name}_foot", Box(0.2, 0.1, 0.02), wood)
+        y = side * _WIRE_SPAN
+        middle = RigidTransform([x, y, z - 0.5 * height])
+        meshcat.SetTransform(f"perch/{name}", middle)
+        foot = RigidTransform([x, y, z - height + 0.01])
+        meshcat.SetTransform(f"perch/{name}_foot", foot)

@@ -1,0 +1,72 @@
+"""One look for all figures: what a model's colour, name and line are.
+
+The palette is Okabe and Ito's, which colour-blind readers can tell apart.
+"""
+
+import math
+from typing import Any
+
+COLORS = {
+    "measured": "#000000",
+    "as_drawn": "#8A8A8A",
+    "refitted": "#E08A00",
+    "corrected": "#0072B2",
+}
+LABELS = {
+    "measured": "measured",
+    "as_drawn": "as drawn",
+    "refitted": "refitted",
+    "corrected": "corrected",
+}
+DASHES = {"as_drawn": (0, (4, 1.5)), "refitted": (0, (4, 1.2, 1, 1.2))}
+"""Lines differ without colour too; those not named here are solid."""
+
+STYLE: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#444444",
+    "axes.grid": True,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9.5,
+    "font.family": "DejaVu Sans",  # Comes with matplotlib.
+    "font.size": 9.5,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "text.usetex": False,
+    "xtick.color": "#444444",
+    "xtick.labelsize": 8.5,
+    "ytick.color": "#444444",
+    "ytick.labelsize": 8.5,
+}
+"""For `matplotlib.rc_context`, round the making of a figure."""
+
+VARIABLES = {
+    "x": ("x [m]", 1.0),
+    "z": ("z [m]", 1.0),
+    "t": ("time [s]", 1.0),
+    "pitch": ("pitch θ, nose down > 0 [°]", math.degrees(1.0)),
+    "V": ("airspeed V [m/s]", 1.0),
+    "alpha": ("angle of attack α [°]", math.degrees(1.0)),
+    "alphadot": ("rate of α [°/s]", math.degrees(1.0)),
+    "pitchdot": ("pitch rate [°/s]", math.degrees(1.0)),
+    "elevator": ("elevator, up > 0 [°]", math.degrees(1.0)),
+    "elevator_rate": ("elevator rate [°/s]", math.degrees(1.0)),
+}
+"""Variable to its axis label and the factor from SI."""
+
+WIDTHS = {"as_drawn": 2.4, "refitted": 2.4}
+"""Of lines; those not named here are thinner, and show what lies below."""
+
+
+def line(model):
+    """Returns how a model's line is drawn, for `ax.plot`."""
+    return {
+        "color": COLORS[model],
+        "label": LABELS[model],
+        "lw": WIDTHS.get(model, 1.6),
+        "ls": DASHES.get(model, "-"),
+    }

@@ -1,0 +1,55 @@
+"""Writes the folder of a report, all of it or nothing."""
+
+import functools
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from glider.errors import InputError
+from glider.model_file import save_model
+from glider.report.figures import FIGURES, make_figures
+from glider.report.json_report import to_json
+from glider.report.page import to_html
+from glider.sysid.result import Result
+
+
+def write_report(result: Result, folder: Path) -> None:
+    """Writes report.json, report.html, model.yaml and figures/*.png.
+
+    All is made before anything is written, each file replaces its predecessor at
+    once, and report.json comes last: where it is, the rest is too. Other files
+    of the folder stay as they are.
+
+    Raises:
+        InputError: if the folder is a file.
+    """
+    figures = make_figures(result)
+    files = {f"figures/{name}.png": png for name, png in figures.items()}
+    files["report.html"] = to_html(result, figures).encode()
+    text = json.dumps(to_json(result), indent=2, ensure_ascii=False, allow_nan=False)
+
+    for target in (folder, folder / "figures"):
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError):
+            raise InputError(f"{target}: is a file; a folder is needed.") from None
+    _replace(folder / "model.yaml", lambda path: save_model(path, result.model))
+    for name, content in files.items():
+        _replace(folder / name, functools.partial(Path.write_bytes, data=content))
+    for name in FIGURES.keys() - figures.keys():  # Of an earlier run.
+        (folder / "figures" / f"{name}.png").unlink(missing_ok=True)
+    _replace(
+        folder / "report.json",
+        lambda path: path.write_text(text + "\n", encoding="utf-8"),
+    )
+
+
+def _replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Writes a file beside its place, then moves it there."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

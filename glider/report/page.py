@@ -1,0 +1,65 @@
+"""report.html: one file that needs nothing else."""
+
+import base64
+import importlib.metadata
+import math
+import platform
+from collections.abc import Mapping
+
+import jinja2
+
+from glider.plots.style import COLORS, LABELS
+from glider.report.error_table import baseline, error_rows
+from glider.report.figures import DPI, MOST_FLIGHTS
+from glider.report.numbers import format_angle, format_length
+from glider.report.wording import effect_view, headline, left_words, notes_of, remarks
+from glider.sysid.result import MODELS, Result
+
+_PAGE_DPI = 100  # A figure's dots an inch on a screen.
+
+
+def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
+    """Returns the page: one file that needs nothing else.
+
+    Args:
+        result: what was found.
+        figures: name to PNG, as `make_figures` returns them.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("glider"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html").render(
+        result=result,
+        headline=headline(result),
+        remarks=remarks(result),
+        models=[m for m in MODELS if result.errors.get(m) is not None],
+        labels=LABELS,
+        colors=COLORS,
+        baseline=baseline(result),
+        rows=error_rows(result),
+        effects=[effect_view(e, result) for e in result.effects],
+        figures={n: base64.b64encode(p).decode() for n, p in figures.items()},
+        widths={n: _png_width(p) * _PAGE_DPI // DPI for n, p in figures.items()},
+        shown=min(MOST_FLIGHTS, len(result.held_out)),
+        notes=notes_of(result),
+        left=left_words(result),
+        noise_position=format_length(result.noise_position_m),
+        noise_pitch=format_angle(result.noise_pitch_rad),
+        versions=_versions(result),
+        total=sum(s for s in result.seconds.values() if math.isfinite(s)),
+    )
+
+
+def _png_width(png):
+    return int.from_bytes(png[16:20], "big")
+
+
+def _versions(result):
+    versions = {"drake-glider": result.version, "Python": platform.python_version()}
+    for package in ("drake", "numpy", "numba"):
+        versions[package] = importlib.metadata.version(package)
+    return versions

@@ -1,0 +1,91 @@
+"""Measurement noise as a Drake System: for feedback and for motion capture."""
+
+import math
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from glider.errors import InputError
+
+
+@TemplateSystem.define("SampledNoise_", T_list=[float, AutoDiffXd])
+def SampledNoise_(T):
+    class Impl(LeafSystem_[T]):
+        """Adds one row of a noise tape to each sample of a signal.
+
+        signal -> [ SampledNoise ] -> measured = signal + tape[k]
+
+        Who samples is who comes behind (a hold, a periodic log), at the times
+        k / rate. The noise changes halfway between these, so that it never
+        matters which event of one time comes first, and is constant between
+        events, as an integrator wants it. After the tape's end its last row stays.
+
+        Numeric parameter 0 holds the tape (rows * size,), zero by default; each
+        flight sets its own (`set_tape`).
+
+        Args:
+            size: of the signal.
+            rate: of the samples [Hz].
+            rows: length of the tape.
+        """
+
+        def _construct(self, size=1, rate=1.0, rows=1, converter=None):
+            LeafSystem_[T].__init__(self, converter)
+            if not (math.isfinite(rate) and rate > 0.0) or rows < 1:
+                raise InputError(
+                    f"SampledNoise: rate is {rate} Hz and rows is {rows}; a "
+                    "positive rate and at least one row are needed."
+                )
+            self.size, self.rate, self.rows = size, float(rate), rows
+            self._signal = self.DeclareVectorInputPort("signal", size)
+            self.DeclareNumericParameter(BasicVector_[T](np.zeros(rows * size)))
+            index = self.DeclareDiscreteState(1)
+            period = 1.0 / self.rate
+            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.5 * period, self._next)
+            self.DeclareVectorOutputPort(
+                "measured",
+                size,
+                self._calc_measured,
+                {
+                    self.input_port_ticket(self._signal.get_index()),
+                    self.discrete_state_ticket(index),
+                    self.all_parameters_ticket(),
+                },
+            )
+
+        def _construct_copy(self, other, converter=None):
+            Impl._construct(
+                self, other.size, other.rate, other.rows, converter=converter
+            )
+
+        def set_tape(self, context, tape):
+            """Sets the noise of a flight, (rows or fewer, size); zero beyond."""
+            tape = np.asarray(tape, dtype=float)
+            fits = tape.ndim == 2 and tape.shape[1] == self.size
+            if not fits or len(tape) > self.rows:
+                raise InputError(
+                    f"{self.get_name()}: the noise has shape {tape.shape}; at most "
+                    f"({self.rows}, {self.size}) is needed."
+                )
+            full = np.zeros((self.rows, self.size))
+            full[: len(tape)] = tape
+            context.get_mutable_numeric_parameter(0).SetFromVector(full.ravel())
+
+        def _next(self, context, discrete_state):
+            index = context.get_discrete_state_vector().CopyToVector()
+            discrete_state.set_value(index + 1.0)
+
+        def _calc_measured(self, context, output):
+            index = context.get_discrete_state_vector().CopyToVector()[0]
+            index = index.value() if T is AutoDiffXd else index
+            first = min(round(index), self.rows - 1) * self.size
+            tape = context.get_numeric_parameter(0).CopyToVector()
+            noise = tape[first : first + self.size]
+            output.SetFromVector(self._signal.Eval(context) + noise)
+
+    return Impl
+
+
+SampledNoise = SampledNoise_[None]  # The float instantiation.

@@ -1,0 +1,166 @@
+"""A logged flight flown again by models, as motions to look at."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from glider.dynamics import compose
+from glider.errors import InputError
+from glider.model_file import GliderModel
+from glider.parameters import PARAMETER_NAMES, GliderParameters
+from glider.sysid.flight_log import Campaign, Flight
+from glider.sysid.forecast import Forecast, foretell
+from glider.sysid.layout import OFFSET
+from glider.sysid.noise import measure_noise
+from glider.sysid.record import Record, prepare
+from glider.sysid.residual import flow_along
+from glider.sysid.rollout_fit import Problem
+from glider.sysid.signals import logged_elevator, node_signals
+from glider.sysid.signs import Signs, turn, turn_campaign
+from glider.sysid.simulate import layout_for, theta_of
+from glider.sysid.vehicle import make_vehicle, parameters_of
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A flight as somebody saw it: the cameras, or a model.
+
+    Attributes:
+        time: (n,) from the first row of the log [s]; it ends early where a model
+            blows up.
+        poses: (n, 4) x, z [m], pitch, elevator [rad].
+        forces: (n, 2) of wing and elevator along their normals [N], as the model
+            has them along the measured flight; None for a model's own flight, and
+            where the campaign does not tell the mass.
+    """
+
+    time: np.ndarray
+    poses: np.ndarray
+    forces: np.ndarray | None = None
+
+
+def drawn_model(campaign: Campaign) -> GliderModel | None:
+    """Returns the drawing as a model; None where the campaign does not tell it."""
+    vehicle = make_vehicle(campaign)
+    if not vehicle.is_known:
+        return None
+    return GliderModel(parameters=parameters_of(vehicle.theta, campaign))
+
+
+def drawing_of(campaign: Campaign) -> GliderParameters:
+    """Returns what is told of the vehicle; the default drawing's where nothing is."""
+    vehicle: dict[str, Any] = dict(campaign.vehicle)
+    return GliderParameters(**vehicle)
+
+
+def find_flight(campaign: Campaign, name: str) -> Flight:
+    """Returns a flight, named with or without ".csv".
+
+    Raises:
+        InputError: there is none; it lists those there are.
+    """
+    flights = {f.name.removesuffix(".csv"): f for f in campaign.flights}
+    if name.removesuffix(".csv") not in flights:
+        raise InputError(
+            f"{campaign.path}: there is no flight '{name}'; there are "
+            f"{', '.join(flights)}."
+        )
+    return flights[name.removesuffix(".csv")]
+
+
+def refly(
+    campaign: Campaign, flight: Flight, models: Mapping[str, GliderModel]
+) -> dict[str, Motion]:
+    """Flies a logged flight again, each model from its own fitted launch.
+
+    The launch is fitted on the flight's beginning, as for the errors on held-out
+    flights (`glider.sysid.forecast`); the elevator moves as its commands say.
+
+    Args:
+        campaign: all of it, for the noise is measured on all its flights.
+        flight: of the campaign.
+        models: by name, at least one; the measured flight's forces are the last
+            one's.
+
+    Returns:
+        "measured", then the models by name. Angles have the signs that the last
+        model knows, so that a log with a wrong sign is seen as it was flown.
+    """
+    *_, last = models.values()
+    true = _signs(last)
+    motions = {}
+    for label, model in models.items():
+        signs = _signs(model)
+        record, forecast = _forecast(campaign, flight, model)
+        elevator = logged_elevator(record, theta_of(model)) + forecast.trim
+        poses = np.column_stack([forecast.pose, elevator])
+        poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
+        rows = _rows_before_it_blows_up(poses)
+        motions[label] = Motion(time=record.time[:rows], poses=poses[:rows])
+    seen = record.flight  # With the last model's signs.
+    angle = elevator if seen.elevator is None else seen.elevator
+    has_mass = "mass" in campaign.vehicle
+    measured = Motion(
+        time=record.time,
+        poses=np.column_stack([seen.pose, angle]),
+        forces=_forces(record, last, forecast.trim) if has_mass else None,
+    )
+    return {"measured": measured, **motions}
+
+
+def position_error(measured: Motion, flown: Motion) -> tuple[float, float]:
+    """Returns the RMS and the last distance of x and z over the flown rows [m]."""
+    rows = len(flown.time)
+    apart = np.linalg.norm(measured.poses[:rows, :2] - flown.poses[:, :2], axis=1)
+    return float(np.sqrt(np.mean(apart**2))), float(apart[-1])
+
+
+_FAR = 100.0
+"""No flight goes as far [m]: a model that does has blown up."""
+
+
+def _rows_before_it_blows_up(poses: np.ndarray) -> int:
+    far = ~(np.max(np.abs(poses), axis=1) < _FAR)  # So is what is not a number.
+    return int(np.argmax(far)) if far.any() else len(poses)
+
+
+def _forecast(
+    campaign: Campaign, flight: Flight, model: GliderModel
+) -> tuple[Record, Forecast]:
+    signs = _signs(model)
+    turned = turn_campaign(campaign, signs)
+    noise = measure_noise(turned)
+    flights = (turn(flight, signs),)
+    (record,) = prepare(flights, turned, noise, layout_for(model))
+    problem = Problem(
+        records=[record],
+        noise=noise,
+        field=model.residual_field,
+        trim_is_known=make_vehicle(campaign).trim_is_known,
+    )
+    return record, foretell(problem, theta_of(model), record)
+
+
+def _signs(model: GliderModel) -> Signs:
+    for effect in model.effects:
+        if effect.kind.kind == "angle_sign":
+            return Signs(**{k: round(v) for k, v in effect.to_dict().items()})
+    return Signs()
+
+
+def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
+    """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
+    theta, field = theta_of(model), model.residual_field
+    nodes, _ = flow_along(record, theta, field, trim)
+    path, rate = node_signals(record, theta)
+    chain = compose(record.layout.compiled_kinds, True)
+    p, c = np.split(record.layout.dynamics(theta), [len(PARAMETER_NAMES)])
+    forces = []
+    for t, node, angle, u in zip(record.time, nodes, path, rate, strict=True):
+        x = node.copy()
+        x[OFFSET] += angle
+        flow, terms = chain.meet_air(t, x, u, 0.0, 0.0, p, c, field)
+        forces.append(chain.wrench(flow, terms, x, c)[:2])
+    return np.array(forces)

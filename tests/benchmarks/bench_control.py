@@ -1,0 +1,78 @@
+"""Times feedback: Drake's pass, the compiled one, and closed-loop flights.
+
+Prints processor times and ratios; run it on an otherwise idle machine.
+
+    python -m tests.benchmarks.bench_control
+"""
+
+import os
+import time
+
+import numpy as np
+
+from diagrams.closed_loop import closed_loop
+from diagrams.flying import simulate_flights
+from glider.control import policy_of, tracking_gains, tracking_regulator
+from glider.guided import AFTER, fly_closed_loop
+from glider.monte_carlo import LaunchSpread, draw_launches
+from glider.plant import GliderPlant
+from glider.riccati import compiled_policy
+from glider.tracking import sample_policy
+from tests.flights import DRAWING, PROBLEM, plan_of
+
+
+def best_seconds(function, rounds=5):
+    """Returns the seconds of the fastest of some calls, after a first one."""
+    function()
+    best = np.inf
+    for _ in range(rounds):
+        start = time.process_time()
+        function()
+        best = min(best, time.process_time() - start)
+    return best
+
+
+def main():
+    print(f"load {os.getloadavg()[0]:.2f} (1 minute)")
+    plan, plain, fast = plan_of(), GliderPlant(fast=False), GliderPlant()
+
+    print("\nGains along the article's plan")
+    slow_seconds = best_seconds(lambda: tracking_gains(plain, plan))
+    fast_seconds = best_seconds(lambda: tracking_gains(fast, plan))
+    pass_seconds = best_seconds(lambda: compiled_policy(fast, plan))
+    print(f"  Drake, plain plant     {1e3 * slow_seconds:7.1f} ms")
+    for name, seconds in (("Drake", fast_seconds), ("compiled pass", pass_seconds)):
+        ratio = seconds / slow_seconds
+        print(f"  {name:22s} {1e3 * seconds:7.1f} ms   {ratio:.4f} of it")
+    times = np.linspace(0.0, plan.duration, 1000)
+    drake = policy_of(tracking_gains(fast, plan), plan)
+    gains = [sample_policy(p, times)[1] for p in (drake, compiled_policy(fast, plan))]
+    difference = np.max(np.abs(gains[0] - gains[1])) / np.max(np.abs(gains[0]))
+    print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
+
+    policy, rng = compiled_policy(fast, plan), np.random.default_rng(0)
+    starts = draw_launches(PROBLEM, LaunchSpread(), 10_000, rng)
+    print("\n10,000 flights, on one core")
+    for name, options in (
+        ("at once", {}),
+        ("commands at 50 Hz", {"command_rate": 50.0}),
+        ("with paths", {"keep_paths": True}),
+        ("steps of 1 ms", {"step": 0.001}),
+    ):
+        # The options of this turn: the function is called before the next.
+        seconds = best_seconds(
+            lambda o=options: fly_closed_loop(DRAWING, policy, starts, **o), 3
+        )
+        print(f"  {name:22s} {seconds:5.2f} s")
+    perched = fly_closed_loop(DRAWING, policy, starts).perched
+    print(f"  perched: {np.mean(perched):.2%}")
+
+    diagram = closed_loop(DRAWING, tracking_regulator(fast, plan), command_rate=50.0)
+    seconds = best_seconds(
+        lambda: simulate_flights(diagram, starts[:10], plan.duration + AFTER), 3
+    )
+    print(f"\nDrake's diagram at 50 Hz: {seconds / 10:.3f} s a flight")
+
+
+if __name__ == "__main__":
+    main()

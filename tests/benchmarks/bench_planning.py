@@ -1,0 +1,104 @@
+"""Times planning against a plain Python plant, and plans from fifty launches.
+
+Run as `python -m tests.benchmarks.bench_planning`; ratios are of one run. The
+reference is the same DirectCollocation and guess with SNOPT as it comes, on the
+plant whose AutoDiffXd twin runs the formulas in Python.
+"""
+
+import dataclasses
+import time
+
+import numpy as np
+from pydrake.solvers import SnoptSolver
+
+from glider.linearization import Dynamics
+from glider.planning.dircol import PlanningError, plan
+from glider.planning.guess import straight_line, swoop
+from glider.planning.problem import PerchingProblem
+from glider.planning.transcription import to_guess, transcribe
+from glider.plant import GliderPlant
+
+KNOTS = (25, 41)
+REPEATS = 3
+LAUNCHES = 50
+
+
+def plan_plainly(problem: PerchingProblem) -> float:
+    """Builds and solves as any user of Drake would; returns the cost."""
+    plant = GliderPlant(fast=False)
+    guess = straight_line(plant, problem)
+    for knots in KNOTS:
+        program = transcribe(plant, problem, knots)
+        program.SetInitialTrajectory(guess.inputs, guess.states)
+        result = SnoptSolver().Solve(program.prog(), None, None)
+        guess = to_guess(program, result, "warm")
+    return result.get_optimal_cost()
+
+
+def best_time(function) -> float:
+    """Returns the least of some timings [s]."""
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def draw_launches(rng: np.random.Generator, count: int) -> list[list[float]]:
+    """Returns launches as wide as the issue asks for, uniform."""
+    middle = np.array([-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0])
+    half = np.array([0.3, 0.2, 0.1, 0.0, 1.0, 0.0, 0.0])
+    return (middle + half * rng.uniform(-1, 1, (count, 7))).tolist()
+
+
+def closest_misses(problem: PerchingProblem, guesses: int) -> list[float]:
+    """Returns how far flights from several guesses miss what the wire asks.
+
+    Each is a local minimum of the summed violations, in m, rad and m/s. Where all
+    agree on the same distance, the launch is most probably infeasible.
+    """
+    plant, rng = GliderPlant(), np.random.default_rng(0)
+    program = transcribe(plant, problem, KNOTS[-1], arrive=False)
+    line = straight_line(plant, problem)
+    misses = []
+    for _ in range(guesses):
+        duration = rng.uniform(0.8, 1.6) * line.states.end_time()
+        guess = swoop(plant, problem, rng.uniform(-0.3, 0.8), duration)
+        program.SetInitialTrajectory(guess.inputs, guess.states)
+        result = SnoptSolver().Solve(program.prog(), None, None)
+        if result.is_success():
+            misses.append(result.get_optimal_cost())
+    return misses
+
+
+def main() -> None:
+    """Prints the table."""
+    problem = PerchingProblem()
+    plant = GliderPlant()
+    Dynamics(plant).linearize(np.array(problem.launch), 0.0)  # Compiles.
+    plain = best_time(lambda: plan_plainly(problem))
+    ours = best_time(lambda: plan(plant, problem, KNOTS))
+    print(f"25 then 41 knots: plain {plain:.3f} s, ours {ours:.3f} s")
+    print(f"ratio {ours / plain:.3f} (at most 0.35)")
+
+    solved, slow, failed = 0, 0.0, []
+    for launch in draw_launches(np.random.default_rng(0), LAUNCHES):
+        trial = dataclasses.replace(problem, launch=launch, x_limits=[-4.0, 1.0])
+        start = time.perf_counter()
+        try:
+            plan(plant, trial, KNOTS)
+            solved += 1
+        except PlanningError as error:
+            failed.append((trial, error))
+        slow = max(slow, time.perf_counter() - start)
+    print(f"{solved} of {LAUNCHES} launches planned, the slowest in {slow:.1f} s")
+    for trial, error in failed:
+        x, z, pitch, _, speed, *_ = trial.launch
+        print(f"x {x:.3f} z {z:.3f} pitch {pitch:.3f} speed {speed:.3f}: {error}")
+        misses = closest_misses(trial, 6)
+        print("  from other guesses:", ", ".join(f"{miss:.4f}" for miss in misses))
+
+
+if __name__ == "__main__":
+    main()
