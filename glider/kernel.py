@@ -1,9 +1,10 @@
 """The dynamics and their loops, compiled by numba and kept on disk.
 
-`compiled(effects)` writes the text of the chain, of the effects' sums and of
-the loops as one module into the user's cache folder and imports it. The file's
-name holds a digest of every source that it depends on, so that an edit never
-meets an old binary; numba keeps the machine code beside it.
+`compiled(effects)` gives the loops of `glider.loops` over the chain with these
+effects. At the first use of one it writes the text of the chain, of the effects'
+sums and of that loop's family as one module into the user's cache folder and
+imports it. The file's name holds a digest of every source that it depends on,
+so that an edit never meets an old binary; numba keeps the machine code beside it.
 """
 
 import functools
@@ -14,24 +15,32 @@ import sys
 import tempfile
 import threading
 import types
+from collections.abc import Callable
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 import numba
 import numpy as np
 
-from glider import aerodynamics, chain, loops, servo_limits, trigonometry
+from glider import aerodynamics, chain, servo_limits, trigonometry
 from glider.dynamics import formulas, source
 from glider.effects import effect as effect_module
 from glider.effects import field
 from glider.effects.effect import EffectKind
+from glider.loops import FAMILIES, constants
 
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 """Liberties that the compiler may take with rounding; NaN and infinity stay."""
 
+_FAMILY_OF = {f.__name__: family for family in FAMILIES for f in family.ENTRIES}
 
-_LOOPS = "\n\n".join(inspect.getsource(f) for f in loops.LOOPS)
-"""Read now: the file may be edited while this process runs."""
+_TEXT_OF = {
+    family: "\n\n".join(inspect.getsource(f) for f in family.LOOPS)
+    for family in FAMILIES
+}
+"""Read now: the files may be edited while this process runs."""
+
+_COMPILING = threading.RLock()
 
 
 def cache_folder() -> Path:
@@ -57,20 +66,23 @@ def _importable(effects: tuple[EffectKind, ...]) -> bool:
     )
 
 
-def _text(effects: tuple[EffectKind, ...], has_field: bool) -> str:
+def _text(
+    family: types.ModuleType, effects: tuple[EffectKind, ...], has_field: bool
+) -> str:
     """Returns the text of the module to compile, without the formulas' names."""
     parts = [
         "import numpy as np",
+        "from glider.loops.constants import BLOCK, DIFFERENCE, TINY",
         "from glider.servo_limits import limited_rate",
         source(effects, has_field, skip_absent=True),
-        f"DIFFERENCE = {loops.DIFFERENCE!r}",
-        f"TINY = {loops.TINY!r}",
-        f"BLOCK = {loops.BLOCK!r}",
+        _TEXT_OF[family],
     ]
-    return "\n\n".join([*parts, _LOOPS])
+    return "\n\n".join(parts)
 
 
-def _wrap(names: dict, effects: tuple[EffectKind, ...], cache: bool) -> None:
+def _wrap(
+    names: dict, entries: set[str], effects: tuple[EffectKind, ...], cache: bool
+) -> None:
     """Compiles, in place, every function that the text of the module defined."""
     for name in formulas(effects):
         names[name] = numba.njit(names[name])
@@ -79,49 +91,72 @@ def _wrap(names: dict, effects: tuple[EffectKind, ...], cache: bool) -> None:
             isinstance(value, types.FunctionType)
             and value.__module__ == names["__name__"]
         ):
-            is_loop = name.startswith("log_") or name in loops.ENTRIES
             names[name] = numba.njit(
                 value,
                 nogil=True,
                 error_model="numpy",
                 fastmath=FAST,
-                cache=cache and is_loop,
-                forceinline=not is_loop,
+                cache=cache and name in entries,
+                forceinline=name not in entries,
             )
 
 
-def _digest(text: str, effects: tuple[EffectKind, ...]) -> str:
+def _digest(
+    text: str, family: types.ModuleType, effects: tuple[EffectKind, ...]
+) -> str:
     modules = {inspect.getmodule(f) for f in formulas(effects).values()}
     modules |= {aerodynamics, chain, effect_module, field, servo_limits, trigonometry}
-    modules.add(sys.modules[__name__])
+    modules |= {sys.modules[__name__], constants}
     files = sorted(inspect.getsource(m) for m in modules if m is not None)
-    seed = "\n".join([text, *files, numba.__version__, np.__version__, sys.version])
+    called = [_TEXT_OF[_FAMILY_OF[name]] for name in family.USES]
+    versions = [numba.__version__, np.__version__, sys.version]
+    seed = "\n".join([text, *called, *files, *versions])
     return hashlib.sha256(seed.encode()).hexdigest()[:16]
 
 
-@functools.lru_cache(maxsize=32)
-def compiled(
-    effects: tuple[EffectKind, ...] = (), has_field: bool = False
-) -> types.SimpleNamespace:
-    """Returns the compiled functions of `glider.loops` for these effects.
+class Kernel:
+    """The loops of `glider.loops` for given effects, as attributes.
 
-    Numba compiles each function at its first call with a type of numbers;
-    what is compiled is kept on disk when every formula can be imported by
-    name, else (a formula typed into a notebook) for this process only.
+    A family is made ready when the first of its loops is asked for.
     """
-    text = _text(effects, has_field)
-    if not _importable(effects):
-        names: dict = {"__name__": "glider_kernel", **formulas(effects)}
-        exec(compile(text, "<glider kernel>", "exec"), names)
-        _wrap(names, effects, cache=False)
-        return types.SimpleNamespace(**names)
 
-    imports = [
-        f"from {f.__module__} import {f.__name__} as {alias}"
-        for alias, f in formulas(effects).items()
-    ]
-    text = "\n".join(imports) + "\n\n" + text + "\n"
-    name = f"glider_kernel_{_digest(text, effects)}"
+    def __init__(self, effects: tuple[EffectKind, ...], has_field: bool) -> None:
+        self._effects = effects
+        self._has_field = has_field
+
+    def __getattr__(self, name: str) -> Callable:
+        if name not in _FAMILY_OF:
+            raise AttributeError(f"no loop is called '{name}'")
+        with _COMPILING:  # Threads that meet here share one.
+            if name not in self.__dict__:
+                self.__dict__.update(self._load(_FAMILY_OF[name]))
+        return self.__dict__[name]
+
+    def _load(self, family: types.ModuleType) -> dict[str, Callable]:
+        """Returns the entries of a family, compiled."""
+        effects = self._effects
+        text = _text(family, effects, self._has_field)
+        entries = {f.__name__ for f in family.ENTRIES}
+        shared = {name: getattr(self, name) for name in family.USES}
+        cache = _importable(effects)
+        if cache:
+            imports = [
+                f"from {f.__module__} import {f.__name__} as {alias}"
+                for alias, f in formulas(effects).items()
+            ]
+            text = "\n".join(imports) + "\n\n" + text + "\n"
+            names = _import(_digest(text, family, effects), text)
+        else:
+            names = {"__name__": "glider_kernel", **formulas(effects)}
+            exec(compile(text, "<glider kernel>", "exec"), names)
+        names |= shared
+        _wrap(names, entries, effects, cache)
+        return {name: names[name] for name in entries}
+
+
+def _import(digest: str, text: str) -> dict:
+    """Writes a module into the cache folder, imports it and returns its names."""
+    name = f"glider_kernel_{digest}"
     path = cache_folder() / f"{name}.py"
     if not path.exists():
         partial = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
@@ -131,5 +166,15 @@ def compiled(
     module.__file__ = str(path)
     sys.modules[name] = module
     SourceFileLoader(name, str(path)).exec_module(module)
-    _wrap(module.__dict__, effects, cache=True)
-    return types.SimpleNamespace(**module.__dict__)
+    return module.__dict__
+
+
+@functools.lru_cache(maxsize=32)
+def compiled(effects: tuple[EffectKind, ...] = (), has_field: bool = False) -> Kernel:
+    """Returns the compiled loops of `glider.loops` for these effects.
+
+    Numba compiles each loop at its first call with a type of numbers; what is
+    compiled is kept on disk when every formula can be imported by name, else (a
+    formula typed into a notebook) for this process only.
+    """
+    return Kernel(effects, has_field)

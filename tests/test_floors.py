@@ -96,6 +96,7 @@ fraction is a step within a floor. A new module that none fits needs a place."""
 ONE_HOUSE = [
     "diagrams",
     "glider.effects",
+    "glider.loops",
     "glider.plots",
     "glider.report",
     "glider.verification",

@@ -10,7 +10,8 @@ import pytest
 from glider import kernel
 from glider.effects import NO_FIELD, PROFILE_DRAG, THRUST, Coefficient, EffectKind
 from glider.kernel import cache_folder, compiled
-from glider.loops import BLOCK
+from glider.loops import directional
+from glider.loops.constants import BLOCK
 from tests.physics import NO_COEFFICIENTS, PARAMETERS, random_states
 
 FORMULA = "def pull(flow, force):\n    return {factor} * force\n"
@@ -59,36 +60,43 @@ def files_in(folder):
     return sorted(path.name for path in folder.glob("glider_kernel_*.py"))
 
 
-def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
-    compiled()
-    [name] = files_in(fresh_cache)
+def load(effects=(), has_field=False):
+    """Asks for a loop, as its caller does, in a session that has none yet."""
     compiled.cache_clear()
-    compiled()
+    return compiled(effects, has_field).rollouts
+
+
+def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
+    load()
+    [name] = files_in(fresh_cache)
+    load()
     assert files_in(fresh_cache) == [name]
-    compiled((PROFILE_DRAG,))
+    load((PROFILE_DRAG,))
     assert len(files_in(fresh_cache)) == 2
-    compiled((), True)
+    load((), True)
     assert len(files_in(fresh_cache)) == 3
 
 
 def test_an_edited_formula_gets_another_file(fresh_cache, module_of):
-    compiled((module_of("2.0"),))
-    compiled((module_of("2.0"),))
+    load((module_of("2.0"),))
+    load((module_of("2.0"),))
     assert len(files_in(fresh_cache)) == 1
-    compiled((module_of("3.0"),))
+    load((module_of("3.0"),))
     assert len(files_in(fresh_cache)) == 2
 
 
 def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
     """Pulled along the body or against the air: one coefficient, the same terms."""
-    compiled((PROFILE_DRAG,))
-    compiled((THRUST,))
+    load((PROFILE_DRAG,))
+    load((THRUST,))
     assert len(files_in(fresh_cache)) == 2
 
 
-@pytest.mark.parametrize("module", ["aerodynamics", "chain", "trigonometry", "field"])
+@pytest.mark.parametrize(
+    "module", ["aerodynamics", "chain", "trigonometry", "field", "constants"]
+)
 def test_an_edit_of_the_physics_gets_another_file(fresh_cache, module, monkeypatch):
-    compiled()
+    load()
     real = kernel.inspect.getsource
     target = getattr(kernel, module)
 
@@ -96,9 +104,29 @@ def test_an_edit_of_the_physics_gets_another_file(fresh_cache, module, monkeypat
         return real(thing) + "# edited\n" * (thing is target)
 
     monkeypatch.setattr(kernel.inspect, "getsource", edited)
-    compiled.cache_clear()
-    compiled()
+    load()
     assert len(files_in(fresh_cache)) == 2
+
+
+def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(
+    fresh_cache, monkeypatch
+):
+    """The Riccati loop takes the slopes from the machine code of another family."""
+    names = ("rollouts", "directional", "riccati")
+    for name in names:
+        getattr(compiled(), name)
+    assert len(files_in(fresh_cache)) == 3
+    text = kernel._TEXT_OF[directional] + "\n# edited"
+    monkeypatch.setitem(kernel._TEXT_OF, directional, text)
+    compiled.cache_clear()
+    for name in names:
+        getattr(compiled(), name)
+    assert len(files_in(fresh_cache)) == 5
+
+
+def test_a_loop_that_is_not_there_is_no_attribute():
+    with pytest.raises(AttributeError, match="no loop is called 'rolouts'"):
+        _ = compiled().rolouts
 
 
 def test_a_formula_without_a_name_compiles_without_a_file(fresh_cache):

@@ -13,7 +13,7 @@ from glider.control import tracking_regulator
 from glider.effects import DYNAMIC_STALL, WIND
 from glider.errors import InputError
 from glider.guided import fly_closed_loop, full_starts, make_clock
-from glider.loops import BLOCK
+from glider.loops.constants import BLOCK
 from glider.miss import PERCH_RADIUS, least_distance, path_miss
 from glider.model_file import GliderModel
 from glider.monte_carlo import (

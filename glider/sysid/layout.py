@@ -9,14 +9,13 @@ the effects on the log's signals, which are replayed instead.
 import dataclasses
 import functools
 import threading
-import types
 from collections.abc import Callable
 
 import numpy as np
 
 from glider.dynamics import compose
 from glider.effects import KINDS, LIBRARY, EffectKind
-from glider.kernel import compiled
+from glider.kernel import Kernel, compiled
 from glider.parameters import PARAMETER_NAMES, GliderParameters, parameter_vector
 from glider.state import NUM_STATES
 from glider.sysid.own_effects import check_own_effects
@@ -67,7 +66,7 @@ class Layout:
     at_rest: tuple[tuple[Callable, slice], ...]
 
     @functools.cached_property
-    def kernel(self) -> types.SimpleNamespace:
+    def kernel(self) -> Kernel:
         """The compiled loops over the dynamics with all these effects."""
         with _COMPILING:  # Threads that meet here share one.
             return compiled(self.compiled_kinds, True)

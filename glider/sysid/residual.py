@@ -25,7 +25,7 @@ def flow_along(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
 
-    The flow's columns are those of `loops.log_flow`.
+    The flow's columns are those of `glider.loops.log.log_flow`.
     """
     nodes = true_nodes(record, theta).copy()
     nodes[:, OFFSET] = trim
