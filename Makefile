@@ -31,7 +31,7 @@ demo: setup
 	$(BIN)/python -m glider close-the-loop models/campaigns/attached_lift --out out/demo
 
 test: setup
-	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile $(PYTEST_ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

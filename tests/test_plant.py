@@ -19,7 +19,6 @@ from glider.effects import (
     SERVO_LAG,
     WIND,
 )
-from glider.effects.effect import STAGES
 from glider.effects.field import FieldData
 from glider.errors import InputError
 from glider.kernel import compiled
@@ -235,14 +234,6 @@ def test_the_fast_way_equals_the_plain_one(model, with_theta, wind):
     np.testing.assert_allclose(fast[0], plain[0], rtol=1e-11, atol=1e-11)
     size = 1.0 + np.abs(plain[1]).max(axis=1, keepdims=True)
     np.testing.assert_allclose(fast[1] / size, plain[1] / size, atol=1e-12)
-
-
-@pytest.mark.slow  # Compiles a kernel for each stage.
-@pytest.mark.parametrize("stage", STAGES)
-def test_the_fast_way_equals_the_plain_one_for_each_stage(stage):
-    effects = tuple(at_work(k) for k in LIBRARY if k.stage == stage)
-    model = GliderModel(effects=effects)
-    test_the_fast_way_equals_the_plain_one(model, with_theta=True, wind=True)
 
 
 def test_numbers_without_derivatives_stay_so():
