@@ -7,6 +7,7 @@ For each diagram an .svg drawn by Matplotlib, and the .dot that Graphviz takes
 import argparse
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pydrake.systems.framework import Diagram
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.picture import make_picture
+from diagrams.showing import run
 from glider.control import tracking_regulator
 from glider.effects import SERVO_LAG
 from glider.model_file import GliderModel
@@ -68,9 +70,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m diagrams", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/diagrams"))
     args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)  # Before the work.
     for file in save_pictures(make_examples(), args.out):
         print(file)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run(main))

@@ -1,7 +1,5 @@
 """A glider under feedback."""
 
-import math
-
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -9,6 +7,7 @@ from pydrake.systems.primitives import MatrixGain, ZeroOrderHold
 
 from diagrams.parts import add_glider, add_motion_capture, finish, tape_rows
 from glider.errors import InputError
+from glider.guided import check_command_rate
 from glider.model_file import GliderModel
 from glider.observer import ExtraStates
 from glider.plant import GliderPlant
@@ -21,6 +20,7 @@ def closed_loop(
     regulator: System,
     *,
     planned: GliderModel | None = None,
+    all_states: bool = False,
     command_rate: float | None = None,
     feedback_noise: bool = False,
     motion_capture: float | None = None,
@@ -36,7 +36,9 @@ def closed_loop(
             fits into no other.
         planned: the model that the regulator was made for, where its effects have
             states of their own. Nobody measures these: "observer" runs them
-            beside the flight. None: the regulator gets the glider's own states.
+            beside the flight. None: the regulator knows of none.
+        all_states: instead of `planned`, for a regulator made for the truth itself:
+            it gets all states of the glider, those that nobody measures too.
         command_rate: the command is held between samples at this rate [Hz]; None:
             it follows the state at once.
         feedback_noise: whether there is a "feedback_noise", which adds a tape to
@@ -58,22 +60,23 @@ def closed_loop(
     wanted = regulator.get_input_port().size()
     observed = _is_observed(planned, wanted)
     measured_size = NUM_STATES if observed else wanted
-    if command_rate is not None and not (
-        math.isfinite(command_rate) and command_rate > 0.0
-    ):
-        raise InputError(
-            f"The command rate is {command_rate} Hz; a positive number is needed."
-        )
+    if command_rate is not None:
+        check_command_rate(command_rate)
     if feedback_noise and command_rate is None:
         raise InputError("Feedback noise comes with each command: a rate is needed.")
 
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)
     signal = glider.GetOutputPort("state")
-    if signal.size() < measured_size:
+    if measured_size > NUM_STATES and not all_states:
         raise InputError(
-            f"The regulator wants {wanted} states, but the glider has "
-            f"{signal.size()}; `planned`, the regulator's model, is needed."
+            f"The regulator wants {wanted} states; `planned`, its model, is needed "
+            "(or `all_states`, where it was made for the truth itself)."
+        )
+    if all_states and (planned is not None or wanted != signal.size()):
+        raise InputError(
+            f"The regulator wants {wanted} states and the glider has "
+            f"{signal.size()}; `all_states` is for as many, without `planned`."
         )
     if signal.size() > measured_size:
         first = np.eye(measured_size, signal.size())

@@ -11,6 +11,7 @@ from pydrake.systems.analysis import (
 )
 from pydrake.systems.framework import Context, Diagram
 
+from diagrams.parts import LONGEST
 from glider.errors import InputError
 from glider.miss import PERCH_RADIUS, path_miss
 from glider.plant import initial_state
@@ -68,7 +69,7 @@ def simulate_flights(
         diagram: with "glider" and "state_log".
         starts: (B, 7), the effects' own states at rest, or (B, n).
         duration: of the flights [s]; the plan's and what it takes to pass the
-            wire, `glider.guided.AFTER`.
+            wire, `glider.guided.AFTER`. With noise at most `diagrams.parts.LONGEST`.
         wire: (x, z) [m].
         feedback_noise: (B, H, m) one row for each command.
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample;
@@ -88,6 +89,11 @@ def simulate_flights(
                 f"Noise for '{name}' is given for {len(tape)} flights; a diagram "
                 f"with that system and one tape for each of {len(starts)} flights "
                 "are needed."
+            )
+        if duration > LONGEST:
+            raise InputError(
+                f"Noise for '{name}' lasts {LONGEST:g} s and the flights last "
+                f"{duration:g} s; at most {LONGEST:g} s are possible."
             )
     flights = []
     for k, start in enumerate(starts):

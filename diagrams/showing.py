@@ -3,6 +3,7 @@
 parser = argparse.ArgumentParser(...)
 add_options(parser)
 args = parser.parse_args(arguments)
+check_folders(args.json, args.html, args.figure)
 ...
 write_figures(args, figures)
 show(args, tracks, title)
@@ -14,10 +15,12 @@ if __name__ == "__main__":
 import argparse
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 
 from diagrams.playback import Track, play, write_html
@@ -53,10 +56,75 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _rate(text: str) -> float:
-    rate = float(text)
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
     if not (math.isfinite(rate) and rate > 0.0):
         raise argparse.ArgumentTypeError(f"{text} is not a positive number")
     return rate
+
+
+def whole_number(least: int) -> Callable[[str], int]:
+    """Returns a `type` of argparse for whole numbers from `least` on."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(
+                f"{text} is not a whole number from {least} on"
+            )
+        return int(text)
+
+    return read
+
+
+def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
+    """Adds --launches, by default `count` and not below `least`, and --seed."""
+    parser.add_argument(
+        "--launches",
+        metavar="N",
+        type=whole_number(least),
+        default=count,
+        help="how many to fly (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=whole_number(0),
+        default=0,
+        help="of all that is random (default: %(default)s)",
+    )
+
+
+def check_folders(
+    data: Path | None,
+    page: Path | None,
+    figure: Path | None = None,
+    *others: Path | None,
+) -> None:
+    """Raises InputError where a file cannot be written: before the work.
+
+    Args:
+        data: of --json.
+        page: of --html.
+        figure: a picture, in a format that Matplotlib writes.
+        others: any more files.
+    """
+    for file in (data, page, figure, *others):
+        if file is None:
+            continue
+        if not file.parent.is_dir():
+            raise InputError(f"{file}: the folder {file.parent} does not exist.")
+        if file.is_dir():
+            raise InputError(f"{file}: is a folder; the name of a file is needed.")
+        if not os.access(file if file.exists() else file.parent, os.W_OK):
+            raise InputError(f"{file}: cannot be written; permission is denied.")
+    formats = FigureCanvasBase.get_supported_filetypes()
+    if figure is not None and figure.suffix.lower().removeprefix(".") not in formats:
+        raise InputError(
+            f"{figure}: '{figure.suffix}' is no format of pictures; one of "
+            f"{', '.join(sorted(formats))} is needed."
+        )
 
 
 def write_figures(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
@@ -117,7 +185,9 @@ def run(main: Callable[[], None]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        print(f"error: {error.filename}: {error.strerror}.", file=sys.stderr)
+        named = error.filename is not None
+        words = f"{error.filename}: {error.strerror}." if named else error
+        print(f"error: {words}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

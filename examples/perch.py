@@ -21,7 +21,14 @@ from diagrams.figures import save_perch_figure
 from diagrams.flying import simulate_flights
 from diagrams.open_loop import open_loop
 from diagrams.playback import GREY
-from diagrams.showing import add_options, run, show, write_figures
+from diagrams.showing import (
+    add_launches,
+    add_options,
+    check_folders,
+    run,
+    show,
+    write_figures,
+)
 from diagrams.tracks import flight_track, plan_track
 from glider.control import tracking_regulator
 from glider.guided import AFTER
@@ -37,11 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--launches", type=int, default=20, help="default: 20")
-    parser.add_argument("--seed", type=int, default=0, help="of the launches")
+    add_launches(parser, 20)
     parser.add_argument("--figure", metavar="FILE", type=Path, help="paths, as PNG")
     add_options(parser)
     args = parser.parse_args(arguments)
+    check_folders(args.json, args.html, args.figure)
 
     model, problem = GliderModel(), PerchingProblem()
     rng = np.random.default_rng(args.seed)

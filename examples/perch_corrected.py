@@ -19,7 +19,14 @@ from rich.console import Console
 from diagrams.figures import save_rehearsals_figure
 from diagrams.playback import GREY, RED
 from diagrams.rehearsal import Rehearsal, load_truth, rehearse
-from diagrams.showing import add_options, run, show, write_figures
+from diagrams.showing import (
+    add_launches,
+    add_options,
+    check_folders,
+    run,
+    show,
+    write_figures,
+)
 from diagrams.tracks import flight_track, plan_track
 from glider.model_file import GliderModel
 from glider.monte_carlo import LaunchSpread, draw_launches
@@ -35,11 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     truth_help = "model file, or a name in models/truths (default: %(default)s)"
     parser.add_argument("--truth", default="head_wind", help=truth_help)
-    parser.add_argument("--launches", type=int, default=100, help="default: 100")
-    parser.add_argument("--seed", type=int, default=0, help="of launches and noise")
+    add_launches(parser, 100, least=3)
     parser.add_argument("--figure", metavar="FILE", type=Path, help="paths, as PNG")
     add_options(parser)
     args = parser.parse_args(arguments)
+    check_folders(args.json, args.html, args.figure)
 
     truth = load_truth(args.truth)
     problem, rng = PerchingProblem(), np.random.default_rng(args.seed)
@@ -53,8 +60,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = close_the_loop(before.campaign, progress=status.update)
         after = fly(found.model)
 
+    true = [effect.kind.kind for effect in truth.effects]
+    true += [] if truth.field is None else [truth.field.kind]
     figures: dict = {
-        "effect_true": [effect.kind.kind for effect in truth.effects] or "a field",
+        "effect_true": " + ".join(true) or "nothing",
         "effect_found": [effect.kind for effect in found.effects],
         "before": {"miss_m": before.misses, "perched": before.perched},
         "after": {"miss_m": after.misses, "perched": after.perched},

@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 
 from diagrams.playback import GREEN, RED, Track, stage_of
-from diagrams.showing import add_options, run, show, write_figures
+from diagrams.showing import add_options, check_folders, run, show, write_figures
 from glider.model_file import load_model
 from glider.sysid import refly
 from glider.sysid.campaign_reader import load_campaign
@@ -34,6 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--model", metavar="FILE", type=Path, help=model_help)
     add_options(parser)
     args = parser.parse_args(arguments)
+    check_folders(args.json, args.html)
 
     campaign = load_campaign(args.campaign)
     flight = refly.find_flight(campaign, args.flight)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from glider.dynamics import compose, initial_extra
 from glider.errors import InputError
 from glider.kernel import compiled
 from glider.miss import PERCH_RADIUS
@@ -86,13 +85,16 @@ def make_clock(
     if command_rate is None:
         step = duration / count
         return Clock(step=step, steps=count + math.ceil(after / step), hold=0)
-    if not (math.isfinite(command_rate) and command_rate > 0.0):
-        raise InputError(
-            f"The command rate is {command_rate} Hz; a positive number is needed."
-        )
+    check_command_rate(command_rate)
     hold = math.ceil(1.0 / (command_rate * step) - 1e-9)
     step = 1.0 / (command_rate * hold)
     return Clock(step=step, steps=math.ceil((duration + after) / step), hold=hold)
+
+
+def check_command_rate(rate: float) -> None:
+    """Raises InputError unless commands can be given at a rate [Hz]."""
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise InputError(f"The command rate is {rate} Hz; a positive number is needed.")
 
 
 def fly_closed_loop(
@@ -167,7 +169,7 @@ def fly_closed_loop(
         np.array([*drawing.elevator_limits, drawing.elevator_rate_limit]),
         np.array(wire, dtype=float),
         parameter_vector(drawing),
-        np.array([v for e in plant.model.effects for v in e.values]),
+        plant.model.coefficients,
         plant.model.residual_field,
         miss,
         states,
@@ -182,22 +184,10 @@ def fly_closed_loop(
 
 def full_starts(plant: Any, starts: np.ndarray) -> np.ndarray:
     """Returns launch states (B, n); given (B, 7), the effects' own are at rest."""
-    starts = np.array(starts, dtype=float, order="C")
+    starts = np.array(starts, dtype=float)
     if starts.ndim != 2 or not len(starts) or not np.all(np.isfinite(starts)):
         raise InputError(
             f"The launches have shape {starts.shape}; (B, {NUM_STATES}) finite "
             "numbers are needed."
         )
-    n = len(initial_state(plant, starts[0]))  # Refuses another length.
-    if starts.shape[1] == n:
-        return starts
-    # As `initial_state`, for all at once: the formulas take arrays too.
-    model = plant.model
-    p = parameter_vector(model.parameters)
-    c = np.array([v for e in model.effects for v in e.values])
-    full = np.concatenate([starts, np.zeros((len(starts), n - NUM_STATES))], axis=1)
-    chain = compose(plant.kinds, model.field is not None)
-    flow, _ = chain.meet_air(0.0, full.T, 0.0, 0.0, 0.0, p, c, model.residual_field)
-    for k, value in enumerate(initial_extra(plant.kinds, flow, 0.0, c)):
-        full[:, NUM_STATES + k] = value
-    return full
+    return np.ascontiguousarray(initial_state(plant, starts.T).T)

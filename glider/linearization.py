@@ -1,7 +1,10 @@
-"""The compiled dynamics of one glider, point by point, with exact slopes."""
+"""The dynamics of one glider, point by point, with exact slopes."""
 
+import numba
 import numpy as np
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from glider.dynamics import compose
 from glider.kernel import compiled
 from glider.parameters import parameter_vector
 
@@ -9,24 +12,28 @@ from glider.parameters import parameter_vector
 class Dynamics:
     """ẋ = f(x, u) of a glider in still air, at time 0.
 
+    Compiled; where a formula does not compile, or the plant is not `fast`, by the
+    formulas as they are, with AutoDiffXd.
+
     Attributes:
         num_states: n, with the effects' own states.
     """
 
     def __init__(self, plant):
-        """Takes drawing and effects from a GliderPlant's model."""
+        """Takes drawing and effects from a GliderPlant's model.
+
+        Args:
+            plant: a GliderPlant; not `fast` any more once a formula of its does
+                not compile.
+        """
         model = plant.model
+        self._plant = plant
         self.num_states = len(plant.state_names)
-        self._kernel = compiled(plant.kinds, model.field is not None)
+        self._has_field = model.field is not None
         self._field = model.residual_field
-        self._theta = np.array(
-            [
-                *parameter_vector(model.parameters),
-                *(value for effect in model.effects for value in effect.values),
-            ]
-        )
-        self._z = np.zeros(self.num_states + 3 + len(self._theta))
-        self._z[self.num_states + 3 :] = self._theta
+        self._p, self._c = parameter_vector(model.parameters), model.coefficients
+        self._z = np.zeros(self.num_states + 3 + len(self._p) + len(self._c))
+        self._z[self.num_states + 3 :] = np.concatenate([self._p, self._c])
         self._all = np.asfortranarray(np.eye(self.num_states + 1))
         self._none = np.empty((0, 0))
 
@@ -56,10 +63,26 @@ class Dynamics:
         return x
 
     def _differentiate(self, x, u, directions):
+        if not self._plant.fast:
+            return self._differentiate_plainly(x, u)
         n = self.num_states
         value, slopes = np.empty(n), np.empty((n, directions.shape[1]))
         self._z[:n], self._z[n] = x, u
-        self._kernel.directional(
-            0.0, self._z, directions, n, self._field, value, slopes
-        )
+        kernel = compiled(self._plant.kinds, self._has_field)
+        try:
+            kernel.directional(0.0, self._z, directions, n, self._field, value, slopes)
+        except numba.core.errors.NumbaError:
+            self._plant.fast = False
+            return self._differentiate_plainly(x, u)
         return value, slopes
+
+    def _differentiate_plainly(self, x, u):
+        """Returns f (n,) and its slopes by state and input (n, n + 1)."""
+        z = InitializeAutoDiff(np.append(x, u))[:, 0]
+        chain = compose(self._plant.kinds, self._has_field)
+        rates = np.array(
+            chain.derivatives(
+                0.0, z[:-1], z[-1], 0.0, 0.0, self._p, self._c, self._field
+            )
+        )
+        return ExtractValue(rates)[:, 0], ExtractGradient(rates)

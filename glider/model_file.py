@@ -10,12 +10,13 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from glider.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.effects.field import FieldData, make_field
-from glider.errors import InputError
+from glider.errors import MISPLACED, InputError, one_line
 from glider.parameters import GliderParameters, check_parameters
 
 
@@ -32,6 +33,11 @@ class GliderModel:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
     field: FieldData | None = None
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """Those of the effects, one effect after the other."""
+        return np.array([value for effect in self.effects for value in effect.values])
 
     @property
     def residual_field(self) -> Field:
@@ -75,17 +81,18 @@ def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderMode
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
     try:
         data = yaml_load_typed(schema=_ModelFile, filename=str(path))
-    except (RuntimeError, ValueError, TypeError, OSError, yaml.YAMLError) as error:
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not a glider model: {first}") from None
+    except (OSError, yaml.YAMLError, *MISPLACED) as error:
+        raise InputError(f"{path}: not a glider model: {one_line(error)}") from None
     check_parameters(dataclasses.asdict(data.parameters), source=str(path))
-    effects = []
+    effects: list[Effect] = []
     for entry in data.effects:
         if entry.kind not in kinds:
             raise InputError(
                 f"{path}: unknown effect '{entry.kind}'; known are {', '.join(kinds)} "
                 "(an effect of your own must be given in own_effects)."
             )
+        if any(entry.kind == effect.kind.kind for effect in effects):
+            raise InputError(f"{path}: effect '{entry.kind}' is given twice.")
         try:
             effects.append(kinds[entry.kind](**entry.coefficients))
         except InputError as error:

@@ -90,11 +90,12 @@ def draw_launches(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Draws launch states, shape (count, 7)."""
+    if count < 1:
+        raise InputError(f"draw_launches: {count} launches; at least 1 is needed.")
     errors = rng.normal(size=(count, 3)) * [spread.height, spread.speed, spread.pitch]
     starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
     velocity = starts[:, _VELOCITY]
-    speed = np.linalg.norm(velocity[0])
-    along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0])
+    along = velocity / np.linalg.norm(velocity[0])
     starts[:, _Z] += errors[:, 0]
     starts[:, _VELOCITY] += errors[:, 1:2] * along
     starts[:, _PITCH] += errors[:, 2]

@@ -37,7 +37,7 @@ def ExtraStates_(T):
                 plant.kinds, self.model.field is not None
             ).derivatives
             self._p = parameter_vector(self.model.parameters)
-            self._c = np.array([v for e in self.model.effects for v in e.values])
+            self._c = self.model.coefficients
             self._field = self.model.residual_field
             self._measured = self.DeclareVectorInputPort("measured", NUM_STATES)
             self._rate = self.DeclareVectorInputPort("elevator_rate", 1)

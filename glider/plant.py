@@ -98,11 +98,10 @@ def GliderPlant_(T):
             self._elevator_rate = self.DeclareVectorInputPort("elevator_rate", 1)
             self._wind = self.DeclareVectorInputPort("wind", 2)
             state = self.DeclareContinuousState(len(self.state_names))
-            coefficients = [v for e in self.model.effects for v in e.values]
             self.DeclareNumericParameter(
                 BasicVector_[T](parameter_vector(self.model.parameters))
             )
-            self.DeclareNumericParameter(BasicVector_[T](np.array(coefficients)))
+            self.DeclareNumericParameter(BasicVector_[T](self.model.coefficients))
             self.DeclareStateOutputPort("state", state)
             self.DeclareVectorOutputPort("forces", len(FORCE_NAMES), self._calc_forces)
             self.DeclareVectorOutputPort(
@@ -239,25 +238,26 @@ def initial_state(plant, state):
 
     Args:
         plant: a GliderPlant.
-        state: (7,) of STATE_NAMES, or already the full one.
+        state: (7,) of STATE_NAMES, or already the full one (n,); or many of them,
+            the columns of (7, B) or (n, B).
 
     Raises:
         InputError: where the length is neither.
     """
-    x = np.asarray(state, dtype=float).ravel()
-    if len(x) == plant.num_continuous_states():
+    x, n = np.asarray(state, dtype=float), plant.num_continuous_states()
+    if len(x) == n:
         return x
     if len(x) != NUM_STATES:
         raise InputError(
-            f"initial_state: the state has {len(x)} numbers; {NUM_STATES} or "
-            f"{plant.num_continuous_states()} are needed."
+            f"initial_state: the state has {len(x)} numbers; {NUM_STATES} or {n} "
+            "are needed."
         )
     model = plant.model
-    p = parameter_vector(model.parameters)
-    c = np.array([v for e in model.effects for v in e.values])
+    p, c = parameter_vector(model.parameters), model.coefficients
     # The drawing meets the air before any effect has a state to look at.
-    extra = np.zeros(plant.num_continuous_states() - NUM_STATES)
-    full = np.concatenate([x, extra])
+    full = np.concatenate([x, np.zeros((n - NUM_STATES, *x.shape[1:]))])
     chain = compose(plant.kinds, model.field is not None)
     flow, _ = chain.meet_air(0.0, full, 0.0, 0.0, 0.0, p, c, model.residual_field)
-    return np.concatenate([x, initial_extra(plant.kinds, flow, 0.0, c)])
+    for k, value in enumerate(initial_extra(plant.kinds, flow, 0.0, c)):
+        full[NUM_STATES + k] = value
+    return full

@@ -54,7 +54,7 @@ def compiled_policy(
         weights.rate,
         weight_matrix(weights.final, n),
         parameter_vector(model.parameters),
-        np.array([v for e in model.effects for v in e.values]),
+        model.coefficients,
         model.residual_field,
         gains,
         corrections,

@@ -75,10 +75,6 @@ class TrackingPolicy:
     cost_slope: np.ndarray
     """(M + 1, n) s."""
 
-    def __post_init__(self):
-        """Keeps the plan's numbers without its trajectories, which do not pickle."""
-        object.__setattr__(self, "plan", dataclasses.replace(self.plan))
-
 
 def check_plan(plant: Any, plan: Plan) -> None:
     """Raises InputError unless the plan has the states of the plant."""

@@ -22,6 +22,7 @@ from glider.effects.field import FieldData
 from glider.errors import InputError
 from glider.guided import fly_closed_loop
 from glider.model_file import GliderModel
+from glider.parameters import GliderParameters
 from glider.planning.plan import Plan
 from glider.plant import GliderPlant
 from glider.riccati import compiled_policy
@@ -224,7 +225,7 @@ def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
     trim = find_trim(plant, speed)
     start = trim.state.copy()
     start[1:7] += [0.05, 0.02, -0.02, 0.2, -0.1, 0.1]
-    diagram = closed_loop(model, cruise_regulator(plant, trim))
+    diagram = closed_loop(model, cruise_regulator(plant, trim), all_states=True)
     [flight] = simulate_flights(diagram, start[None], 25.0)
     end = flight.states[-1] - trim.state
     normal = [-np.sin(trim.slope), np.cos(trim.slope)]
@@ -244,6 +245,14 @@ def test_trims_are_what_they_say():
 def test_a_flight_that_cannot_be_steady_is_refused(speed):
     with pytest.raises(InputError, match="No steady"):
         find_trim(GliderPlant(), speed)
+
+
+def test_a_flight_beyond_the_elevator_s_travel_is_refused():
+    needed = find_trim(GliderPlant(), 7.0).state[3]
+    assert needed > 0.02
+    stuck = GliderParameters(elevator_limits=[-0.5, 0.9 * needed])
+    with pytest.raises(InputError, match=f"elevator of {needed:.3f} rad; its travel"):
+        find_trim(GliderPlant(GliderModel(parameters=stuck)), 7.0)
 
 
 def test_a_cruise_through_changing_air_is_refused():

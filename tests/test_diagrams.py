@@ -15,10 +15,15 @@ from diagrams.__main__ import save_pictures
 from diagrams.closed_loop import closed_loop
 from diagrams.flying import draw_capture_noise, reset, simulate_flights
 from diagrams.open_loop import open_loop
+from diagrams.parts import LONGEST
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
+from diagrams.tracks import flight_track
 from glider.control import tracking_regulator
+from glider.effects import DYNAMIC_STALL
 from glider.errors import InputError
 from glider.guided import AFTER, fly_closed_loop
+from glider.miss import path_miss
+from glider.model_file import GliderModel
 from glider.monte_carlo import LaunchSpread, draw_launches
 from glider.parameters import PARAMETER_NAMES
 from glider.plant import GliderPlant
@@ -29,6 +34,7 @@ from glider.sysid.flight_log import Campaign
 from tests.flights import DRAWING, LAGGING, PROBLEM, draw_noise, plan_of, policy
 
 DURATION = 0.98
+STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
 ALWAYS = {"glider", "servo", "state_log", "rate_log", "force_log"}
 CAPTURE = {
     "elevator_angle",
@@ -176,6 +182,37 @@ def test_feedback_brings_a_launch_to_the_wire(plain):
     assert max(flight.miss for flight in flights) < 0.02
 
 
+def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
+    """Along the whole flight the glider's own port, and so in what is shown."""
+    [flight] = simulate_flights(sampled, launches(1), 0.3)
+    plant = GliderPlant(LAGGING)
+    context = plant.CreateDefaultContext()
+    for k in (0, len(flight.times) // 2, -1):
+        context.SetContinuousState(flight.states[k])
+        plant.GetInputPort("elevator_rate").FixValue(context, [flight.rates[k]])
+        wing, elevator = plant.GetOutputPort("forces").Eval(context)[:2]
+        assert flight.forces[k] == pytest.approx([wing, elevator])
+        assert abs(wing - elevator) > 0.01
+    shown = flight_track("flown", flight)
+    rows = np.searchsorted(flight.times, shown.times, side="right") - 1
+    np.testing.assert_array_equal(shown.forces, flight.forces[rows])
+
+
+@pytest.mark.parametrize("wire", [(-0.3, 0.2), (-3.0, 0.1)])
+def test_the_miss_is_of_the_wire_that_is_given(replay, wire):
+    [flight] = simulate_flights(replay, launches(1), 0.95, wire=wire)
+    expected = path_miss(flight.times, flight.states, np.array(wire))
+    assert (
+        flight.miss == expected != path_miss(flight.times, flight.states, np.zeros(2))
+    )
+
+
+@pytest.mark.parametrize(("miss", "perched"), [(0.049, True), (0.051, False)])
+def test_a_perch_is_within_five_centimeters(replay, miss, perched):
+    [flight] = simulate_flights(replay, launches(1), 0.01)
+    assert dataclasses.replace(flight, miss=miss).perched is perched
+
+
 def test_flights_of_one_diagram_know_nothing_of_one_another(sampled):
     starts, noise = launches(2), draw_noise(2, 49)
     both = simulate_flights(sampled, starts, 0.3, feedback_noise=noise)
@@ -189,7 +226,9 @@ def test_flights_of_one_diagram_know_nothing_of_one_another(sampled):
 
 def test_the_observer_knows_the_lag_as_the_glider_itself(sampled):
     """On the right model, the states it runs are those that the glider has."""
-    told = closed_loop(LAGGING, regulator(lagging=True), command_rate=50.0)
+    told = closed_loop(
+        LAGGING, regulator(lagging=True), all_states=True, command_rate=50.0
+    )
     ends = [
         simulate_flights(diagram, launches(1), DURATION, accuracy=1e-8)
         for diagram in (sampled, told)
@@ -220,16 +259,31 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
         ({"command_rate": -1.0}, "-1.0 Hz"),
         ({"planned": DRAWING}, "wants 8"),
         ({}, "`planned`"),
+        ({"truth": STALLING}, "`planned`"),  # As many states, but others.
+        ({"all_states": True}, "8 states and the glider has 7"),
+        (
+            {"truth": LAGGING, "planned": LAGGING, "all_states": True},
+            "without `planned`",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(options, message):
+    truth = options.get("truth", DRAWING)
+    others = {name: value for name, value in options.items() if name != "truth"}
     with pytest.raises(InputError, match=message):
-        closed_loop(DRAWING, MatrixGain(np.ones((1, 8))), **options)
+        closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
 
 
 def test_noise_for_a_diagram_without_is_refused(plain):
     with pytest.raises(InputError, match="'feedback_noise'"):
         simulate_flights(plain, launches(1), 0.1, feedback_noise=draw_noise(1, 5))
+
+
+@pytest.mark.parametrize("tape", ["feedback_noise", "capture_noise"])
+def test_noise_never_ends_before_the_flight(sampled, tape):
+    noise = np.zeros((1, 5, 7 if tape == "feedback_noise" else 4))
+    with pytest.raises(InputError, match=f"at most {LONGEST:g} s are possible"):
+        simulate_flights(sampled, launches(1), LONGEST + 0.1, **{tape: noise})
 
 
 def test_too_few_tapes_are_refused(sampled):

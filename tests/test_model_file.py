@@ -29,6 +29,12 @@ def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
     assert path.read_text() == first
 
 
+def test_the_coefficients_follow_one_another():
+    model = GliderModel(effects=(WIND(x=-0.5, z=0.1), PROFILE_DRAG(cd0=0.05)))
+    np.testing.assert_array_equal(model.coefficients, [-0.5, 0.1, 0.05])
+    assert GliderModel().coefficients.shape == (0,)
+
+
 def test_a_file_says_only_what_it_changes(tmp_path):
     path = tmp_path / "model.yaml"
     path.write_text(
@@ -74,6 +80,11 @@ def test_the_arrays_of_a_field():
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
         ("- 1", "not a glider model"),
         ("effects: 3", "not a glider model"),
+        ("effects: [wind]", "not a glider model: a value"),
+        ("parameters: [1]", "not a glider model: a value"),
+        ("5: 6", "not a glider model: a value"),
+        ("effects: [{kind: wind, coefficients: [1]}]", "not a glider model: a value"),
+        ("effects: [{kind: wind}, {kind: wind}]", "effect 'wind' is given twice"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, text, words):

@@ -9,6 +9,7 @@ import pytest
 
 from diagrams.closed_loop import closed_loop
 from diagrams.flying import simulate_flights
+from glider import monte_carlo
 from glider.control import tracking_regulator
 from glider.effects import DYNAMIC_STALL, WIND
 from glider.errors import InputError
@@ -207,6 +208,12 @@ def test_launches_spread_as_they_should():
     np.testing.assert_array_equal(nothing, [PROBLEM.launch] * 2)
 
 
+@pytest.mark.parametrize("count", [0, -1])
+def test_no_launches_are_refused(count):
+    with pytest.raises(InputError, match=f"{count} launches; at least 1"):
+        launches(count)
+
+
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
 def test_a_spread_that_cannot_be_is_refused(value):
     with pytest.raises(InputError, match="'height'"):
@@ -273,6 +280,19 @@ def test_cases_meet_the_same_launches():
 def test_noise_makes_a_case_worse():
     near, _, noisy = sweep(cases(), 300, seed=0)
     assert np.mean(noisy.miss) > 1.5 * np.mean(near.miss)
+
+
+def test_each_state_gets_its_own_noise(monkeypatch):
+    given = []
+    monkeypatch.setattr(
+        monte_carlo,
+        "fly_closed_loop",
+        lambda *_, noise, **__: given.append(noise),
+    )
+    [case] = [case for case in cases() if case.name == "noisy"]
+    fly_case(case, 200, np.random.default_rng(0))
+    deviations = given[0].std(axis=(0, 1))
+    np.testing.assert_allclose(deviations, case.feedback_noise, rtol=0.05)
 
 
 def test_noise_without_a_command_rate_is_refused():

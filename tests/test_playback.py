@@ -12,6 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from diagrams.marks import ARROW_SCALE, arrow_paths, trail_path
 from diagrams.playback import RED, MakePlayback, Track, play, stage_of, write_html
 from glider.errors import InputError
+from glider.parameters import GliderParameters
 from tests.meshcat import place_of, property_of
 
 
@@ -90,6 +91,16 @@ def test_an_arrow_is_as_long_as_its_force(tracks, meshcat):
     wing, elevator = (property_of(meshcat, p, "scale") for p in arrow_paths("flown"))
     assert wing[2] == pytest.approx(2.0 * ARROW_SCALE)
     assert elevator[2] == pytest.approx(-1.0 * ARROW_SCALE)
+
+
+def test_an_arrow_is_where_its_force_acts(tracks):
+    """From the body's frame and from the hinge; ahead is positive."""
+    drawing = GliderParameters(wing_offset=0.03, elevator_offset=0.05)
+    meshcat = Meshcat()
+    MakePlayback(tracks, meshcat, parameters=drawing)
+    wing, elevator = (place_of(meshcat, p) for p in arrow_paths("flown"))
+    assert wing == pytest.approx([0.03, 0.0, 0.0])
+    assert elevator == pytest.approx([-0.05, 0.0, 0.0])
 
 
 def test_the_gliders_stay_where_they_end(tracks):

@@ -30,6 +30,10 @@ def test_a_file_gives_only_what_differs(tmp_path):
         ("final_speed_limit: 0.0", ("'final_speed_limit'", "positive")),
         ("launhc: [0.0]", ("not a perching problem",)),
         ("launch: fast", ("not a perching problem",)),
+        ("5: 6", ("not a perching problem", "where something else")),
+        ("launch: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]", ("'launch'", "zdot = 0")),
+        ("wire: [1.1, 0.0]", ("'wire'", "'x_limits'")),
+        ("wire: [0.0, -1.1]", ("'wire'", "'z_limits'")),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, words):

@@ -1,23 +1,35 @@
 """The examples tell the story that they promise, in numbers too."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from diagrams.flying import simulate_flights
 from diagrams.rehearsal import load_truth, rehearse
 from diagrams.showing import run
 from examples import perch, perch_corrected
+from glider.effects import PITCH_DAMPING, WIND
 from glider.errors import InputError
-from glider.model_file import GliderModel
+from glider.model_file import GliderModel, save_model
 from glider.monte_carlo import LaunchSpread, draw_launches
 from glider.paths import models_path
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Attempt
 from glider.planning.problem import PerchingProblem
+from tests.physics import FIELD
 
 
-def test_perch_plans_replays_and_flies(tmp_path, capsys):
+def test_perch_plans_replays_and_flies(tmp_path, capsys, monkeypatch):
+    flown = []
+    monkeypatch.setattr(
+        perch,
+        "simulate_flights",
+        lambda *args, **options: (
+            flown.append(simulate_flights(*args, **options)) or flown[-1]
+        ),
+    )
     out, figure, page = (tmp_path / n for n in ("p.json", "p.png", "p.html"))
     perch.main(
         [
@@ -33,6 +45,12 @@ def test_perch_plans_replays_and_flies(tmp_path, capsys):
     assert figures["open_loop_miss_m"] < 0.001
     assert len(figures["closed_loop_miss_m"]) == figures["launches"] == 4
     assert figures["perched"] == 4
+    _, replayed, fed_back = flown
+    for name, flights in (
+        ("open_loop_from_launches_miss_m", replayed),
+        ("closed_loop_miss_m", fed_back),
+    ):
+        assert figures[name] == [flight.miss for flight in flights]
     blind, guided = (
         np.median(figures[name])
         for name in ("open_loop_from_launches_miss_m", "closed_loop_miss_m")
@@ -53,7 +71,8 @@ def test_the_corrected_model_perches_where_the_drawn_one_misses(tmp_path):
         ]
     )
     figures = json.loads(out.read_text())
-    assert figures["effect_true"] == figures["effect_found"] == ["wind"]
+    assert figures["effect_true"] == "wind"
+    assert figures["effect_found"] == ["wind"]
     assert figures["before"]["perched"] <= 2
     assert figures["after"]["perched"] == figures["launches"] == 10
     assert max(figures["after"]["miss_m"]) < 0.05 < min(figures["before"]["miss_m"])
@@ -61,7 +80,7 @@ def test_the_corrected_model_perches_where_the_drawn_one_misses(tmp_path):
 
 
 def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
-    problem, drawing = PerchingProblem(), GliderModel()
+    problem, drawing = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
     starts = draw_launches(problem, LaunchSpread(), 3, np.random.default_rng(0))
     first, again = (
         rehearse(drawing, drawing, problem, starts, np.random.default_rng(1))
@@ -79,6 +98,53 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
         # Between the integrator's steps a straight line is a millimeter off.
         np.testing.assert_allclose(log.pose[:, :2], path[:2].T, atol=0.004)
         assert not np.allclose(log.pose[:, 2], path[2], atol=1e-4)  # Noise.
+
+
+@pytest.mark.parametrize(
+    ("truth", "expected"),
+    [
+        (GliderModel(), "nothing"),
+        (GliderModel(effects=(WIND(x=-1.0), PITCH_DAMPING())), "wind + pitch_damping"),
+        (GliderModel(effects=(WIND(x=-1.0),), field=FIELD), "wind + rbf_residual"),
+    ],
+)
+def test_what_is_true_is_told_as_it_is(tmp_path, monkeypatch, truth, expected):
+    """Of files with several effects or none; nothing is flown here."""
+    save_model(tmp_path / "truth.yaml", truth)
+    flown = SimpleNamespace(misses=[0.1], perched=0, campaign=None, plan=None)
+    found = SimpleNamespace(effects=(), model=GliderModel())
+    for name, result in (
+        ("rehearse", flown),
+        ("close_the_loop", found),
+        ("headline", "found nothing"),
+        ("flight_track", None),
+        ("plan_track", None),
+        ("show", None),
+    ):
+        monkeypatch.setattr(perch_corrected, name, lambda *_, _r=result, **__: _r)
+    flown.flights = [None]
+    out = tmp_path / "c.json"
+    perch_corrected.main(
+        ["--truth", str(tmp_path / "truth.yaml"), "--headless", "--json", str(out)]
+    )
+    assert json.loads(out.read_text())["effect_true"] == expected
+
+
+@pytest.mark.parametrize("main", [perch.main, perch_corrected.main])
+@pytest.mark.parametrize(
+    ("option", "name"), [("--json", "a.json"), ("--html", "a.html"), ("--figure", "a")]
+)
+def test_a_file_without_a_folder_is_refused_before_the_work(
+    tmp_path, monkeypatch, main, option, name, capsys
+):
+    def work(*_):
+        raise AssertionError("the work has begun")
+
+    for module in (perch, perch_corrected):
+        monkeypatch.setattr(module, "draw_launches", work)
+    arguments = [option, str(tmp_path / "absent" / name), "--headless"]
+    assert run(lambda: main(arguments)) == 2
+    assert "absent does not exist" in capsys.readouterr().err
 
 
 def test_every_shipped_truth_is_a_model_with_one_effect_or_a_field():

@@ -3,13 +3,22 @@
 import argparse
 import io
 import json
+import os
 import urllib.request
 
 import numpy as np
 import pytest
 
 from diagrams.playback import Track
-from diagrams.showing import add_options, run, show, start_meshcat, write_figures
+from diagrams.showing import (
+    add_launches,
+    add_options,
+    check_folders,
+    run,
+    show,
+    start_meshcat,
+    write_figures,
+)
 from glider.errors import InputError
 
 TRACK = Track(
@@ -22,6 +31,7 @@ TRACK = Track(
 def parse(*arguments):
     parser = argparse.ArgumentParser()
     add_options(parser)
+    add_launches(parser, 20, least=3)
     return parser.parse_args(list(map(str, arguments)))
 
 
@@ -64,7 +74,66 @@ def test_the_rate_is_a_positive_number(rate, capsys):
     with pytest.raises(SystemExit) as end:
         parse("--rate", rate)
     assert end.value.code == 2
-    assert "--rate" in capsys.readouterr().err
+    assert f"--rate: {rate} is not a positive number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "number", "least"),
+    [
+        *[("--launches", number, 3) for number in ("0", "-1", "2", "2.5", "many")],
+        *[("--seed", number, 0) for number in ("-1", "1e3", "")],
+    ],
+)
+def test_launches_and_seed_are_whole_numbers(option, number, least, capsys):
+    with pytest.raises(SystemExit) as end:
+        parse(option, number)
+    assert end.value.code == 2
+    error = capsys.readouterr().err
+    assert f"{option}: {number} is not a whole number from {least} on" in error
+    least_ones = parse("--launches", "3", "--seed", "0")
+    assert (least_ones.launches, least_ones.seed) == (3, 0)
+
+
+FILES = ("a.json", "a.html", "a.png")
+
+
+def test_files_that_can_be_written_are_let_through(tmp_path):
+    (tmp_path / "a.json").touch()  # To be written over.
+    check_folders(*(tmp_path / name for name in FILES), tmp_path / "more.yaml")
+    check_folders(None, None, tmp_path / "A.SVG")
+    check_folders(None, None)
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize(
+    ("folder", "words"),
+    [
+        ("absent", "the folder .*absent does not exist"),
+        ("folder", "is a folder"),
+        ("locked", "permission is denied"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused(
+    tmp_path, monkeypatch, place, folder, words
+):
+    for name in (*FILES, "more.yaml"):
+        (tmp_path / "folder" / name).mkdir(parents=True)
+    (tmp_path / "locked").mkdir()
+    access = os.access
+    monkeypatch.setattr(  # The tests may run as root, who may do all.
+        "os.access",
+        lambda path, mode: path != tmp_path / "locked" and access(path, mode),
+    )
+    files = [tmp_path / name for name in (*FILES, "more.yaml")]
+    files[place] = tmp_path / folder / files[place].name
+    with pytest.raises(InputError, match=words):
+        check_folders(*files)
+
+
+@pytest.mark.parametrize("name", ["f.txt", "f", "f.html"])
+def test_a_figure_is_in_a_format_that_matplotlib_writes(tmp_path, name):
+    with pytest.raises(InputError, match=rf"{name}: .* no format .*png"):
+        check_folders(None, None, tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -73,6 +142,7 @@ def test_the_rate_is_a_positive_number(rate, capsys):
         (None, 0, ""),
         (InputError("the flight is not there."), 2, "error: the flight is not there."),
         (PermissionError(13, "Permission denied", "f.json"), 2, "f.json: Permission"),
+        (FileNotFoundError("no 'a' among the models."), 2, "error: no 'a' among"),
         (KeyboardInterrupt(), 130, ""),
     ],
 )

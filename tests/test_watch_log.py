@@ -40,6 +40,7 @@ def test_a_flight_is_shown_with_both_models(model, tmp_path, capsys):
         ([CAMPAIGN, "flight_099"], "there is no flight 'flight_099'; there are flight"),
         (["nowhere", "flight_000"], "nowhere: does not exist"),
         ([CAMPAIGN, "flight_000", "--model", "no.yaml"], "no.yaml: not a glider model"),
+        ([CAMPAIGN, "flight_000", "--json", "no/f.json"], "folder no does not exist"),
     ],
 )
 def test_what_a_user_gets_wrong_is_one_sentence(arguments, words, capsys):

@@ -53,20 +53,38 @@ class PlanningError(RuntimeError):
 
     Attributes:
         violations: the constraints at the wire that the closest flight found
-            violates, and by how much [m, rad or m/s]; empty where no flight within
-            the limits was found at all.
+            violates, and by how much [m, rad or m/s]; empty where there is none.
         attempts: what was tried.
+        arrived: whether some flight kept every constraint, but no solver went on
+            from it to one of least cost. If not, and without violations, no flight
+            within the limits was found at all.
     """
 
-    def __init__(self, violations: dict[str, float], attempts: tuple[Attempt, ...]):
+    def __init__(
+        self,
+        violations: dict[str, float],
+        attempts: tuple[Attempt, ...],
+        arrived: bool = False,
+    ):
         """Takes what `PlanningError` holds."""
         self.violations = violations
         self.attempts = attempts
+        self.arrived = arrived
         left = [f"{name} by {amount:.3g}" for name, amount in violations.items()]
+        if arrived:
+            what = "a flight that arrives was found, but no solver finished from it"
+        elif left:
+            what = f"the closest flight violates {', '.join(left)}"
+        else:
+            what = "no flight within the limits was found at all"
+        meshes = " and ".join(dict.fromkeys(str(a.knots) for a in attempts))
         super().__init__(
-            f"No plan in {len(attempts)} attempts on {attempts[-1].knots} knots; the "
-            f"closest flight violates {', '.join(left) or 'the dynamics'}."
+            f"No plan in {len(attempts)} attempts on {meshes} knots; {what}."
         )
+
+    def __reduce__(self):
+        """Pickles by what `PlanningError` holds, not by its message."""
+        return type(self), (self.violations, self.attempts, self.arrived)
 
 
 def plan(
@@ -95,7 +113,7 @@ def plan(
     if progress and plant.fast:
         progress("the dynamics of this glider (compiled once, then kept on disk)")
         Dynamics(plant).linearize(initial_state(plant, problem.launch), 0.0)
-    ladder = _Ladder(plant, problem, progress)
+    ladder = _Ladder(plant, problem, max(knots), progress)
     found = None
     for count in knots:
         warm = guess if found is None else to_guess(*found, "the plan on fewer knots")
@@ -111,9 +129,10 @@ class _Ladder:
         self,
         plant: LeafSystem,
         problem: PerchingProblem,
+        finest: int,
         progress: Progress | None,
     ):
-        self._plant, self._problem = plant, problem
+        self._plant, self._problem, self._finest = plant, problem, finest
         self._progress = progress or (lambda text: None)
         self.attempts: list[Attempt] = []
 
@@ -140,11 +159,19 @@ class _Ladder:
         return self._arrive_first(program, knots, [line, *arcs])
 
     def _arrive_first(
-        self, program: DirectCollocation, knots: int, guesses: list[Guess]
+        self,
+        program: DirectCollocation,
+        knots: int,
+        guesses: list[Guess],
+        violations: dict[str, float] | None = None,
     ) -> Solution:
-        """Looks for any flight that arrives; if one does, starts from there."""
+        """Looks for any flight that arrives; if one does, starts from there.
+
+        If none does on few knots, goes on from the closest on the most of them.
+        `violations` are those of the closest flight before.
+        """
         relaxed = transcribe(self._plant, self._problem, knots, arrive=False)
-        violations: dict[str, float] = {}
+        closest: Guess | None = None
         least = np.inf
         for guess in guesses:
             near = self._solve(relaxed, knots, SnoptSolver, guess, LOOSE)
@@ -156,12 +183,19 @@ class _Ladder:
             if total >= least:
                 continue
             least, violations = total, arrival_violations(*near, self._problem)
+            closest = to_guess(*near, "the flight that comes closest")
             if not violations:
+                feasible = to_guess(*near, "a flight that arrives")
                 for solver in (SnoptSolver, IpoptSolver):
-                    feasible = to_guess(*near, "a flight that arrives")
                     if found := self._solve(program, knots, solver, feasible):
                         return found
-        raise PlanningError(violations, tuple(self.attempts))
+                raise PlanningError({}, tuple(self.attempts), arrived=True)
+        if knots < self._finest:
+            finest = self._finest
+            program = transcribe(self._plant, self._problem, finest)
+            guesses = guesses if closest is None else [closest]
+            return self._arrive_first(program, finest, guesses, violations)
+        raise PlanningError(violations or {}, tuple(self.attempts))
 
     def _solve(
         self,

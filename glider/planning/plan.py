@@ -3,8 +3,10 @@
 import dataclasses
 import functools
 import json
+import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
@@ -63,6 +65,10 @@ class Plan:
     attempts: tuple[Attempt, ...] = ()
     """What the planner tried, the last one with success."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns the numbers without the trajectories, which do not all pickle."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+
     @property
     def duration(self) -> float:
         """[s]."""
@@ -87,6 +93,7 @@ class Plan:
 
 
 _ARRAYS = ("times", "states", "slopes", "inputs")
+_NUMBERS = ("cost", "max_defect", "path_defect", "drift")
 
 
 def save_plan(path: Path | str, plan: Plan) -> None:
@@ -104,15 +111,26 @@ def load_plan(path: Path | str) -> Plan:
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
         data |= {name: np.array(data[name], dtype=float) for name in _ARRAYS}
+        data |= {name: float(data[name]) for name in _NUMBERS}
         data["attempts"] = tuple(Attempt(**attempt) for attempt in data["attempts"])
         data["state_names"] = tuple(data["state_names"])
         plan = Plan(**data)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{path}: not a plan: {error}") from None
-    shape = (len(plan.times), len(plan.state_names))
-    if plan.states.shape != shape or plan.slopes.shape != shape:
+    knots, n = plan.times.size, len(plan.state_names)
+    shapes = {"times": (knots,), "inputs": (knots,)}
+    for name in _ARRAYS:
+        found, needed = getattr(plan, name), shapes.get(name, (knots, n))
+        if found.shape != needed or not np.all(np.isfinite(found)):
+            raise InputError(
+                f"{path}: '{name}' has shape {found.shape}; finite numbers of shape "
+                f"{needed} are needed."
+            )
+    if knots < 2 or plan.times[0] != 0.0 or not np.all(np.diff(plan.times) > 0.0):
         raise InputError(
-            f"{path}: 'states' is {plan.states.shape} and 'slopes' is "
-            f"{plan.slopes.shape}; {shape} is needed."
+            f"{path}: 'times' must increase from 0, over at least two knots."
         )
+    for name in _NUMBERS:
+        if not math.isfinite(getattr(plan, name)):
+            raise InputError(f"{path}: '{name}' must be a finite number.")
     return plan

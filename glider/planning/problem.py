@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_load_typed
 
-from glider.errors import InputError
+from glider.errors import MISPLACED, InputError, one_line
 from glider.state import NUM_STATES, STATE_NAMES
 
 
@@ -107,6 +107,18 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
         raise InputError(
             f"{source}: 'duration_limits' and 'final_speed_limit' must be positive."
         )
+    if not any(problem.launch[4:6]):
+        raise InputError(
+            f"{source}: field 'launch' has xdot = zdot = 0; a glider is needed that "
+            "moves."
+        )
+    for name, place in zip(("x_limits", "z_limits"), problem.wire, strict=True):
+        low, high = getattr(problem, name)
+        if not low <= place <= high:
+            raise InputError(
+                f"{source}: field 'wire' is {problem.wire}, outside '{name}', "
+                f"{[low, high]}."
+            )
 
 
 def _is_number(value: object) -> bool:
@@ -120,8 +132,7 @@ def load_problem(path: Path | str) -> PerchingProblem:
     """
     try:
         problem = yaml_load_typed(schema=PerchingProblem, filename=str(path))
-    except (RuntimeError, TypeError, ValueError, OSError, yaml.YAMLError) as error:
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not a perching problem: {first}") from None
+    except (OSError, yaml.YAMLError, *MISPLACED) as error:
+        raise InputError(f"{path}: not a perching problem: {one_line(error)}") from None
     check_problem(problem, source=str(path))
     return problem

@@ -60,7 +60,8 @@ def transcribe(
     Every constraint has a name, which `violated` reports.
 
     Args:
-        plant: a GliderPlant. With `fast=False` Drake's own defects stay.
+        plant: a GliderPlant. With `fast=False`, or where a formula does not
+            compile, Drake's own defects stay.
         problem: what to fly.
         knots: at least 2.
         arrive: whether the flight must meet the bounds at the wire; else what it
@@ -78,13 +79,15 @@ def transcribe(
     low, high = np.array(problem.duration_limits) / knots
     dc = DirectCollocation(plant, plant.CreateDefaultContext(), knots, low, high)
     dc.AddEqualTimeIntervalsConstraints()
+    launch = initial_state(plant, problem.launch)
+    dynamics = Dynamics(plant)
+    dynamics.linearize(launch, 0.0)  # Tells whether they compile.
     if plant.fast:
-        _compile_defects(dc, knots, Dynamics(plant))
+        _compile_defects(dc, knots, dynamics)
     else:
         for k, binding in enumerate(_defects(dc)):
             binding.evaluator().set_description(f"defect of segment {k}")
     _add_limits(dc, knots, plant, problem)
-    launch = initial_state(plant, problem.launch)
     _bound(dc, dc.initial_state(), launch, launch, "launch")
     if arrive:
         for name, (variables, low, high) in _arrival(dc, problem).items():
