@@ -10,6 +10,15 @@ the others' machine code valid. It names, callees first,
     USES: entries of other families that they call, shared in machine code.
 """
 
-from glider.loops import directional, guided, log, riccati, rollouts
+from glider.loops import (
+    directional,
+    filtering,
+    guided,
+    ilqr,
+    log,
+    riccati,
+    rollouts,
+    sampling,
+)
 
-FAMILIES = (rollouts, directional, riccati, guided, log)
+FAMILIES = (rollouts, directional, riccati, guided, log, filtering, sampling, ilqr)

@@ -1,0 +1,86 @@
+"""A filter for perches as motion capture sees them, and its consistency on them."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.estimation.consistency import Consistency, assess
+from glider.estimation.ekf import Ekf, SlowState, make_ekf
+from glider.estimation.flights import draw_starts, fly_watched
+from glider.estimation.running import Belief, make_prior, run_ekf
+from glider.model_file import GliderModel
+from glider.tracking import TrackingPolicy, sample_policy
+
+CAPTURE_RATE = 120.0
+"""Of motion capture [Hz]."""
+
+CAPTURE_STD = (0.001, 0.001, 0.0025, 0.005)
+"""Of a measured x, z, pitch and elevator [m, rad]."""
+
+PROCESS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-2)
+"""Variances that the states gain per second: gusts of some cm/s, no more."""
+
+LAUNCH_STD = (0.005, 0.04, 0.02, 0.01, 0.1, 0.05, 0.05)
+"""Of a launch about the planned one, in the order of STATE_NAMES."""
+
+DRAWN = (
+    SlowState(name="wing_offset", std=0.005, walk=1e-6),
+    SlowState(name="elevator_area", std=0.0015, walk=1e-7),
+)
+"""How well a drawing is believed: 5 mm, and a tenth of the elevator."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WatchedPerches:
+    """How consistent a filter was on some perches, and how it ended."""
+
+    consistency: Consistency
+    """Of all flights."""
+
+    std: np.ndarray
+    """(N,) last standard deviations of x̄, mean over the flights."""
+
+
+def perching_ekf(
+    model: GliderModel, slow: tuple[SlowState, ...] = (), elevator: bool = True
+) -> Ekf:
+    """Makes a filter of motion capture at CAPTURE_RATE.
+
+    Args:
+        model: the glider.
+        slow: what else to estimate.
+        elevator: whether its angle is measured too.
+    """
+    variances = np.square(CAPTURE_STD[: 4 if elevator else 3])
+    return make_ekf(
+        model, rate=CAPTURE_RATE, process=PROCESS, noise=variances, slow=slow
+    )
+
+
+def watch_perches(
+    model: GliderModel, policy: TrackingPolicy, flights: int, rng: np.random.Generator
+) -> WatchedPerches:
+    """Filters perches whose launches, gusts and parameters are as it believes.
+
+    Args:
+        model: the glider of the filter; each flight's has its own DRAWN.
+        policy: that tracks the plan with the true state.
+        flights: their number.
+        rng: draws everything.
+    """
+    ekf = perching_ekf(model, DRAWN)
+    prior = launch_prior(ekf, policy.plan.states[0])
+    samples = round(policy.plan.duration * CAPTURE_RATE)
+    offset, gain = sample_policy(policy, np.arange(samples) / CAPTURE_RATE)
+    starts = draw_starts(prior, flights, rng)
+    flown = fly_watched(ekf, starts, offset[:, None], rng, gain=gain[:, None, :])
+    found = run_ekf(ekf, prior, flown.inputs, flown.measured)
+    last = np.sqrt(np.diagonal(found.covariances[:, -1], axis1=1, axis2=2))
+    return WatchedPerches(
+        consistency=assess(found, flown.states), std=np.mean(last, axis=0)
+    )
+
+
+def launch_prior(ekf: Ekf, launch: np.ndarray) -> Belief:
+    """Returns what is believed of a launch that errs by LAUNCH_STD."""
+    return make_prior(ekf, launch, LAUNCH_STD)

@@ -1,0 +1,148 @@
+"""The extended Kalman filter as a Drake System."""
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from glider.errors import InputError
+from glider.estimation.ekf import Ekf
+from glider.estimation.running import Belief, predict_mean, run_ekf
+
+
+class ExtendedKalmanFilter(LeafSystem):
+    """Estimates a glider's state, and slow states, from samples of its sensors.
+
+    measured ------> [                      ] -> state
+    elevator_rate -> [ ExtendedKalmanFilter ] -> estimate, covariance
+    known ---------> [                      ] -> innovation, innovation_covariance
+
+    At each sample, k periods after time 0, the belief is predicted with the mean of
+    the elevator's rate since the last sample, and corrected. At time 0 it is the
+    prior. Who reads an output at the very time of a sample, as a hold of the same
+    clock does, gets what was known before it.
+
+    Args:
+        ekf: the filter.
+        prior: what is believed at time 0.
+
+    Input ports:
+        measured: at the samples, in the order of `ekf.measured_names`.
+        elevator_rate: what the servo is believed to do [rad/s].
+        known: the filter's further known inputs, if it has any, as they are at the
+            samples; left open, they are zero.
+
+    Output ports:
+        state: (n,) predicted by the model from the last sample until now.
+        estimate: (N,) x̄ at the last sample.
+        covariance: (N * N,) of the estimate.
+        innovation: (M,) measured minus predicted at the last sample.
+        innovation_covariance: (M * M,) S; zero before the first sample.
+    """
+
+    def __init__(self, ekf: Ekf, prior: Belief):
+        """Raises InputError where the prior is another filter's."""
+        LeafSystem.__init__(self)
+        self.set_name("estimator")
+        size, rows, known = len(ekf.names), len(ekf.noise), len(ekf.known)
+        if prior.mean.shape != (size,):
+            raise InputError(
+                f"ExtendedKalmanFilter: the prior has shape {prior.mean.shape}; "
+                f"({size},) is needed."
+            )
+        self._ekf = ekf
+        self._measured = self.DeclareVectorInputPort("measured", rows)
+        self._rate = self.DeclareVectorInputPort("elevator_rate", 1)
+        if known:
+            self._known = self.DeclareVectorInputPort("known", known)
+        # The elevator's rate, integrated; its differences are the means.
+        self.DeclareContinuousState(1)
+        parts = {
+            "estimate": prior.mean,
+            "covariance": prior.covariance.ravel(),
+            "innovation": np.zeros(rows),
+            "innovation_covariance": np.zeros(rows * rows),
+            "since": np.zeros(2),  # Time of the last sample, the integral then.
+            "known": np.zeros(known),
+        }
+        ends = np.cumsum([len(part) for part in parts.values()]).tolist()
+        starts = [0, *ends[:-1]]
+        self._slices = {
+            name: slice(start, end)
+            for name, start, end in zip(parts, starts, ends, strict=True)
+        }
+        index = self.DeclareDiscreteState(np.concatenate(list(parts.values())))
+        self.DeclarePeriodicDiscreteUpdateEvent(ekf.period, 0.0, self._sample)
+        self.DeclareVectorOutputPort(
+            "state",
+            ekf.num_states,
+            self._calc_state,
+            {
+                self.time_ticket(),
+                self.xc_ticket(),
+                self.discrete_state_ticket(index),
+            },
+        )
+        for name in list(parts)[:4]:
+            self.DeclareVectorOutputPort(
+                name,
+                len(parts[name]),
+                lambda context, output, name=name: output.SetFromVector(
+                    self._part(context, name)
+                ),
+                {self.discrete_state_ticket(index)},
+            )
+
+    def DoCalcTimeDerivatives(self, context, derivatives):
+        derivatives.get_mutable_vector().SetFromVector(self._rate.Eval(context))
+
+    def _part(self, context, name):
+        return context.get_discrete_state_vector().CopyToVector()[self._slices[name]]
+
+    def _inputs(self, context, known):
+        """Returns the filter's inputs since the last sample, and that time span."""
+        time, integral = self._part(context, "since")
+        span = context.get_time() - time
+        gone = context.get_continuous_state_vector().GetAtIndex(0) - integral
+        return np.append(gone / span if span > 0.0 else 0.0, known), span
+
+    def _eval_known(self, context):
+        if self._ekf.known and self._known.HasValue(context):
+            return self._known.Eval(context)
+        return np.zeros(len(self._ekf.known))
+
+    def _calc_state(self, context, output):
+        mean = self._part(context, "estimate")
+        inputs, span = self._inputs(context, self._part(context, "known"))
+        if span > 0.0:
+            start = context.get_time() - span
+            mean, _ = predict_mean(self._ekf, mean, inputs, span, start)
+        output.SetFromVector(mean[: self._ekf.num_states])
+
+    def _sample(self, context, discrete_state):
+        # The clock ticks at time 0 as that of motion capture's log does: starting
+        # later, its ticks would differ from the log's by a rounding.
+        if context.get_time() < 0.5 * self._ekf.period:
+            return
+        size = len(self._ekf.names)
+        known = self._eval_known(context)
+        inputs, span = self._inputs(context, known)
+        before = Belief(
+            mean=self._part(context, "estimate"),
+            covariance=self._part(context, "covariance").reshape(size, size),
+        )
+        found = run_ekf(
+            self._ekf,
+            before,
+            inputs[None, None],
+            self._measured.Eval(context)[None, None],
+            context.get_time() - span,
+        )
+        now = context.get_continuous_state_vector().GetAtIndex(0)
+        parts = [
+            found.means[0, 1],
+            found.covariances[0, 1].ravel(),
+            found.innovations[0, 0],
+            found.innovation_covariances[0, 0].ravel(),
+            [context.get_time(), now],
+            known,
+        ]
+        discrete_state.set_value(np.concatenate(parts))

@@ -1,0 +1,59 @@
+"""Times the extended Kalman filter.
+
+Prints processor times; run it on an otherwise idle machine.
+
+    python -m tests.benchmarks.bench_estimation
+"""
+
+import os
+
+import numpy as np
+
+from diagrams.estimated import fly_on_estimate
+from glider.estimation.flights import draw_starts, fly_watched
+from glider.estimation.perching import DRAWN, launch_prior, perching_ekf
+from glider.estimation.running import predict_mean, run_ekf
+from glider.monte_carlo import LaunchSpread, draw_launches
+from tests.benchmarks.bench_control import best_seconds
+from tests.flights import DRAWING, PROBLEM, plan_of
+
+
+def main():
+    print(f"load {os.getloadavg()[0]:.2f} (1 minute)")
+    rng, samples = np.random.default_rng(0), 100
+    tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
+    print("\nA step of the filter: prediction and correction, 4 numbers measured")
+    for name, slow in (("7 states", ()), ("9 states, 2 of them slow", DRAWN)):
+        ekf = perching_ekf(DRAWING, slow)
+        prior = launch_prior(ekf, PROBLEM.launch)
+        flight = fly_watched(ekf, draw_starts(prior, 20, rng), tape, rng)
+
+        def run(ekf=ekf, prior=prior, flight=flight):
+            return run_ekf(ekf, prior, flight.inputs, flight.measured)
+
+        seconds = best_seconds(run, 20) / (20 * samples)
+        print(f"  {name:26s} {1e6 * seconds:6.2f} us")
+    single = flight.inputs[:1, :1], flight.measured[:1, :1]
+    calls = {
+        "one step, from Python": lambda: run_ekf(ekf, prior, *single),
+        "mean only, from Python": lambda: predict_mean(
+            ekf, prior.mean, tape[0], ekf.period
+        ),
+    }
+    for name, call in calls.items():
+        seconds = best_seconds(lambda c=call: [c() for _ in range(200)], 10) / 200
+        print(f"  {name:26s} {1e6 * seconds:6.2f} us")
+
+    starts = draw_launches(PROBLEM, LaunchSpread(), 50, rng)
+    flown = fly_on_estimate(DRAWING, plan_of(), starts, rng)
+    print("\n50 launches of the article's plan, 1 mm of noise, TVLQR")
+    for name, flights in (("state", flown.on_state), ("estimate", flown.on_estimate)):
+        misses = 1e3 * np.array([flight.miss for flight in flights])
+        print(
+            f"  on the {name:10s} {sum(f.perched for f in flights)} perch, median "
+            f"{np.median(misses):.2f} mm, largest {np.max(misses):.2f} mm"
+        )
+
+
+if __name__ == "__main__":
+    main()
