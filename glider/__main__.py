@@ -32,6 +32,15 @@ exit code: 0 when it ran, 2 when the input cannot be used.
 """
 
 
+_CHECK_DESCRIPTION = """\
+Checks the certificate of a funnel: at each of its times, in exact arithmetic, that no
+deviation leaves it, that the servo stays within its limits, and that it ends in the
+goal. Needs no solver and no plan: all is in the file, the glider too.
+
+exit code: 0 when the certificate holds, 1 when it does not, 2 when the file is none.
+"""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     parser = _parser()
@@ -106,6 +115,22 @@ def _parser() -> argparse.ArgumentParser:
         "--json", action="store_true", help="print report.json instead of the summary"
     )
     loop.set_defaults(run=_close_the_loop)
+    check = commands.add_parser(
+        "check-funnel",
+        help="check a saved funnel, exactly and without a solver",
+        description=_CHECK_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    check.add_argument("funnel", type=Path, help="file of a funnel (.npz)")
+    check.add_argument(
+        "--every",
+        metavar="N",
+        type=int,
+        default=1,
+        help="check every so many times only (default: all)",
+    )
+    check.add_argument("--json", action="store_true", help="print JSON instead")
+    check.set_defaults(run=_check_funnel)
     return parser
 
 
@@ -146,6 +171,39 @@ def _close_the_loop(args: argparse.Namespace) -> int:
         print_summary(result, Console())
         print(f"Report: {folder / 'report.html'}")
     return 0
+
+
+def _check_funnel(args: argparse.Namespace) -> int:
+    import dataclasses
+
+    from rich.progress import Progress
+
+    if args.every < 1:
+        raise InputError(f"--every is {args.every}; a positive number is needed.")
+    from glider.verification.check import check_funnel
+    from glider.verification.funnel import load_funnel
+
+    funnel = load_funnel(args.funnel)
+    with Progress(transient=True, disable=args.json) as bar:
+        task = bar.add_task("checking", total=1.0)
+        verdict = check_funnel(
+            funnel, args.every, lambda share: bar.update(task, completed=share)
+        )
+    if args.json:
+        report = dataclasses.asdict(verdict) | {"holds": verdict.holds}
+        print(json.dumps(report, indent=2))
+        return 0 if verdict.holds else 1
+    for fault in verdict.faults:
+        print(fault)
+    if verdict.holds:
+        print(
+            f"The certificate holds: at all {verdict.times} times, exactly, V falls by "
+            f"at least {verdict.slack:.2g} of itself a second on the boundary; between "
+            f"them, in floating point, by {-verdict.between:.2g}."
+        )
+    else:
+        print(f"The certificate does not hold: {len(verdict.faults)} faults.")
+    return 0 if verdict.holds else 1
 
 
 if __name__ == "__main__":

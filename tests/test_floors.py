@@ -74,7 +74,7 @@ FLOORS: dict[float, list[str]] = {
     2.7: ["glider.sysid.linearization"],
     2.6: ["glider.sysid.nodes"],
     2.5: ["glider.sysid.signals"],
-    2.4: ["glider.sysid.record", "glider.sysid.warm_up"],
+    2.4: ["glider.sysid.basis_study", "glider.sysid.record", "glider.sysid.warm_up"],
     2.3: ["glider.sysid.basis_exercise", "glider.sysid.layout"],
     # The waist, in three steps: the text of the physics, its loops over time and
     # its composition with effects, and what compiles them.
@@ -83,7 +83,12 @@ FLOORS: dict[float, list[str]] = {
     2: ["glider.chain"],
     1.4: ["glider.sysid.basis_choice"],
     1.3: ["glider.sysid.basis_refinement", "glider.sysid.result"],
-    1.2: ["glider.model_file", "glider.sysid.basis_model", "glider.sysid.noise"],
+    1.2: [
+        "glider.model_file",
+        "glider.sysid.basis_model",
+        "glider.sysid.basis_recipe",
+        "glider.sysid.noise",
+    ],
     # A step above the aerodynamics and the plan that they share.
     1.1: [
         "glider.effects",

@@ -1,0 +1,88 @@
+"""One glider's funnel: made or loaded, checked, attacked, flown in."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.funnel_report import figures_of
+from glider.errors import InputError
+from glider.model_file import GliderModel
+from glider.planning.dircol import Progress, plan
+from glider.planning.problem import PerchingProblem
+from glider.plant import GliderPlant
+from glider.riccati import compiled_policy
+from glider.verification.attack import attack_funnel, fly_inside
+from glider.verification.build import make_funnel
+from glider.verification.check import check_funnel
+from glider.verification.funnel import Funnel, load_funnel
+from glider.verification.settings import FunnelSettings
+from glider.verification.solving import SolverError
+
+SHOWN = 40
+"""Flights from inside that are kept to look at."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FunnelStudy:
+    """A funnel and what became of it."""
+
+    funnel: Funnel
+    """The funnel."""
+
+    figures: dict
+    """Of `figures_of`."""
+
+    flights: np.ndarray
+    """(SHOWN, T, n) paths of launches from inside."""
+
+
+def certify_perch(
+    model: GliderModel, settings: FunnelSettings, progress: Progress | None = None
+) -> Funnel:
+    """Plans the article's perch with a model and computes the funnel of its feedback.
+
+    Raises:
+        InputError: there is no certified funnel.
+        PlanningError: there is no plan.
+    """
+    plant = GliderPlant(model)
+    planned = plan(plant, PerchingProblem(), progress=progress)
+    try:
+        policy = compiled_policy(plant, planned)
+        return make_funnel(model, policy, settings, progress=progress)
+    except SolverError as error:
+        raise InputError(f"There is no funnel for this glider: {error}") from None
+
+
+def study_funnel(
+    source: GliderModel | Path,
+    settings: FunnelSettings,
+    samples: int,
+    every: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> FunnelStudy:
+    """Makes a funnel for a model or loads one from a file, and tries it.
+
+    Args:
+        source: the model, or a file of a funnel.
+        settings: of a funnel that is made.
+        samples: flights from its boundary, before the climb.
+        every: check every so many times.
+        rng: of the flights.
+        progress: told what is being done.
+    """
+    if isinstance(source, Path):
+        funnel = load_funnel(source)
+    else:
+        funnel = certify_perch(source, settings, progress)
+    progress("checking the certificate in whole numbers")
+    verdict = check_funnel(funnel, every)
+    progress("trying to break the funnel")
+    attack = attack_funnel(funnel, samples, rng)
+    return FunnelStudy(
+        funnel=funnel,
+        figures=figures_of(funnel, verdict, attack),
+        flights=fly_inside(funnel, SHOWN, rng),
+    )

@@ -1,0 +1,117 @@
+"""Certifies a perch: how far may a launch err, for the drawn and the true glider?
+
+A funnel is a tube of states about the plan that the closed loop never leaves and that
+ends at the wire. Sums of squares prove it for the third-order dynamics, the servo's
+rate and travel limits inside; every proof is then checked in whole numbers. Flights of
+the full dynamics from its boundary try to break it. Last, the drawn glider's funnel is
+flown by a glider with an effect that the drawing lacks, and a funnel is made with the
+model that has it. With --estimate the drawn glider's feedback gets a filter's estimate
+instead of the state, from ever noisier motion capture: how much error is borne?
+
+    python examples/perching_funnel.py
+    python examples/perching_funnel.py --truth slow_servo --figure funnels.png
+    python examples/perching_funnel.py --remainder 1 --headless --json funnel.json
+    python examples/perching_funnel.py --load models/funnels --estimate 200
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from diagrams.funnel_estimate import (
+    describe_estimates,
+    estimate_figures,
+    save_estimate_figure,
+)
+from diagrams.funnel_figures import save_funnel_figure
+from diagrams.funnel_report import describe
+from diagrams.funnel_scene import show_funnel
+from diagrams.funnel_study import study_funnel
+from diagrams.rehearsal import load_truth
+from diagrams.showing import (
+    add_options,
+    check_folders,
+    run,
+    whole_number,
+    write_figures,
+)
+from glider.model_file import GliderModel
+from glider.verification.attack import attack_funnel
+from glider.verification.estimated import study_estimates
+from glider.verification.funnel import save_funnel
+from glider.verification.settings import FunnelSettings
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Reads the command line, certifies, checks, attacks, prints and shows."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    truth_help = "model file, or a name in models/truths (default: %(default)s)"
+    parser.add_argument("--truth", default="head_wind", help=truth_help)
+    parser.add_argument("--samples", type=whole_number(8), default=8000, help="flights")
+    parser.add_argument("--every", type=whole_number(1), default=1, help="exact checks")
+    parser.add_argument("--remainder", type=float, default=0.0, help="times sampled")
+    parser.add_argument("--seed", type=whole_number(0), default=0, help="of flights")
+    parser.add_argument("--load", metavar="DIR", type=Path, help="funnels saved there")
+    parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")
+    parser.add_argument("--figure", metavar="FILE", type=Path, help="tubes, as PNG")
+    noisy_help = "flights on an estimate at each noise, drawn beside --figure"
+    parser.add_argument(
+        "--estimate", type=whole_number(1), metavar="N", help=noisy_help
+    )
+    add_options(parser)
+    args = parser.parse_args(arguments)
+    files = {"drawn": "drawn.npz", "corrected": f"{Path(args.truth).stem}.npz"}
+    saved = [args.save / name for name in files.values()] if args.save else []
+    second = None
+    if args.figure and args.estimate:
+        second = args.figure.with_stem(f"{args.figure.stem}_estimate")
+    check_folders(args.json, args.html, args.figure, second, *saved)
+
+    settings = FunnelSettings(remainder=args.remainder)
+    truth, rng = load_truth(args.truth), np.random.default_rng(args.seed)
+    models = {"drawn": GliderModel(parameters=truth.parameters), "corrected": truth}
+    studies = {}
+    with Console(stderr=True).status("plan (compiles once)") as status:
+        for name, model in models.items():
+            source = args.load / files[name] if args.load else model
+            studies[name] = study_funnel(
+                source, settings, args.samples, args.every, rng, status.update
+            )
+            if args.save:
+                save_funnel(args.save / files[name], studies[name].funnel)
+        status.update("the drawn glider's funnel, flown by the true one")
+        drawn = studies["drawn"]
+        foreign = attack_funnel(drawn.funnel, args.samples, rng, model=truth)
+        estimated = []
+        if count := args.estimate:
+            estimated = study_estimates(
+                drawn.funnel, count, rng, progress=status.update
+            )
+    for name, study in studies.items():
+        print(describe(name, study.figures))
+    print(
+        f"The drawn glider's funnel, flown by {args.truth}: {foreign.escapes} of "
+        f"{foreign.samples} flights leave it."
+    )
+    report = drawn.figures | {"corrected": studies["corrected"].figures}
+    report |= {"drawn_on_truth_escapes": foreign.escapes, "truth": args.truth}
+    report |= {"drawn_on_truth_samples": foreign.samples, "seed": args.seed}
+    if estimated:
+        print(describe_estimates(estimated))
+        report["estimate"] = estimate_figures(estimated)
+    write_figures(args, report)
+    if args.figure:
+        save_funnel_figure(args.figure, studies)
+    if second:
+        save_estimate_figure(second, estimated)
+    show_funnel(args, studies["corrected"], f"A certified perch: {args.truth}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,117 @@
+"""Exact arithmetic on matrices and polynomials: whole numbers times powers of two.
+
+Every double is such a number, so that nothing needs rounding. A matrix is positive
+definite exactly if its leading minors are positive, and fraction-free elimination
+(Bareiss 1968) has them as its pivots.
+"""
+
+import numpy as np
+
+GRAM_BITS = 26
+"""Binary places that Gram matrices are rounded to before they are checked."""
+
+
+class Exact:
+    """An array of whole numbers times 2^exponent.
+
+    Attributes:
+        numbers: object array of int.
+        exponent: common to all.
+    """
+
+    def __init__(self, numbers: np.ndarray, exponent: int):
+        """Takes what `Exact` holds."""
+        self.numbers, self.exponent = numbers, exponent
+
+    def __add__(self, other: "Exact") -> "Exact":
+        low = min(self.exponent, other.exponent)
+        return Exact(self.at(low) + other.at(low), low)
+
+    def __sub__(self, other: "Exact") -> "Exact":
+        return self + Exact(-other.numbers, other.exponent)
+
+    def __matmul__(self, other: "Exact") -> "Exact":
+        product = np.dot(self.numbers, other.numbers)
+        return Exact(product, self.exponent + other.exponent)
+
+    def scaled(self, factor: int) -> "Exact":
+        """Returns it times a whole number."""
+        return Exact(self.numbers * factor, self.exponent)
+
+    def times(self, other: "Exact") -> "Exact":
+        """Returns the product entry by entry."""
+        return Exact(self.numbers * other.numbers, self.exponent + other.exponent)
+
+    def transposed(self) -> "Exact":
+        """Returns the transpose."""
+        return Exact(self.numbers.T, self.exponent)
+
+    def at(self, exponent: int) -> np.ndarray:
+        """Returns the whole numbers for a lower common exponent."""
+        return self.numbers * (1 << (self.exponent - exponent))
+
+    def to_float(self) -> np.ndarray:
+        """Returns the nearest doubles."""
+        shift = self.exponent
+        values = [
+            float(v << shift) if shift >= 0 else v / (1 << -shift)
+            for v in self.numbers.ravel()
+        ]
+        return np.array(values).reshape(self.numbers.shape)
+
+
+def exact(values: np.ndarray | float) -> Exact:
+    """Returns doubles as they are, without rounding."""
+    array = np.asarray(values, dtype=float)
+    mantissas, exponents = np.frexp(array)
+    whole = np.ldexp(mantissas, 53).astype(np.int64).astype(object)
+    used = exponents[mantissas != 0.0]
+    low = int(used.min()) if used.size else 0
+    shifts = np.where(mantissas != 0.0, exponents - low, 0).astype(object)
+    return Exact(whole * (2**shifts), low - 53)
+
+
+def rounded(values: np.ndarray, bits: int) -> Exact:
+    """Returns doubles rounded to so many binary places."""
+    whole = np.rint(np.ldexp(np.asarray(values, dtype=float), bits))
+    numbers = np.array([int(v) for v in whole.ravel()], dtype=object)
+    return Exact(numbers.reshape(whole.shape), -bits)
+
+
+def is_positive_definite(matrix: Exact) -> bool:
+    """Returns whether a symmetric matrix is, by the signs of its leading minors."""
+    rest = matrix.numbers.copy()
+    if not np.array_equal(rest, rest.T):
+        return False
+    before = 1
+    while len(rest):
+        pivot = rest[0, 0]
+        if pivot <= 0:
+            return False
+        column = rest[1:, 0]
+        rest = (rest[1:, 1:] * pivot - np.multiply.outer(column, column)) // before
+        before = pivot
+    return True
+
+
+def leaves_definite(gram: Exact, change: Exact) -> tuple[bool, float]:
+    """Returns whether gram + change is positive definite for sure.
+
+    A symmetric matrix whose rows sum to μ in absolute values changes no eigenvalue by
+    more than μ (Gershgorin), so that gram - μ I is checked.
+
+    Args:
+        gram: symmetric, of few digits.
+        change: symmetric, small, of any digits.
+
+    Returns:
+        the answer and μ.
+    """
+    sums = np.abs(change.numbers).sum(axis=1) if change.numbers.size else np.zeros(1)
+    shift = gram.exponent - change.exponent
+    largest = int(max(sums))
+    units = -(-largest // (1 << shift)) if shift >= 0 else largest << -shift
+    lowered = gram.numbers.copy()
+    lowered[np.diag_indices(len(lowered))] -= units
+    slack = float(units) * 2.0**gram.exponent
+    return is_positive_definite(Exact(lowered, gram.exponent)), slack
