@@ -11,14 +11,23 @@ fit (not only accelerations) fly the held-out flight closer still.
     python examples/basis_model.py --headless --json basis.json --figure basis.png
 
 --json: {"scores": {"published_signs", "consistent_signs": {configuration: score}},
-"best_subsets": {"total", "tangential", "normal", "pitch": [features]}, "held_out_end":
-[x, z, pitch] of configuration 6 under published signs, and the rest as printed}.
+"best_subsets" (of the paper's features), "best_subsets_of_41": {"total",
+"tangential", "normal", "pitch": [features]},
+"regressions": {"published_signs", "consistent_signs": {configuration: CHANNELS},
+"best_subsets", "best_subsets_of_41": CHANNELS}, where CHANNELS is {"tangential",
+"normal", "pitch": {"rank", "condition" (null without full rank)}},
+"cross_validation": {"published_signs", "consistent_signs": {candidate: rollout error
+on flights left out, null where it blows up}},
+"signs": {"pitch", "elevator", "command": 1 or -1, "evidence", "share"}, of the
+exercise's own numbers as a log; "traced": {effect: {"share"}}, of its flights filmed,
+"rollout": {model: {"before", "after": {"weighted", "position_m", "pitch_rad"}}},
+"held_out_end": [x, z, pitch] of configuration 6 under published signs}.
 """
 
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,82 +44,126 @@ from diagrams.showing import (
     write_figures,
 )
 from glider.plots.basis import save_exercise_figure
-from glider.sysid.basis_choice import configured, cross_validate, searched
-from glider.sysid.basis_exercise import load_exercise
-from glider.sysid.basis_features import FEATURES, PAPER
+from glider.sysid.basis_exercise import Exercise, load_exercise
 from glider.sysid.basis_logs import exercise_campaign, filmed_campaign
-from glider.sysid.basis_model import CHANNELS, best_numbers, fit_basis, fly_again
-from glider.sysid.basis_refinement import refine, rollout_error
+from glider.sysid.basis_model import CHANNELS, BasisDynamics, BasisFit, fly_again
+from glider.sysid.basis_study import (
+    fit_configurations,
+    fit_subsets,
+    refinements,
+    validate,
+)
 from glider.sysid.noise import measure_noise
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.signs import find_signs
 from glider.sysid.vehicle import make_vehicle
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, scores, traces, chooses, refines, prints and shows."""
+def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Returns the options of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
         "--seed", type=whole_number(0), default=0, help="of the filmed log's noise"
     )
+    parser.add_argument(
+        "--ridge",
+        metavar="GAMMA",
+        type=float,
+        default=0.0,
+        help="of all fits, not of the search for subsets (default: 0, as published)",
+    )
     parser.add_argument("--figure", metavar="FILE", type=Path, help="as PNG")
     add_options(parser)
     args = parser.parse_args(arguments)
     check_folders(args.json, args.html, args.figure)
+    return args
 
-    exercise = load_exercise()
-    fitted, held_out, sets = exercise.fitted, exercise.held_out, exercise.configurations
-    scores, choice, subsets, models = {}, {}, {}, {}
-    for signs, angles in (("published", "nose_up"), ("consistent", "nose_down")):
-        frame = exercise.frame(angles)
-        fits = {c: fit_basis(fitted, frame, numbers) for c, numbers in sets.items()}
-        scores[f"{signs}_signs"] = {c: int(fit.score) for c, fit in fits.items()}
-        models[f"configuration 6 {signs} signs"] = fits["6"].model
-        candidates = {c: configured(numbers) for c, numbers in sets.items()}
-        candidates |= {f"best {k}": searched(frame, PAPER, k) for k in (1, 2, 3)}
-        errors = cross_validate(fitted, frame, candidates)
-        choice[signs] = {c: e if math.isfinite(e) else None for c, e in errors.items()}
-        print(f"{signs} signs leave {scores[f'{signs}_signs']}")
-        print(f"  left-out flights choose '{min(errors, key=errors.__getitem__)}'")
-    for name, features in (("best_subsets", PAPER), ("best_subsets_of_41", FEATURES)):
-        numbers = best_numbers(fitted, frame, tuple(features))
-        best = fit_basis(fitted, frame, numbers)
-        subsets[name] = {
-            "total": best.score,
-            **dict(zip(CHANNELS, numbers, strict=True)),
-        }
-        models[name.replace("_", " ")] = best.model
-        print(f"{name} {numbers} leave {best.score:.2f}")
 
-    own, rollout = exercise_campaign(exercise, "nose_up"), {}
+def channels_of(fit: BasisFit) -> dict[str, dict]:
+    """Returns rank and condition of each channel for --json."""
+    return {
+        channel: {"rank": r.rank, "condition": finite(r.condition)}
+        for channel, r in zip(CHANNELS, fit.regressions, strict=True)
+    }
+
+
+def finite(value: float) -> float | None:
+    """Returns a number, or None where JSON has none."""
+    return value if math.isfinite(value) else None
+
+
+def score(exercise: Exercise, ridge: float) -> tuple[dict, dict[str, BasisDynamics]]:
+    """Fits and prints what configurations and subsets leave; returns models too."""
+    told: dict = {"scores": {}, "regressions": {}}
+    models = {}
+    for signs, fits in fit_configurations(exercise, ridge).items():
+        told["scores"][signs] = {name: int(fit.score) for name, fit in fits.items()}
+        told["regressions"][signs] = {n: channels_of(fit) for n, fit in fits.items()}
+        models[f"configuration 6 {signs.replace('_', ' ')}"] = fits["6"].model
+        print(f"{signs} leave {told['scores'][signs]}")
+    for name, fit in fit_subsets(exercise, ridge).items():
+        numbers = dict(zip(CHANNELS, fit.model.numbers, strict=True))
+        told[name] = {"total": fit.score, **numbers}
+        told["regressions"][name] = channels_of(fit)
+        models[name.replace("_", " ")] = fit.model
+        print(f"{name} {fit.model.numbers} leave {fit.score:.2f}")
+    return told, models
+
+
+def choose(exercise: Exercise, ridge: float) -> dict[str, dict]:
+    """Prints what flights left out choose, and returns all errors."""
+    choice = validate(exercise, ridge)
+    for signs, errors in choice.items():
+        best = min(errors, key=errors.__getitem__)
+        print(f"{signs}: left-out flights choose '{best}', {errors[best]:.4f} off")
+    return {s: {n: finite(e) for n, e in es.items()} for s, es in choice.items()}
+
+
+def trace(exercise: Exercise, seed: int) -> dict[str, dict]:
+    """Prints and returns what is wrong with the exercise logged as published."""
+    log = exercise_campaign(exercise, "nose_up")
+    filmed = filmed_campaign(exercise, "nose_up", np.random.default_rng(seed))
     with Console(stderr=True).status("trace (compiles once)") as status:
         with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
-            signs = find_signs(own, own.flights, measure_noise(own), make_vehicle(own))
-        rng = np.random.default_rng(args.seed)
-        filmed = filmed_campaign(exercise, "nose_up", rng)
+            signs = find_signs(log, log.flights, measure_noise(log), make_vehicle(log))
         found = close_the_loop(filmed, progress=status.update)
-        traced = {effect.kind: {"share": effect.share} for effect in found.effects}
-        print(f"logged as published, the tracer names {', '.join(traced)}")
-        status.update("refine")
-        for name, model in models.items():
-            pair = (model, refine(model, fitted))
-            errors = [vars(rollout_error(m, held_out)) for m in pair]
-            rollout[name] = dict(zip(("before", "after"), errors, strict=True))
-            before, after = (e["weighted"] for e in errors)
-            print(f"{name}: held-out rollout {before:.4f}, refined {after:.4f}")
+    traced = {effect.kind: {"share": effect.share} for effect in found.effects}
+    print(
+        f"logged as published, pitch, elevator and command have signs {signs.pitch}, "
+        f"{signs.elevator}, {signs.command}; the tracer names {', '.join(traced)}"
+    )
+    return {"signs": vars(signs), "traced": traced}
 
+
+def refine_models(exercise: Exercise, models: Mapping[str, BasisDynamics]) -> dict:
+    """Prints and returns how close models fly before and after refinement."""
+    with Console(stderr=True).status("refine"):
+        rollout = refinements(exercise, models)
+    for name, errors in rollout.items():
+        before, after = (error.weighted for error in errors.values())
+        print(f"{name}: held-out rollout {before:.4f}, refined {after:.4f}")
+    return {n: {k: vars(e) for k, e in es.items()} for n, es in rollout.items()}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Scores, chooses, traces, refines, and shows the held-out flight."""
+    args = read_options(arguments)
+    exercise = load_exercise()
+    figures, models = score(exercise, args.ridge)
+    figures["cross_validation"] = choose(exercise, args.ridge)
+    figures |= trace(exercise, args.seed)
+    figures["rollout"] = refine_models(exercise, models)
+    held_out = exercise.held_out
     flown = {name: fly_again(model, held_out)[0] for name, model in models.items()}
     published, consistent, *_ = flown.values()
-    figures = {"scores": scores, **subsets, "held_out_end": published[-1, :3].tolist()}
-    figures |= {"cross_validation": choice, "signs": vars(signs)}
-    figures |= {"traced": traced, "rollout": rollout}
+    figures["held_out_end"] = published[-1, :3].tolist()
     write_figures(args, figures)
     flight = held_out.states[0]
     times = held_out.step * np.arange(len(flight))
     if args.figure:
-        save_exercise_figure(args.figure, scores, times, flight, flown)
+        save_exercise_figure(args.figure, figures["scores"], times, flight, flown)
     shown = (("flight", flight, None), ("published signs", published, RED))
     tracks = [
         Track(name=name, times=times, poses=poses[:, :4], color=color)

@@ -18,7 +18,7 @@ No weight tells why: for that, see `close_the_loop.py`, which names the effect.
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -40,9 +40,11 @@ from glider.sysid.campaign_reader import load_campaign
 from glider.sysid.coefficients import (
     COEFFICIENTS,
     ResidualModel,
+    ResidualStudy,
     corrected_coefficients,
     learn_residuals,
 )
+from glider.sysid.flight_log import Campaign, Flight
 
 WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
 
@@ -60,8 +62,8 @@ def describe(model: ResidualModel) -> dict:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, learns, compares, prints and shows what came out."""
+def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """Returns the options of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -73,38 +75,66 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_options(parser)
     args = parser.parse_args(arguments)
     check_folders(args.json, args.html, args.figure, args.model)
+    return args
 
-    campaign = load_campaign(args.campaign)
-    with Console(stderr=True).status("learn (compiles once)"):
-        study = learn_residuals(campaign, seed=args.seed)
-    seen = study.held_out
-    figures: dict = {"campaign": campaign.name, "models": {}}
-    figures["rows"] = {"fitted": len(study.fitted.plate), "held_out": len(seen.plate)}
-    drawing, models, values = refly.drawing_of(campaign), {}, {}
+
+def tell(campaign: Campaign, study: ResidualStudy) -> dict:
+    """Prints what each model errs on held-out flights; returns it for --json."""
     for name, model in study.models.items():
-        figures["models"][name] = describe(model)
-        models[WORDS[name]] = GliderModel(parameters=drawing, field=model.field)
-        values[WORDS[name]] = corrected_coefficients(seen, model.field)
         print(
             f"{WORDS[name]}: C_L {model.rms[0]:.3f}, C_D {model.rms[1]:.3f}, "
             f"C_M {model.rms[2]:.4f} m off (RMS); rollouts "
             f"{1000 * model.errors.position_rms_m:.0f} mm"
         )
-    write_figures(args, figures)
+    fitted, held_out = (len(data.plate) for data in (study.fitted, study.held_out))
+    return {
+        "campaign": campaign.name,
+        "rows": {"fitted": fitted, "held_out": held_out},
+        "models": {name: describe(model) for name, model in study.models.items()},
+    }
+
+
+def draw(file: Path, study: ResidualStudy) -> None:
+    """Saves the coefficients of the held-out flights as a figure."""
+    seen = study.held_out
+    values = {
+        WORDS[name]: corrected_coefficients(seen, model.field)
+        for name, model in study.models.items()
+    }
+    save_coefficients_figure(file, seen.variables["alpha"], seen.measured, values)
+
+
+def fly(
+    campaign: Campaign, flight: Flight, models: Mapping[str, GliderModel]
+) -> list[Track]:
+    """Returns a held-out flight as measured and as the models fly it."""
+    motions = refly.refly(campaign, flight, models).items()
+    return [
+        Track(name=name, times=motion.time, poses=motion.poses, color=color)
+        for (name, motion), color in zip(motions, (None, GREY, RED, GREEN), strict=True)
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Learns from a campaign, compares on held-out flights, and shows one of them."""
+    args = read_options(arguments)
+    campaign = load_campaign(args.campaign)
+    with Console(stderr=True).status("learn (compiles once)"):
+        study = learn_residuals(campaign, seed=args.seed)
+    write_figures(args, tell(campaign, study))
+    drawing = refly.drawing_of(campaign)
+    models = {
+        WORDS[name]: GliderModel(parameters=drawing, field=model.field)
+        for name, model in study.models.items()
+    }
     if args.model:
         save_model(args.model, models[WORDS["26"]])
     if args.figure:
-        alpha, measured = seen.variables["alpha"], seen.measured
-        save_coefficients_figure(args.figure, alpha, measured, values)
+        draw(args.figure, study)
     if args.headless and not args.html:
         return
     flight = study.unseen[0]
-    colors = [None, GREY, RED, GREEN]
-    motions = refly.refly(campaign, flight, models).items()
-    tracks = [
-        Track(name=name, times=motion.time, poses=motion.poses, color=color)
-        for (name, motion), color in zip(motions, colors, strict=True)
-    ]
+    tracks = fly(campaign, flight, models)
     stage = stage_of(tracks[0], wire=None)
     title = f"{campaign.name}, {flight.name}"
     show(args, tracks, title, parameters=drawing, stage=stage)

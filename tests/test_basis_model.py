@@ -5,13 +5,17 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from threadpoolctl import threadpool_limits
 
 from diagrams.showing import run
+from examples import basis_model
 from examples.basis_model import main
 from glider.errors import InputError
+from glider.parameters import GliderParameters
+from glider.paths import models_path
 from glider.sysid.basis_choice import configured, cross_validate
-from glider.sysid.basis_exercise import load_exercise
+from glider.sysid.basis_exercise import fly_tapes, load_exercise
 from glider.sysid.basis_features import FEATURES, OURS, PAPER, basis_flow
 from glider.sysid.basis_logs import exercise_campaign
 from glider.sysid.basis_model import (
@@ -21,7 +25,9 @@ from glider.sysid.basis_model import (
     fly_again,
     sampled_features,
 )
+from glider.sysid.basis_recipe import Recipe
 from glider.sysid.basis_refinement import refine, rollout_error
+from glider.sysid.basis_study import fit_configurations
 from glider.sysid.noise import measure_noise
 from glider.sysid.regression import least_squares
 from glider.sysid.signs import find_signs
@@ -86,6 +92,37 @@ def test_numbers_that_are_read_rightly_show_no_fault(exercise):
         assert find_signs(log, log.flights[:2], noise, vehicle).are_right
 
 
+def test_rank_and_condition_of_each_channel_are_told(told, exercise):
+    names = ["published_signs", "consistent_signs", "best_subsets"]
+    names.append("best_subsets_of_41")
+    regressions = told["regressions"]
+    assert list(regressions) == names
+    for (name, numbers), channels in zip(
+        exercise.configurations.items(),
+        regressions["consistent_signs"].values(),
+        strict=True,
+    ):
+        ranks = [channel["rank"] for channel in channels.values()]
+        assert ranks == [len(chosen) for chosen in numbers], name
+        assert all(channel["condition"] >= 1.0 for channel in channels.values())
+    assert list(regressions["best_subsets"]) == ["tangential", "normal", "pitch"]
+
+
+def test_a_ridge_is_paid_for_in_error(exercise):
+    plain, shrunk = (fit_configurations(exercise, ridge) for ridge in (0.0, 1e3))
+    for signs, fits in plain.items():
+        for name, fit in fits.items():
+            assert shrunk[signs][name].score > fit.score
+
+
+def test_the_help_names_every_key_figure(told):
+    for key in told:
+        assert f'"{key}"' in basis_model.__doc__
+    for model in told["rollout"].values():
+        for key in model["after"]:
+            assert f'"{key}"' in basis_model.__doc__
+
+
 def test_refined_models_fly_the_held_out_flight_closer(told):
     names = ("configuration 6 consistent signs", "best subsets")
     before, after = (
@@ -96,7 +133,7 @@ def test_refined_models_fly_the_held_out_flight_closer(told):
 
 
 def test_flights_left_out_prefer_the_searched_model_and_tell_what_blows_up(told):
-    errors = told["cross_validation"]["consistent"]
+    errors = told["cross_validation"]["consistent_signs"]
     assert min(e for e in errors.values() if e is not None) == errors["best 3"]
     assert errors["2"] is None and errors["8"] is None
 
@@ -234,16 +271,86 @@ def test_a_search_does_not_see_the_flights_left_out(exercise):
     assert 0.0 < errors["spy"] < errors["6"]
 
 
+def test_candidates_that_no_flight_tells_apart_are_refused_without_a_ridge(exercise):
+    frame = exercise.frame("nose_down")
+    dependent = {"odd": configured(((1, 26), (1, 3, 5), (11,)))}
+    words = "'odd' has features 1, 3, 5 in the normal channel, of rank 2"
+    with pytest.raises(InputError, match=words):
+        cross_validate(exercise.fitted, frame, dependent)
+    little, much = (
+        cross_validate(exercise.fitted, frame, dependent, ridge=ridge)["odd"]
+        for ridge in (1.0, 1e6)
+    )
+    assert 0.0 < little < much < np.inf
+
+
+def test_a_channel_without_features_is_refused(exercise):
+    frame = exercise.frame("nose_down")
+    with pytest.raises(InputError, match="the normal channel has no features"):
+        fit_basis(exercise.fitted, frame, ((1,), (), (11,)))
+
+
 def test_one_fold_is_refused(exercise):
     with pytest.raises(InputError, match="folds is 1; 2 to 14"):
         cross_validate(exercise.fitted, exercise.frame("nose_down"), {}, folds=1)
 
 
-def test_a_file_that_is_no_exercise_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"flights": "three"}, "not an exercise"),
+        ({"flights": 1, "held_out": 0}, "'flights' is missing or 1; 2 or more"),
+        ({"held_out": 99}, "a flight from 0 to 14"),
+        ({"held_out": -1}, "a flight from 0 to 14"),
+        ({"seed": 2**32}, "'seed'"),
+        ({"step": -0.01}, "'step' is missing or -0.01; a positive number"),
+        ({"step": float("inf")}, "'step'"),
+        ({"launch": [0, 1]}, r"'launch' is missing or \[0.0, 1.0\]; 7 finite"),
+        ({"launch": [0, 5, 0, 0, 7, 0, float("nan")]}, "'launch'"),
+        ({"launch_spread": -0.1}, "'launch_spread'"),
+        ({"tape_spread": float("nan")}, "'tape_spread'"),
+        ({"tape": "abc"}, "not an exercise"),
+        ({"tape": []}, "one finite rate a step"),
+        ({"configurations": [1]}, "not an exercise"),
+        ({"configurations": {}}, "'configurations'"),
+        ({"configurations": {"a": [[1], [3]]}}, "for each of 3 channels"),
+        ({"configurations": {"a": [[1], [], [3]]}}, "for each of 3 channels"),
+        ({"configurations": {"a": [[1], [5], [999]]}}, "'a' names feature 999"),
+        ({"surplus": 1}, "surplus"),
+    ],
+)
+def test_a_file_that_is_no_exercise_is_one_sentence(tmp_path, changes, words):
     path = tmp_path / "exercise.yaml"
-    path.write_text("flights: 3\n")
-    with pytest.raises(InputError, match="it holds flights; "):
+    published = models_path("exercises", "identification.yaml")
+    data = yaml.safe_load(published.read_text(encoding="utf-8"))
+    path.write_text(yaml.safe_dump({**data, **changes}))
+    with pytest.raises(InputError, match=words) as told:
         load_exercise(path)
+    assert str(path) in str(told.value) and "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("name", [f.name for f in dataclasses.fields(Recipe)])
+def test_every_field_of_an_exercise_is_needed(tmp_path, name):
+    path = tmp_path / "exercise.yaml"
+    published = models_path("exercises", "identification.yaml")
+    data = yaml.safe_load(published.read_text(encoding="utf-8"))
+    del data[name]
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(InputError, match=f"'{name}' is missing"):
+        load_exercise(path)
+
+
+def test_launches_of_another_size_are_refused():
+    """The compiled loops do not look at sizes: they would write beside the array."""
+    with pytest.raises(InputError, match=r"launches are \(2, 2\)"):
+        fly_tapes(GliderParameters(), np.zeros((2, 2)), np.zeros((2, 5)), 0.01, 1)
+    with pytest.raises(InputError, match=r"tapes \(3, 5\)"):
+        fly_tapes(GliderParameters(), np.zeros((2, 7)), np.zeros((3, 5)), 0.01, 1)
+
+
+def test_a_negative_ridge_is_one_sentence(capsys):
+    assert run(lambda: main(["--headless", "--ridge", "-1"])) == 2
+    assert "the ridge is -1.0; a finite ridge >= 0" in capsys.readouterr().err
 
 
 def test_a_folder_that_does_not_exist_is_told_before_the_work(capsys, tmp_path):

@@ -40,6 +40,7 @@ def test_a_direction_that_the_data_never_excite_is_told_and_stays_at_zero():
     columns[:, 5] = columns[:, 1] - 2.0 * columns[:, 3]
     solved = least_squares(columns, targets[:, 0])
     assert solved.rank == 7 and not solved.has_full_rank
+    assert solved.condition == np.inf
     assert np.abs(solved.coefficients).max() < 10.0
     others = least_squares(np.delete(columns, 5, axis=1), targets[:, 0])
     assert solved.squared_error == pytest.approx(float(others.squared_error))
@@ -59,7 +60,10 @@ def test_ridge_is_that_of_the_normal_equation():
         (np.ones((3, 2)), np.ones(4), 0.0, r"\(3, 2\)"),
         (np.ones((3, 0)), np.ones(3), 0.0, "p > 0"),
         (np.ones((3, 1)), np.array([1.0, np.nan, 0.0]), 0.0, "not finite"),
+        (np.ones((0, 2)), np.ones(0), 0.0, "n, p > 0"),
+        (np.ones((3, 1)), np.ones((3, 1, 1)), 0.0, r"\(3, 1, 1\)"),
         (np.ones((3, 1)), np.ones(3), -1.0, "ridge is -1"),
+        (np.ones((3, 1)), np.ones(3), np.inf, "ridge is inf"),
     ],
 )
 def test_bad_input_is_one_sentence(columns, targets, ridge, words):
@@ -120,3 +124,22 @@ def test_columns_of_zeros_are_refused():
 def test_a_subset_of_four_is_refused():
     with pytest.raises(InputError, match="most is 4"):
         best_subsets(*table(), most=4)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_number_that_is_not_finite_is_told_in_any_column(bad):
+    columns, targets = table()
+    columns[3, 4] = bad
+    with pytest.raises(InputError, match=r"best_subsets: .* not finite"):
+        best_subsets(columns, targets)
+
+
+@pytest.mark.parametrize(("apart", "is_found"), [(1e-4, True), (1e-6, False)])
+def test_pivots_are_squares_of_how_far_columns_lie_apart(apart, is_found):
+    """Singular values tell the two columns apart where pivots no longer do."""
+    columns, _ = table()
+    target = columns[:, 1].copy()
+    columns[:, 1] = columns[:, 0] + apart * target
+    assert least_squares(columns, target).has_full_rank
+    (subset,) = best_subsets(columns, target[:, None], most=2)
+    assert (subset.columns == (0, 1)) == is_found

@@ -16,11 +16,17 @@ from glider.sysid.campaign_writer import save_campaign
 from glider.sysid.coefficients import (
     COEFFICIENTS,
     basis_values,
+    coefficient_data,
     corrected_coefficients,
     learn_residuals,
     residual_basis,
 )
+from glider.sysid.noise import measure_noise
+from glider.sysid.record import prepare
+from glider.sysid.residual import make_table
+from glider.sysid.rollout_fit import Problem
 from glider.sysid.simulate import CampaignPlan, simulate_campaign
+from glider.sysid.vehicle import make_vehicle
 from tests.campaigns import campaign_path
 
 
@@ -69,9 +75,19 @@ def test_rows_of_fitted_and_of_held_out_flights_are_counted(told, folder):
 def test_the_model_written_flies_with_its_residual(told):
     model = load_model(told[1])
     assert model.field is not None and model.field.kind == "rbf_residual"
-    assert GliderPlant(model).CreateDefaultContext() is not None
     for name in COEFFICIENTS:
         assert len(model.field.weights[name]) == 26
+    state = np.array([0.0, 0.0, -0.3, 0.1, 6.0, -0.5, 0.0])
+    alpha = np.array([np.arctan2(0.5, 6.0) + 0.3])
+    variables = {"alpha": alpha, "elevator": state[3:4]}
+    weights = np.array([model.field.weights[name] for name in COEFFICIENTS]).T
+    plate = GliderModel(parameters=model.parameters)
+    with_field, without = (
+        coefficients_of(GliderPlant(m), state) for m in (model, plate)
+    )
+    added = (basis_values(model.field, variables) @ weights)[0]
+    assert np.abs(added[0]) > 0.05
+    np.testing.assert_allclose(with_field - without, added, atol=1e-6)
 
 
 def coefficients_of(plant, state):
@@ -144,6 +160,27 @@ def test_a_residual_that_was_flown_is_found_again():
     assert np.all(error[:2] < 0.2 * lacking[:2])
     plate, small = (study.models[n].errors.position_rms_m for n in ("plate", "26"))
     assert small < 0.1 * plate
+
+
+def test_a_glider_that_tumbles_meets_the_angles_that_the_plant_knows():
+    plan = CampaignPlan(
+        flights=2,
+        duration=0.4,
+        launch=(-3.5, 0.1, -2.6, 0.0, 7.0, 0.0, -30.0),
+        noise_position=1e-5,
+        noise_pitch=1e-4,
+        noise_elevator=1e-4,
+    )
+    campaign = simulate_campaign(GliderModel(), plan, np.random.default_rng(0))
+    noise, theta = measure_noise(campaign), make_vehicle(campaign).theta
+    records = prepare(campaign.flights, campaign, noise)
+    turning = make_table(records, theta, [0.0, 0.0]).variables["alpha"]
+    assert turning.max() > np.pi
+    problem = Problem(records=records, noise=noise)
+    alpha = coefficient_data(problem, theta).variables["alpha"]
+    assert np.abs(alpha).max() <= np.pi
+    turns = (turning - alpha) / (2.0 * np.pi)
+    np.testing.assert_allclose(turns, turns.round(), atol=1e-6)
 
 
 def test_speeds_must_increase():

@@ -2,30 +2,18 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 
 from glider.effects import NO_FIELD
 from glider.errors import InputError
 from glider.kernel import compiled
 from glider.parameters import GliderParameters, parameter_vector
 from glider.paths import models_path
+from glider.state import NUM_STATES
 from glider.sysid.basis_features import angle_sign
 from glider.sysid.basis_model import BasisFrame, Numbers, SampledFlights
-
-_FIELDS = {
-    "flights",
-    "held_out",
-    "seed",
-    "step",
-    "launch",
-    "launch_spread",
-    "tape_spread",
-    "tape",
-    "configurations",
-}
+from glider.sysid.basis_recipe import load_recipe
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,27 +51,28 @@ def load_exercise(path: Path | None = None) -> Exercise:
         InputError: the file is not an exercise.
     """
     path = models_path("exercises", "identification.yaml") if path is None else path
-    data = _read(path)
+    recipe = load_recipe(path)
     drawing = GliderParameters()
     # The published data come from this generator, which NumPy keeps as it is.
-    rng = np.random.RandomState(data["seed"])
-    tape, launch = np.array(data["tape"]), np.array(data["launch"])
+    rng = np.random.RandomState(recipe.seed)
+    spread, tape_spread = recipe.launch_spread, recipe.tape_spread
     starts, rates = [], []
-    for _ in range(data["flights"]):
-        spread, tape_spread = data["launch_spread"], data["tape_spread"]
-        starts.append(launch + rng.uniform(-spread, spread, len(launch)))
-        rates.append(tape + rng.uniform(-tape_spread, tape_spread, len(tape)))
+    for _ in range(recipe.flights):
+        starts.append(recipe.launch + rng.uniform(-spread, spread, NUM_STATES))
+        rates.append(
+            recipe.tape + rng.uniform(-tape_spread, tape_spread, len(recipe.tape))
+        )
     flights = fly_tapes(
-        drawing, np.array(starts), np.array(rates), data["step"], order=1
+        drawing, np.array(starts), np.array(rates), recipe.step, order=1
     )
-    rest = [i for i in range(len(starts)) if i != data["held_out"]]
+    rest = [i for i in range(recipe.flights) if i != recipe.held_out]
     return Exercise(
         flights=flights,
         fitted=flights.pick(rest),
-        held_out=flights.pick([data["held_out"]]),
+        held_out=flights.pick([recipe.held_out]),
         configurations={
-            str(name): (tuple(along), tuple(normal), tuple(pitch))
-            for name, (along, normal, pitch) in data["configurations"].items()
+            name: (tuple(along), tuple(normal), tuple(pitch))
+            for name, (along, normal, pitch) in recipe.configurations.items()
         },
         drawing=drawing,
     )
@@ -104,23 +93,16 @@ def fly_tapes(
         rates: (B, N) [rad/s].
         step: [s].
         order: 1 for explicit Euler, as the exercise; 4 for Runge-Kutta.
+
+    Raises:
+        InputError: the launches or the tapes have another shape.
     """
-    states = np.empty((len(rates), rates.shape[1] + 1, start.shape[1]))
+    if rates.ndim != 2 or start.shape != (len(rates), NUM_STATES):
+        raise InputError(
+            f"fly_tapes: launches are {start.shape} and tapes {rates.shape}; "
+            f"(B, {NUM_STATES}) and (B, N) are needed."
+        )
+    states = np.empty((len(rates), rates.shape[1] + 1, NUM_STATES))
     p, c = parameter_vector(drawing), np.zeros(0)
     compiled().rollouts(start, rates, step, p, c, NO_FIELD, order, states)
     return SampledFlights(states=states, rates=rates, step=step)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not an exercise: {first}") from None
-    if not isinstance(data, dict) or data.keys() != _FIELDS:
-        found = ", ".join(map(str, data)) if isinstance(data, dict) else repr(data)
-        raise InputError(
-            f"{path}: not an exercise: it holds {found}; "
-            f"{', '.join(sorted(_FIELDS))} are needed."
-        )
-    return data

@@ -8,6 +8,7 @@ import dataclasses
 
 import numpy as np
 
+from glider.errors import InputError
 from glider.state import NUM_STATES
 from glider.sysid.basis_features import angle_sign, basis_flow, feature_columns
 from glider.sysid.regression import Regression, best_subsets, least_squares
@@ -115,12 +116,24 @@ def fit_basis(
 ) -> BasisFit:
     """Fits the coefficients of chosen features to the accelerations of flights.
 
+    Features that the flights do not tell apart are fitted all the same: the
+    regressions' ranks tell of it.
+
     Args:
         flights: to fit.
         frame: of the model.
         numbers: of the features of each channel.
         ridge: as in `least_squares`.
+
+    Raises:
+        InputError: a channel has no features, or as `least_squares`.
     """
+    for channel, chosen in zip(CHANNELS, numbers, strict=True):
+        if not chosen:
+            raise InputError(
+                f"fit_basis: the {channel} channel has no features; at least one is "
+                "needed."
+            )
     targets = plane_accelerations(flights, frame)
     regressions = tuple(
         least_squares(sampled_features(flights, frame, chosen), target, ridge)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from glider.aerodynamics import angle_of_attack
 from glider.effects import FIELD_VARIABLES
 from glider.effects.field import FieldData, make_field
 from glider.errors import InputError
@@ -61,15 +62,19 @@ def coefficient_data(problem: Problem, theta: np.ndarray) -> CoefficientData:
     """Returns the coefficients along smoothed flights.
 
     Accelerations are those of the smoothed poses; the elevator moves as its commands
-    say, from where it was first seen.
+    say, from where it was first seen. The angle of attack lies within ±π, as in the
+    plant that flies the residual, so a glider that tumbles meets the same weights.
 
     Args:
         problem: the flights; their field does not count.
         theta: the drawing.
     """
     table = make_table(problem.records, theta, [0.0] * len(problem.records))
+    variables = {name: table.variables[name] for name in VARIABLES}
+    alpha = variables["alpha"]
+    variables["alpha"] = angle_of_attack(np.sin(alpha), np.cos(alpha))
     return CoefficientData(
-        variables={name: table.variables[name] for name in VARIABLES},
+        variables=variables,
         measured=np.stack([table.coefficients[c] for c in COEFFICIENTS], axis=1),
         plate=np.stack([table.modelled[c] for c in COEFFICIENTS], axis=1),
     )
@@ -132,7 +137,12 @@ def fit_residual(
         ridge: γ.
     """
     columns = basis_values(basis, data.variables)
-    weights = least_squares(columns, data.measured - data.plate, ridge).coefficients
+    solved = least_squares(columns, data.measured - data.plate, ridge)
+    return with_weights(basis, solved.coefficients)
+
+
+def with_weights(basis: FieldData, weights: np.ndarray) -> FieldData:
+    """Returns the field of a basis with weights (M, 3) of COEFFICIENTS."""
     named = dict(zip(COEFFICIENTS, weights.T.tolist(), strict=True))
     return dataclasses.replace(basis, weights=named)
 

@@ -9,8 +9,13 @@ from threadpoolctl import threadpool_limits
 from glider.errors import InputError
 
 RANK_TOLERANCE = 1e-10
-"""Singular values and pivots of columns of unit length below this count as zero,
-relative to the largest."""
+"""Singular values of columns of unit length below this count as zero, relative to the
+largest."""
+
+PIVOT_TOLERANCE = 1e-10
+"""Pivots of G = ΦᵀΦ, of columns of unit length, below this count as zero. A pivot is
+the square of a length, that of a column's part beyond the columns before it: parts
+shorter than 1e-5 count as zero. RANK_TOLERANCE squared would lie below rounding."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,9 +41,10 @@ class Regression:
 
     @property
     def condition(self) -> float:
-        """The largest singular value over the smallest; infinite without rank."""
-        least = self.singular_values[-1]
-        return float(self.singular_values[0] / least) if least > 0.0 else np.inf
+        """The largest singular value over the smallest; infinite without full rank."""
+        if not self.has_full_rank:
+            return np.inf
+        return float(self.singular_values[0] / self.singular_values[-1])
 
 
 def least_squares(
@@ -58,21 +64,14 @@ def least_squares(
         ridge: γ ≥ 0.
 
     Raises:
-        InputError: a number is not finite, the rows do not match, there is no
-            column, or the ridge is negative.
+        InputError: a number is not finite, the rows do not match, there is no row
+            or no column, or the ridge is negative or infinite.
     """
-    if columns.ndim != 2 or len(columns) != len(targets) or columns.shape[1] == 0:
+    _check(columns, targets, "least_squares")
+    if not 0.0 <= ridge < np.inf:
         raise InputError(
-            f"least_squares: columns are {columns.shape} and targets "
-            f"{targets.shape}; (n, p) with p > 0 and (n,) or (n, k) are needed."
+            f"least_squares: the ridge is {ridge}; a finite ridge >= 0 is needed."
         )
-    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(targets))):
-        raise InputError(
-            "least_squares: a column or target holds a number that is not finite; "
-            "finite numbers are needed."
-        )
-    if not ridge >= 0.0:
-        raise InputError(f"least_squares: the ridge is {ridge}; ridge >= 0 is needed.")
     lengths = _lengths(columns)
     left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)
     values = np.pad(values, (0, columns.shape[1] - len(values)))
@@ -90,6 +89,24 @@ def least_squares(
         rank=rank,
         singular_values=values,
     )
+
+
+def _check(columns: np.ndarray, targets: np.ndarray, source: str) -> None:
+    if (
+        columns.ndim != 2
+        or targets.ndim not in (1, 2)
+        or len(columns) != len(targets)
+        or columns.size == 0
+    ):
+        raise InputError(
+            f"{source}: columns are {columns.shape} and targets {targets.shape}; "
+            "(n, p) with n, p > 0 and (n,) or (n, k) are needed."
+        )
+    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(targets))):
+        raise InputError(
+            f"{source}: a column or target holds a number that is not finite; finite "
+            "numbers are needed."
+        )
 
 
 def _lengths(columns: np.ndarray) -> np.ndarray:
@@ -117,7 +134,7 @@ def best_subsets(
     A QR decomposition, then elimination for all at once (the sweep of Furnival and
     Wilson 1974): with columns of unit length, G = ΦᵀΦ and c = Φᵀy, the error falls by
     c_i² for column i, by c²_(j|i) / G_(jj|i) more for column j, where ·|i has no part
-    along i, and likewise for a third. Where G_(jj|i) is below RANK_TOLERANCE, the
+    along i, and likewise for a third. Where G_(jj|i) is below PIVOT_TOLERANCE, the
     columns depend on each other and the subset does not count. All this squares the
     condition of Φ, so the best SOLVED_AGAIN are compared by `least_squares`, and the
     winners' regressions tell their rank.
@@ -140,7 +157,7 @@ def best_subsets(
         raise InputError(
             f"best_subsets: targets are {targets.shape}; (n, k) are needed."
         )
-    least_squares(columns[:, :1], targets)  # Checks the rows.
+    _check(columns, targets, "best_subsets")
     with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
         return _best_subsets(columns, targets, most)
 
@@ -178,7 +195,7 @@ def _gains(gram: np.ndarray, along: np.ndarray, most: int) -> list[np.ndarray]:
     ]
     gains[0][:] = _gain(along, np.diagonal(gram))
     for i in range(count - 1 if most > 1 else 0):
-        if not gram[i, i] > RANK_TOLERANCE:
+        if not gram[i, i] > PIVOT_TOLERANCE:
             continue
         # Of the columns after i, and of the targets, what has no part along i.
         share = gram[i, i + 1 :] / gram[i, i]
@@ -192,14 +209,14 @@ def _gains(gram: np.ndarray, along: np.ndarray, most: int) -> list[np.ndarray]:
             first = len(second) - len(left) * (len(left) - 1) // 2
             j, m = second[first:] - i - 1, third[first:] - i - 1
             between = left[j, m]
-            share = between / np.maximum(pivots[j], RANK_TOLERANCE)
+            share = between / np.maximum(pivots[j], PIVOT_TOLERANCE)
             last = _gain(rest[:, m] - share * rest[:, j], pivots[m] - share * between)
             gains[2][:, i, second[first:], third[first:]] = pairs[:, j] + last
     return gains
 
 
 def _gain(along: np.ndarray, pivots: np.ndarray) -> np.ndarray:
-    usable = pivots > RANK_TOLERANCE
+    usable = pivots > PIVOT_TOLERANCE
     return np.where(usable, along**2 / np.where(usable, pivots, 1.0), -np.inf)
 
 
