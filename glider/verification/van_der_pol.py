@@ -91,11 +91,17 @@ def area(V: np.ndarray) -> float:
 
 
 def radii(V: np.ndarray) -> np.ndarray:
-    """Returns for how large |y| along each of 720 rays V stays below 1."""
-    r = np.linspace(0.0, 2.0, 2001)[1:]
-    points = _RAYS[:, :, None] * r
-    first = np.argmax(values(V, points) >= 1.0, axis=1)
-    return r[first] - 0.5 * (r[1] - r[0])
+    """Returns for how large |y| along each of 720 rays V stays below 1; at most 2."""
+    r = np.linspace(0.0, 2.0, 2001)
+    along = np.zeros((2 * len(V) - 1, len(_ANGLES)))  # Coefficients of powers of r.
+    for i, j in np.argwhere(V != 0.0):
+        along[i + j] += V[i, j] * _RAYS[0] ** i * _RAYS[1] ** j
+    heights = along.T @ r ** np.arange(len(along))[:, None]
+    heights[:, -1] = np.inf
+    last = np.argmax(heights >= 1.0, axis=1)
+    rows = np.arange(len(heights))
+    low, high = heights[rows, last - 1], heights[rows, last]
+    return r[last - 1] + (r[1] - r[0]) * (1.0 - low) / (high - low)
 
 
 def boundary(V: np.ndarray) -> np.ndarray:

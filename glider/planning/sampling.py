@@ -1,0 +1,360 @@
+"""Planning without gradients: the cross-entropy method and MPPI.
+
+Both draw command sequences, fly each through the compiled dynamics and move
+towards those that cost little. What changes is a mean sequence (and for the
+cross-entropy method a variance), which the two update functions take and return;
+the random generator is passed in.
+"""
+
+import dataclasses
+import math
+import time
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.kernel import compiled
+from glider.parameters import parameter_vector
+from glider.planning.problem import PerchingProblem
+
+WORST = 1e300
+"""Cost of a flight whose numbers overflow."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CemSettings:
+    """Of the cross-entropy method; the defaults are the article's."""
+
+    samples: int = 30
+    """Sequences in an iteration."""
+
+    elites: int = 10
+    """The cheapest of them, which mean and variance are taken from."""
+
+    variance: float = 0.1
+    """At the start, of each command [rad²/s²]."""
+
+    variance_floor: float = 0.01
+    """Of each command [rad²/s²], so that the search goes on."""
+
+    def __post_init__(self):
+        """Raises InputError where a setting cannot be."""
+        _check_positive(self)
+        if not 2 <= self.elites <= self.samples:
+            raise InputError(
+                f"CemSettings: {self.elites} elites of {self.samples} samples; at "
+                "least 2, and no more than the samples, are needed."
+            )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MppiSettings:
+    """Of model-predictive path-integral control; the defaults are the article's."""
+
+    samples: int = 30
+    """Sequences in an iteration."""
+
+    temperature: float = 10.0
+    """λ, in units of the cost: at a small one the best sequence takes all, at a
+    large one all count alike."""
+
+    deviation: float = math.sqrt(0.1)
+    """σ of each command [rad/s]."""
+
+    likelihood_ratio: bool = False
+    """Whether the cost holds λ log dQ/dP of the drawn sequence, Q being the
+    distribution that it is drawn from and P the one about zero commands. The
+    canonical algorithm does, and thereby minimizes a state cost plus
+    λ/(2σ²) Σ u²; the article's does not."""
+
+    def __post_init__(self):
+        """Raises InputError where a setting cannot be."""
+        _check_positive(self)
+
+    @property
+    def price(self) -> float:
+        """Weight of the likelihood ratio, see `glider.loops.sampling`."""
+        return self.temperature / self.deviation**2 if self.likelihood_ratio else 0.0
+
+
+def _check_positive(settings: CemSettings | MppiSettings) -> None:
+    for name, value in dataclasses.asdict(settings).items():
+        if not isinstance(value, bool) and not (math.isfinite(value) and value > 0):
+            raise InputError(
+                f"{type(settings).__name__}: '{name}' is {value}; a positive number "
+                "is needed."
+            )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Search:
+    """What a search found."""
+
+    mean: np.ndarray
+    """(N,) the sequence [rad/s]."""
+
+    deviation: np.ndarray
+    """(N,) that the last sequences were drawn with [rad/s]."""
+
+    costs: np.ndarray
+    """(iterations + 1,) of the mean before the first and after each iteration."""
+
+    drawn: dict[int, np.ndarray]
+    """Number of an iteration, from 1, to the sequences (B, N) drawn in it, for
+    those that were to be kept [rad/s]."""
+
+
+class SequenceCost:
+    """What a problem's cost says of sequences of commands, each held for a step.
+
+    rate_cost Σ u² step + (x_N - goal)ᵀ diag(goal_weights) (x_N - goal)
+
+    Attributes:
+        step: [s].
+        steps: their number N.
+        num_states: n, with the effects' own states.
+    """
+
+    def __init__(
+        self,
+        plant: Any,
+        problem: PerchingProblem,
+        *,
+        step: float = 0.01,
+        steps: int = 75,
+        order: int = 1,
+        within_limits: bool = False,
+        free_end: bool = False,
+    ) -> None:
+        """Takes drawing and effects from a GliderPlant's model.
+
+        Args:
+            plant: the glider.
+            problem: whose goal, goal_weights and rate_cost are used; its limits
+                on the path are not.
+            step: [s].
+            steps: their number.
+            order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+            within_limits: whether the servo keeps its rate and its stops, as the
+                real one does; the article's does not.
+            free_end: whether the final cost is taken where that is cheapest, at
+                step N or before: a glider may come early or late.
+
+        Raises:
+            InputError: a step or a number that cannot be.
+        """
+        if not (math.isfinite(step) and step > 0.0) or steps < 1:
+            raise InputError(
+                f"SequenceCost: {steps} steps of {step} s; at least one, of a "
+                "positive duration, is needed."
+            )
+        if order not in (1, 4):
+            raise InputError(f"SequenceCost: the order is {order}; 1 or 4 is needed.")
+        model = plant.model
+        drawing = model.parameters
+        self.step, self.steps = step, steps
+        self.num_states = len(plant.state_names)
+        self._loop = compiled(plant.kinds, model.field is not None).sampled_costs
+        stops = [*drawing.elevator_limits, drawing.elevator_rate_limit]
+        self._order, self._free_end = order, free_end
+        self._limits = np.array(stops if within_limits else [-np.inf, np.inf, np.inf])
+        self._goal = np.array(problem.goal, dtype=float)
+        self._weights = np.array(problem.goal_weights, dtype=float)
+        self._rate_cost = float(problem.rate_cost)
+        self._model = (
+            parameter_vector(drawing),
+            model.coefficients,
+            model.residual_field,
+        )
+
+    def to_go(
+        self,
+        start: np.ndarray,
+        commands: np.ndarray,
+        nominal: np.ndarray | None = None,
+        price: float = 0.0,
+    ) -> np.ndarray:
+        """Returns the costs-to-go S_k of sequences, shape (B, N + 1).
+
+        Args:
+            start: (n,) state at launch.
+            commands: (B, N) [rad/s].
+            nominal: (N,) that the likelihood ratio is taken about [rad/s].
+            price: its weight, see `glider.loops.sampling`.
+        """
+        return self._fly(start, commands, nominal, price, False)[0]
+
+    def fly(self, start: np.ndarray, commands: np.ndarray) -> np.ndarray:
+        """Returns the states of the flights, shape (B, N + 1, n)."""
+        return self._fly(start, commands, None, 0.0, True)[1]
+
+    def _fly(
+        self,
+        start: np.ndarray,
+        commands: np.ndarray,
+        nominal: np.ndarray | None,
+        price: float,
+        keep: bool,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        start = np.ascontiguousarray(start, dtype=float)
+        commands = np.ascontiguousarray(commands, dtype=float)
+        if start.shape != (self.num_states,) or commands.shape[1:] != (self.steps,):
+            raise InputError(
+                f"SequenceCost: a start {start.shape} and commands {commands.shape} "
+                f"are given; ({self.num_states},) and (B, {self.steps}) are needed."
+            )
+        to_go = np.empty((len(commands), self.steps + 1))
+        kept = len(commands) if keep else 0
+        states = np.empty((kept, self.steps + 1, self.num_states))
+        self._loop(
+            start,
+            commands,
+            np.zeros(self.steps) if nominal is None else nominal,
+            price,
+            self.step,
+            self._order,
+            self._limits,
+            self._goal,
+            self._weights,
+            self._rate_cost,
+            self._free_end,
+            *self._model,
+            to_go,
+            states,
+        )
+        return to_go, states
+
+
+def cem_update(
+    commands: np.ndarray, costs: np.ndarray, settings: CemSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns mean and variance of the elites, each of shape (N,).
+
+    Args:
+        commands: (B, N) [rad/s].
+        costs: (B,); what is not a number counts as the largest.
+        settings: how many elites, and the floor of the variance.
+    """
+    elites = commands[np.argsort(costs)[: settings.elites]]  # NaN comes last.
+    variance = np.var(elites, axis=0, ddof=1)
+    return np.mean(elites, axis=0), np.maximum(variance, settings.variance_floor)
+
+
+def mppi_update(
+    mean: np.ndarray, noise: np.ndarray, to_go: np.ndarray, temperature: float
+) -> np.ndarray:
+    """Returns the mean, moved by the weighted noise.
+
+    u_k + Σ_r w_k^r ε_k^r,  w_k^r = exp(-S_k^r / λ) / Σ_s exp(-S_k^s / λ)
+
+    Args:
+        mean: (N,) u [rad/s].
+        noise: (B, N) ε [rad/s].
+        to_go: (B, N) costs-to-go S; what is not a number weighs nothing.
+        temperature: λ.
+    """
+    to_go = np.nan_to_num(to_go, nan=WORST, posinf=WORST)
+    # The least cost cancels in the quotient; without it all may underflow.
+    weights = np.exp((np.min(to_go, axis=0) - to_go) / temperature)
+    return mean + np.sum(weights * noise, axis=0) / np.sum(weights, axis=0)
+
+
+def cem(
+    cost: SequenceCost,
+    start: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    settings: CemSettings | None = None,
+    iterations: int = 100,
+    mean: np.ndarray | None = None,
+    keep: Collection[int] = (),
+) -> Search:
+    """Plans by the cross-entropy method.
+
+    Args:
+        cost: of a sequence.
+        start: (n,) state at launch.
+        rng: draws the sequences.
+        settings: None for the article's.
+        iterations: their number.
+        mean: (N,) to start from; None for zero [rad/s].
+        keep: iterations, from 1, whose sequences to keep.
+    """
+    settings = CemSettings() if settings is None else settings
+    mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
+    variance = np.full(cost.steps, settings.variance)
+    costs, drawn = np.empty(iterations + 1), {}
+    for k in range(iterations):
+        noise = rng.standard_normal((settings.samples, cost.steps))
+        commands = np.vstack([mean, mean + np.sqrt(variance) * noise])
+        total = cost.to_go(start, commands)[:, 0]
+        costs[k] = total[0]
+        if k + 1 in keep:
+            drawn[k + 1] = commands[1:]
+        mean, variance = cem_update(commands[1:], total[1:], settings)
+    costs[-1] = cost.to_go(start, mean[None])[0, 0]
+    return Search(mean=mean, deviation=np.sqrt(variance), costs=costs, drawn=drawn)
+
+
+def mppi(
+    cost: SequenceCost,
+    start: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    settings: MppiSettings | None = None,
+    iterations: int = 100,
+    mean: np.ndarray | None = None,
+    keep: Collection[int] = (),
+) -> Search:
+    """Plans by path integrals; arguments as in `cem`.
+
+    With the likelihood ratio the costs of the result hold λ/(2σ²) Σ u², which is
+    then part of what is minimized.
+    """
+    settings = MppiSettings() if settings is None else settings
+    mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
+    costs, drawn = np.empty(iterations + 1), {}
+    for k in range(iterations):
+        mean, commands, total = mppi_step(cost, start, mean, rng, settings)
+        costs[k] = total[0]
+        if k + 1 in keep:
+            drawn[k + 1] = commands[1:]
+    costs[-1] = cost.to_go(start, mean[None], mean, settings.price)[0, 0]
+    deviation = np.full(cost.steps, settings.deviation)
+    return Search(mean=mean, deviation=deviation, costs=costs, drawn=drawn)
+
+
+def mppi_step(
+    cost: SequenceCost,
+    start: np.ndarray,
+    mean: np.ndarray,
+    rng: np.random.Generator,
+    settings: MppiSettings,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draws, flies and weighs once.
+
+    Returns:
+        the new mean (N,), the commands (1 + B, N) with the old mean as the first,
+        and their costs (1 + B,).
+    """
+    noise = settings.deviation * rng.standard_normal((settings.samples, cost.steps))
+    commands = np.vstack([mean, mean + noise])
+    to_go = cost.to_go(start, commands, mean, settings.price)
+    new = mppi_update(mean, noise, to_go[1:, :-1], settings.temperature)
+    return new, commands, to_go[:, 0]
+
+
+def flights_per_second(
+    cost: SequenceCost, start: np.ndarray, batch: int = 10_000, rounds: int = 5
+) -> float:
+    """Measures how many flights, with their costs, one core makes in a second."""
+    commands = np.zeros((batch, cost.steps))
+    cost.to_go(start, commands)
+    best = math.inf
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        cost.to_go(start, commands)
+        best = min(best, time.perf_counter() - begin)
+    return batch / best
