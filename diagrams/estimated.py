@@ -103,7 +103,7 @@ def estimated_loop(
         "servo", "motion_capture", "estimator", "believed_servo", "regulator", as
         asked for "command_hold" and "pose_capture"; the logs of
         `diagrams.closed_loop`, of motion capture, and "estimate_log" of the
-        filter's state.
+        filter's state, which is exported as "estimate" beside the glider's outputs.
 
     Raises:
         InputError: what is given does not fit together.
@@ -143,6 +143,7 @@ def estimated_loop(
         )
         builder.Connect(command, hold.get_input_port())
         command = hold.get_output_port()
+    builder.ExportOutput(state, "estimate")
     builder.Connect(command, servo.GetInputPort("command"))
     builder.Connect(command, believed.GetInputPort("command"))
     builder.Connect(

@@ -1,5 +1,6 @@
 """A filter is as good as theory allows, and as sure as it may be."""
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -300,6 +301,36 @@ def test_squared_errors_are_those_of_the_inverse():
     assert (low, high) == pytest.approx((0.742, 1.296), abs=1e-3)  # A table's.
 
 
+def test_lost_measurements_do_not_count():
+    """A mean over those that are left, in a band of as many; none: no verdict."""
+    flight, found = flown()
+    nis = found.nis.copy()
+    nis[20:, 7] = np.nan
+    nis[:, 8] = np.nan
+    lossy = dataclasses.replace(found, nis=nis)
+    seen, whole = assess(lossy, flight.states), assess(found, flight.states)
+    assert seen.nis[7] == pytest.approx(np.mean(found.nis[:20, 7]) / 4)
+    assert tuple(seen.nis_bands[7]) == chi_square_band(20 * 4)
+    assert tuple(seen.nis_bands[6]) == chi_square_band(200 * 4)
+    assert np.isnan(seen.nis[8])
+    others = np.delete(np.arange(100), [7, 8])
+    np.testing.assert_array_equal(seen.nis[others], whole.nis[others])
+    low, high = seen.nis_bands[others].T
+    inside = np.sum((seen.nis[others] > low) & (seen.nis[others] < high))
+    low, high = chi_square_band(20 * 4)
+    inside += low < seen.nis[7] < high
+    assert seen.nis_inside == pytest.approx(inside / 99)
+
+
+def test_certainty_has_no_nees_and_is_said_so():
+    flight, found = flown()
+    sure = found.covariances[:3].copy()
+    sure[:, :, 7] = sure[:, :, :, 7] = 0.0
+    few = dataclasses.replace(found, covariances=sure, means=found.means[:3])
+    with pytest.raises(InputError, match="positive deviation"):
+        squared_errors(few, flight.states[:3])
+
+
 def test_perches_with_unsure_drawings_are_filtered_consistently():
     seen = watch_perches(DRAWING, policy(), 200, np.random.default_rng(3))
     assert seen.consistency.nees_inside > 0.85
@@ -377,8 +408,7 @@ def test_the_system_is_the_loop_step_by_step():
     for k in range(samples):
         simulator.AdvanceTo((k + 0.5) * ekf.period)
         mean_rate = 0.75 * rates[k] + 0.25 * rates[k + 1]
-        known = wind[k] if k else [0.0]
-        held = np.append(mean_rate, known)
+        held = np.append(mean_rate, wind[k])
         now = k * ekf.period
         ahead, _ = predict_mean(ekf, expected.means[0, k], held, 0.5 * ekf.period, now)
         np.testing.assert_allclose(read("state"), ahead[:8], rtol=1e-8, atol=1e-9)
@@ -392,8 +422,16 @@ def test_the_system_is_the_loop_step_by_step():
             np.testing.assert_allclose(read(name), value, rtol=1e-6, atol=1e-9)
 
 
-def test_without_its_known_inputs_they_are_zero():
-    ekf = rich_ekf()
+def test_without_its_known_inputs_they_are_the_model_s():
+    """No wind blows, but the effect's own wind and its coefficients stay."""
+    ekf = make_ekf(
+        GliderModel(effects=EFFECTS),
+        rate=40.0,
+        process=PROCESS,
+        noise=NOISE,
+        known=("ground_effect.strength", "wind_z"),
+    )
+    strength = EFFECTS[2].values[0]
     prior = make_prior(ekf, LAUNCH, [0.02] * 7)
     builder = DiagramBuilder()
     estimator = builder.AddSystem(ExtendedKalmanFilter(ekf, prior))
@@ -403,7 +441,7 @@ def test_without_its_known_inputs_they_are_zero():
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(1.5 * ekf.period)
     context = estimator.GetMyContextFromRoot(simulator.get_context())
-    found = run_ekf(ekf, prior, [[[0.1, 0.0]]], np.full((1, 1, 4), 0.1))
+    found = run_ekf(ekf, prior, [[[0.1, strength, 0.0]]], np.full((1, 1, 4), 0.1))
     np.testing.assert_allclose(
         estimator.GetOutputPort("estimate").Eval(context), found.means[0, 1], atol=1e-9
     )
@@ -451,6 +489,8 @@ def test_the_pose_alone_is_enough_to_perch():
         ({"step": np.inf}, "'step' is inf"),
         ({"process": [1e-3] * 5}, "7 finite numbers"),
         ({"process": [-1.0] * 7}, "none negative"),
+        ({"noise": [[1.0, 2.0, 3.0], [1.0, 2.0]]}, "M from 3 to 7"),
+        ({"process": [[1.0], []]}, "7 finite numbers"),
         ({"noise": [1e-6, 1e-6]}, "M from 3 to 7"),
         ({"noise": [1e-6, 1e-6, 0.0]}, "positive"),
         ({"noise": [[1.0, 2.0], [2.0, 1.0]]}, "M from 3 to 7"),
@@ -465,6 +505,13 @@ def test_a_filter_that_makes_no_sense_is_refused(options, message):
         make_ekf(DRAWING, **given)
 
 
+@pytest.mark.parametrize("shape", [(5, 1, 8), (4, 1, 7), (5, 2, 7), (5, 7)])
+def test_a_gain_that_does_not_fit_reaches_no_compiled_code(shape):
+    prior = launch_prior(drawn_ekf(), LAUNCH)
+    with pytest.raises(InputError, match=r"\(5, f, 7\) with f at most 1"):
+        fly_watched(drawn_ekf(), prior.mean, np.zeros((5, 1)), gain=np.zeros(shape))
+
+
 def test_what_does_not_fit_the_filter_is_refused():
     ekf = drawn_ekf()
     prior = launch_prior(ekf, LAUNCH)
@@ -472,11 +519,20 @@ def test_what_does_not_fit_the_filter_is_refused():
         run_ekf(ekf, prior, np.zeros((1, 5, 1)), np.zeros((1, 4, 4)))
     with pytest.raises(InputError, match=r"\(B, 9\)"):
         fly_watched(ekf, np.zeros((1, 7)), np.zeros((5, 1)))
+    other = Belief(mean=np.zeros(7), covariance=np.eye(7))
+    with pytest.raises(InputError, match=r"run_ekf: .* \(7,\) and \(7, 7\)"):
+        run_ekf(ekf, other, np.zeros((1, 4, 1)), np.zeros((1, 4, 4)))
+    with pytest.raises(InputError, match=r"\(9,\) and \(1,\)"):
+        predict_mean(ekf, prior.mean, [0.0, 1.0], 0.1)
+    with pytest.raises(InputError, match=r"\(9,\) and \(1,\)"):
+        predict_mean(ekf, prior.mean[:8], [0.0], 0.1)
+    with pytest.raises(InputError, match="finite numbers"):
+        make_prior(ekf, [np.nan, *LAUNCH[1:]], [0.1] * 7)
     with pytest.raises(InputError, match="none negative"):
         make_prior(ekf, LAUNCH, [-1.0] * 7)
     with pytest.raises(InputError, match=r"\(3,\)"):
         make_prior(ekf, LAUNCH, [1.0] * 3)
-    with pytest.raises(InputError, match=r"shape \(7,\)"):
+    with pytest.raises(InputError, match=r"shapes \(7,\)"):
         ExtendedKalmanFilter(ekf, Belief(mean=np.zeros(7), covariance=np.eye(7)))
     full = make_ekf(DRAWING, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
     gain = MatrixGain(np.zeros((1, 7)))

@@ -1,5 +1,6 @@
 """The article's study: two numbers of the glider, known from nothing in flight."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,11 +10,19 @@ from examples import filter_parameters
 from glider.effects import THRUST
 from glider.errors import InputError
 from glider.estimation.cruising import cruise_gain, level_flight
-from glider.estimation.study import CONSTANTS, draw_wind, watch_cruise
+from glider.estimation.study import (
+    CONSTANTS,
+    RATE,
+    draw_wind,
+    slow_nees,
+    watch_cruise,
+    watch_perch,
+)
 from glider.model_file import GliderModel
 from glider.parameters import GliderParameters, load_parameters
 from glider.paths import models_path
 from glider.plant import GliderPlant
+from tests.flights import policy
 
 BEHIND = load_parameters(models_path("vehicles", "heavy_ekf.yaml"))
 
@@ -53,6 +62,58 @@ def test_constants_become_known_far_better(results):
             assert std > results["least_std"][flight][name]
 
 
+def test_only_flights_whose_filter_knows_how_sure_it_is_are_reported(results):
+    """The constants' NEES over 20 flights; in a settled cruise it is 206."""
+    sure = results["slow_nees"]
+    assert sure.keys() == results["constant"].keys() == {"cruise", "perch"}
+    assert max(sure.values()) < 3.0
+    assert min(sure.values()) > 0.2
+    assert "settled cruise" not in results
+
+
+def test_deviations_and_the_least_of_them_are_of_one_time(results):
+    """A cruise that went on to 4 s would know more than at the end of a perch."""
+    end = round(results["seconds"] * RATE)
+    watched = watch_cruise(BEHIND, np.random.default_rng(0), CONSTANTS)
+    found = list(results["least_std"]["cruise"].values())
+    np.testing.assert_allclose(found, watched.bound[end], rtol=0.1)
+    assert np.all(watched.bound[-1] < 0.8 * watched.bound[end])
+    found = results["constant"]["cruise"]["l_w"][1]
+    assert found == pytest.approx(watched.std[end, 0], rel=0.1)
+    assert watched.std[-1, 0] < 0.85 * watched.std[end, 0]
+
+
+def test_a_perch_teaches_both_numbers():
+    """The filter starts wrong about both, and ends far less so."""
+    rng = np.random.default_rng(0)
+    watched = watch_perch(GliderParameters(), policy(), rng, CONSTANTS)
+    errors = np.abs(watched.slow - watched.truth)
+    assert np.all(errors[0] > 0.01)
+    assert np.all(errors[-1] < 0.35 * errors[0])
+
+
+def test_slow_nees_is_one_where_errors_are_as_large_as_expected():
+    watched = watch_cruise(BEHIND, np.random.default_rng(0), CONSTANTS)
+    covariance = watched.estimates.covariances[0, 50, -2:, -2:]
+    draws = np.random.default_rng(0).multivariate_normal([0, 0], covariance, 400)
+
+    def erring(error):
+        means = watched.estimates.means.copy()
+        means[0, 50, -2:] = watched.truth + error
+        estimates = dataclasses.replace(watched.estimates, means=means)
+        return dataclasses.replace(watched, estimates=estimates)
+
+    assert slow_nees([erring(e) for e in draws], 50) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_help_says_what_the_json_holds_and_of_what(capsys):
+    with pytest.raises(SystemExit):
+        filter_parameters.main(["--help"])
+    told = capsys.readouterr().out
+    for words in ("--json: {", "consistency_of", "120 Hz", "no perch plan"):
+        assert words in told
+
+
 def test_a_perch_tells_more_than_a_settled_cruise(results):
     perch, settled = (results["least_std"][k] for k in ("perch", "settled cruise"))
     assert settled["l_w"] > 4.0 * perch["l_w"]
@@ -60,6 +121,7 @@ def test_a_perch_tells_more_than_a_settled_cruise(results):
 
 
 def test_the_filter_is_consistent_and_perches(results):
+    assert "120 Hz" in results["consistency_of"]
     assert results["nees"] == pytest.approx(1.0, abs=0.06)
     assert results["nis"] == pytest.approx(1.0, abs=0.03)
     assert min(results["nees_inside"], results["nis_inside"]) > 0.8

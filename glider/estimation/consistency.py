@@ -8,10 +8,12 @@ these, so that 1 is right, more is too sure and less is too modest.
 """
 
 import dataclasses
+import math
 
 import numpy as np
 from scipy.stats import chi2
 
+from glider.errors import InputError
 from glider.estimation.running import Estimates
 
 
@@ -23,46 +25,67 @@ class Consistency:
     """(K + 1,) normalized estimation error squared."""
 
     nis: np.ndarray
-    """(K,) normalized innovation squared."""
+    """(K,) normalized innovation squared; NaN where no flight was measured."""
 
     nees_band: tuple[float, float]
     """Where 95 % of `nees` would lie."""
 
-    nis_band: tuple[float, float]
-    """The same of `nis`."""
+    nis_bands: np.ndarray
+    """(K, 2) the same of `nis`, of as many flights as were measured."""
 
     @property
     def nees_inside(self) -> float:
         """Share of samples whose NEES is in its band."""
-        return _share_inside(self.nees, self.nees_band)
+        return _share_inside(self.nees, np.array([self.nees_band]))
 
     @property
     def nis_inside(self) -> float:
-        """Share of samples whose NIS is in its band."""
-        return _share_inside(self.nis, self.nis_band)
+        """Share of the measured samples whose NIS is in its band."""
+        return _share_inside(self.nis, self.nis_bands)
 
 
 def squared_errors(estimates: Estimates, states: np.ndarray) -> np.ndarray:
-    """Returns eᵀ P⁻¹ e, shape (B, K + 1), given the true x̄ (B, K + 1, N)."""
+    """Returns eᵀ P⁻¹ e, shape (B, K + 1), given the true x̄ (B, K + 1, N).
+
+    Raises:
+        InputError: a covariance is singular.
+    """
     error = states - estimates.means
-    solved = np.linalg.solve(estimates.covariances, error[..., None])[..., 0]
+    try:
+        solved = np.linalg.solve(estimates.covariances, error[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "A filter that is certain of a number, as of one with neither a standard "
+            "deviation nor noise, has a singular covariance, and so no NEES; each "
+            "needs a positive deviation."
+        ) from None
     return np.sum(error * solved, axis=-1)
 
 
 def assess(estimates: Estimates, states: np.ndarray) -> Consistency:
     """Compares the errors of some flights with what the filter says of them.
 
+    Lost measurements do not count.
+
     Args:
         estimates: of `run_ekf`.
         states: (B, K + 1, N) the true x̄.
+
+    Raises:
+        InputError: a covariance is singular.
     """
-    flights, _, rows = estimates.innovations.shape
+    flights, samples, rows = estimates.innovations.shape
     size = states.shape[2]
+    counts = np.sum(~np.isnan(estimates.nis), axis=0)
+    seen = counts > 0
+    nis, bands = np.full(samples, np.nan), np.full((samples, 2), np.nan)
+    nis[seen] = np.nansum(estimates.nis, axis=0)[seen] / (counts[seen] * rows)
+    bands[seen] = [chi_square_band(count * rows) for count in counts[seen]]
     return Consistency(
         nees=np.mean(squared_errors(estimates, states), axis=0) / size,
-        nis=np.mean(estimates.nis, axis=0) / rows,
+        nis=nis,
         nees_band=chi_square_band(flights * size),
-        nis_band=chi_square_band(flights * rows),
+        nis_bands=bands,
     )
 
 
@@ -73,5 +96,7 @@ def chi_square_band(freedom: int, probability: float = 0.95) -> tuple[float, flo
     return float(low), float(high)
 
 
-def _share_inside(values: np.ndarray, band: tuple[float, float]) -> float:
-    return float(np.mean((values > band[0]) & (values < band[1])))
+def _share_inside(values: np.ndarray, bands: np.ndarray) -> float:
+    known = ~np.isnan(values)
+    inside = (values > bands[:, 0]) & (values < bands[:, 1])
+    return float(np.mean(inside[known])) if np.any(known) else math.nan

@@ -94,6 +94,23 @@ class Ekf:
     seen: np.ndarray
     entry: np.ndarray
 
+    def loop_arguments(self, time: float) -> tuple:
+        """Returns what `ekf_run` and `ekf_fly` both begin with, from a time on [s]."""
+        n = self.num_states
+        return (
+            time,
+            self.z.copy(),
+            n,
+            self.places[n:],
+            self.decay,
+            self.acting,
+            self.seen,
+            self.entry,
+            self.step,
+            self.count,
+            self.model.residual_field,
+        )
+
     @property
     def measured_names(self) -> tuple[str, ...]:
         """What is measured: the pose, then the states from the elevator on."""
@@ -217,8 +234,16 @@ def _depend(plant: Any, z: np.ndarray, places: np.ndarray) -> tuple:
     return np.array(acting), np.array(seen)
 
 
+def _numbers(values: ArrayLike) -> np.ndarray:
+    """Returns an array; of what is none, as of rows of different lengths, NaN."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return np.array(np.nan)
+
+
 def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
-    values = np.asarray(process, dtype=float)
+    values = _numbers(process)
     good = values.ndim == 1 and len(values) in (NUM_STATES, n)
     if not good or not np.all(np.isfinite(values) & (values >= 0.0)):
         raise InputError(
@@ -229,7 +254,7 @@ def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
 
 
 def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
-    values = np.asarray(noise, dtype=float)
+    values = _numbers(noise)
     values = np.diag(values) if values.ndim == 1 else values
     rows = len(values) if values.ndim else 0
     fits = values.shape == (rows, rows) and len(POSE_NAMES) <= rows <= n
@@ -241,7 +266,7 @@ def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
     )
     if not positive:
         raise InputError(
-            f"make_ekf: 'noise' has shape {np.shape(noise)}; variances (M,) or a "
-            f"symmetric covariance (M, M), positive, with M from 3 to {n} are needed."
+            f"make_ekf: 'noise' is {noise!r}; variances (M,) or a symmetric "
+            f"covariance (M, M), positive, with M from 3 to {n} are needed."
         )
     return values

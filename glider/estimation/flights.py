@@ -50,6 +50,9 @@ def fly_watched(
         gain: (K, f, n), a feedback of the true state that is subtracted from the
             first f inputs; None for none.
         is_shaken: whether the process noise acts; the measurements' does.
+
+    Raises:
+        InputError: what is given does not fit the filter.
     """
     starts = np.array(starts, dtype=float, ndmin=2)
     batch, size = starts.shape
@@ -61,6 +64,14 @@ def fly_watched(
             f"{inputs.shape} are given; (B, {len(ekf.names)}) and "
             f"(B, K, {len(ekf.entry)}) are needed."
         )
+    gain = np.zeros((samples, 0, n)) if gain is None else np.asarray(gain, dtype=float)
+    if gain.ndim != 3 or (
+        (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > len(ekf.entry)
+    ):
+        raise InputError(
+            f"fly_watched: the gain has shape {gain.shape}; ({samples}, f, {n}) with "
+            f"f at most {len(ekf.entry)} is needed."
+        )
     inputs = np.broadcast_to(inputs, (batch, samples, len(ekf.entry))).copy()
     shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
     if rng is not None:
@@ -71,18 +82,8 @@ def fly_watched(
     states[:, 0] = starts
     drawing = ekf.model.parameters
     ekf.kernel.ekf_fly(
-        0.0,
-        ekf.z.copy(),
-        n,
-        ekf.places[n:],
-        ekf.decay,
-        ekf.acting,
-        ekf.seen,
-        ekf.entry,
-        ekf.step,
-        ekf.count,
-        ekf.model.residual_field,
-        np.zeros((samples, 0, n)) if gain is None else np.ascontiguousarray(gain),
+        *ekf.loop_arguments(0.0),
+        np.ascontiguousarray(gain),
         np.array([*drawing.elevator_limits, drawing.elevator_rate_limit]),
         shocks,
         errors,

@@ -67,6 +67,10 @@ def watch_perches(
         policy: that tracks the plan with the true state.
         flights: their number.
         rng: draws everything.
+
+    Raises:
+        InputError: the effects' own states, of which a launch is certain, leave the
+            filter none of its errors to compare; or the policy is another glider's.
     """
     ekf = perching_ekf(model, DRAWN)
     prior = launch_prior(ekf, policy.plan.states[0])

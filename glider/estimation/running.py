@@ -51,8 +51,16 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
         state: (7,), the effects' own states at rest, or (n,).
         std: standard deviations of the states, (7,) or (n,); those not given are
             zero. The slow states bring their own.
+
+    Raises:
+        InputError: what is given does not fit the filter, or is no number.
     """
     full = initial_state(GliderPlant(ekf.model), state)
+    if full.shape != (ekf.num_states,) or not np.all(np.isfinite(full)):
+        raise InputError(
+            f"make_prior: the state is {full}; ({NUM_STATES},) or "
+            f"({ekf.num_states},) finite numbers are needed."
+        )
     given = np.asarray(std, dtype=float)
     spread = np.zeros(len(ekf.names))
     if given.shape not in ((NUM_STATES,), (ekf.num_states,)):
@@ -74,6 +82,16 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     return Belief(mean=np.append(full, means), covariance=np.diag(spread**2))
 
 
+def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
+    """Raises InputError where a belief is of another filter's x̄."""
+    shapes, size = (np.shape(prior.mean), np.shape(prior.covariance)), len(ekf.names)
+    if shapes != ((size,), (size, size)):
+        raise InputError(
+            f"{source}: the prior's mean and covariance have shapes {shapes[0]} and "
+            f"{shapes[1]}; ({size},) and ({size}, {size}) are needed."
+        )
+
+
 def run_ekf(
     ekf: Ekf,
     prior: Belief,
@@ -90,6 +108,9 @@ def run_ekf(
             between a sample and the one before it.
         measured: (B, K, M) at the samples; with a NaN in it, it is left out.
         time: of the prior [s].
+
+    Raises:
+        InputError: what is given does not fit the filter.
     """
     inputs = np.ascontiguousarray(inputs, dtype=float)
     measured = np.ascontiguousarray(measured, dtype=float)
@@ -102,6 +123,7 @@ def run_ekf(
             f"run_ekf: the inputs have shape {inputs.shape}, the measurements "
             f"{measured.shape}; (B, K, {len(ekf.entry)}) and (B, K, {rows}) are needed."
         )
+    check_belief(ekf, prior, "run_ekf")
     batch, samples = inputs.shape[:2]
     means = np.empty((batch, samples + 1, size))
     covariances = np.empty((batch, samples + 1, size, size))
@@ -109,19 +131,8 @@ def run_ekf(
     innovations = np.empty((batch, samples, rows))
     spreads = np.empty((batch, samples, rows, rows))
     squares = np.empty((batch, samples))
-    n = ekf.num_states
     ekf.kernel.ekf_run(
-        time,
-        ekf.z.copy(),
-        n,
-        ekf.places[n:],
-        ekf.decay,
-        ekf.acting,
-        ekf.seen,
-        ekf.entry,
-        ekf.step,
-        ekf.count,
-        ekf.model.residual_field,
+        *ekf.loop_arguments(time),
         ekf.process * ekf.period,
         ekf.noise,
         inputs,
@@ -162,8 +173,17 @@ def predict_mean(
 
     Returns:
         x̄ then (N,), and its derivative by x̄ now (N, N), or (0, 0).
+
+    Raises:
+        InputError: what is given does not fit the filter.
     """
-    n, size = ekf.num_states, len(mean)
+    n, size = ekf.num_states, len(ekf.names)
+    shapes = np.shape(mean), np.shape(inputs)
+    if shapes != ((size,), (len(ekf.entry),)):
+        raise InputError(
+            f"predict_mean: the mean and the inputs have shapes {shapes[0]} and "
+            f"{shapes[1]}; ({size},) and ({len(ekf.entry)},) are needed."
+        )
     z = ekf.z.copy()
     z[ekf.places], z[ekf.entry] = mean, inputs
     count = max(math.ceil(duration / ekf.step - 1e-9), 1)

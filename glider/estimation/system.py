@@ -3,9 +3,8 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from glider.errors import InputError
 from glider.estimation.ekf import Ekf
-from glider.estimation.running import Belief, predict_mean, run_ekf
+from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
 
 
 class ExtendedKalmanFilter(LeafSystem):
@@ -28,7 +27,8 @@ class ExtendedKalmanFilter(LeafSystem):
         measured: at the samples, in the order of `ekf.measured_names`.
         elevator_rate: what the servo is believed to do [rad/s].
         known: the filter's further known inputs, if it has any, as they are at the
-            samples; left open, they are zero.
+            samples and at time 0; left open, they are what the filter's model has,
+            which is zero for the wind.
 
     Output ports:
         state: (n,) predicted by the model from the last sample until now.
@@ -42,12 +42,8 @@ class ExtendedKalmanFilter(LeafSystem):
         """Raises InputError where the prior is another filter's."""
         LeafSystem.__init__(self)
         self.set_name("estimator")
-        size, rows, known = len(ekf.names), len(ekf.noise), len(ekf.known)
-        if prior.mean.shape != (size,):
-            raise InputError(
-                f"ExtendedKalmanFilter: the prior has shape {prior.mean.shape}; "
-                f"({size},) is needed."
-            )
+        rows, known = len(ekf.noise), len(ekf.known)
+        check_belief(ekf, prior, "ExtendedKalmanFilter")
         self._ekf = ekf
         self._measured = self.DeclareVectorInputPort("measured", rows)
         self._rate = self.DeclareVectorInputPort("elevator_rate", 1)
@@ -61,7 +57,7 @@ class ExtendedKalmanFilter(LeafSystem):
             "innovation": np.zeros(rows),
             "innovation_covariance": np.zeros(rows * rows),
             "since": np.zeros(2),  # Time of the last sample, the integral then.
-            "known": np.zeros(known),
+            "known": self._model_known(),
         }
         ends = np.cumsum([len(part) for part in parts.values()]).tolist()
         starts = [0, *ends[:-1]]
@@ -107,7 +103,10 @@ class ExtendedKalmanFilter(LeafSystem):
     def _eval_known(self, context):
         if self._ekf.known and self._known.HasValue(context):
             return self._known.Eval(context)
-        return np.zeros(len(self._ekf.known))
+        return self._model_known()
+
+    def _model_known(self):
+        return self._ekf.z[self._ekf.entry[1:]]
 
     def _calc_state(self, context, output):
         mean = self._part(context, "estimate")
@@ -121,6 +120,9 @@ class ExtendedKalmanFilter(LeafSystem):
         # The clock ticks at time 0 as that of motion capture's log does: starting
         # later, its ticks would differ from the log's by a rounding.
         if context.get_time() < 0.5 * self._ekf.period:
+            parts = context.get_discrete_state_vector().CopyToVector()
+            parts[self._slices["known"]] = self._eval_known(context)
+            discrete_state.set_value(parts)
             return
         size = len(self._ekf.names)
         known = self._eval_known(context)

@@ -10,8 +10,15 @@ import os
 import numpy as np
 
 from diagrams.estimated import fly_on_estimate
+from glider.estimation.ekf import make_ekf
 from glider.estimation.flights import draw_starts, fly_watched
-from glider.estimation.perching import DRAWN, launch_prior, perching_ekf
+from glider.estimation.perching import (
+    CAPTURE_RATE,
+    DRAWN,
+    PROCESS,
+    launch_prior,
+    perching_ekf,
+)
 from glider.estimation.running import predict_mean, run_ekf
 from glider.monte_carlo import LaunchSpread, draw_launches
 from tests.benchmarks.bench_control import best_seconds
@@ -22,9 +29,15 @@ def main():
     print(f"load {os.getloadavg()[0]:.2f} (1 minute)")
     rng, samples = np.random.default_rng(0), 100
     tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
-    print("\nA step of the filter: prediction and correction, 4 numbers measured")
-    for name, slow in (("7 states", ()), ("9 states, 2 of them slow", DRAWN)):
-        ekf = perching_ekf(DRAWING, slow)
+    full = make_ekf(
+        DRAWING, rate=CAPTURE_RATE, process=PROCESS, noise=[1e-4] * 7, slow=DRAWN
+    )
+    print("\nA step of the filter: prediction and correction; x̄ has N numbers")
+    for name, ekf in (
+        ("N 9, 7 measured", full),
+        ("N 7, 4 measured", perching_ekf(DRAWING)),
+        ("N 9, 4 measured", perching_ekf(DRAWING, DRAWN)),
+    ):
         prior = launch_prior(ekf, PROBLEM.launch)
         flight = fly_watched(ekf, draw_starts(prior, 20, rng), tape, rng)
 
