@@ -5,6 +5,7 @@ import numpy as np
 from diagrams.flying import SimulatedFlight
 from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
+from glider.execution import Execution
 from glider.planning.plan import Plan
 
 Color = tuple[float, float, float, float]
@@ -28,3 +29,9 @@ def plan_track(name: str, plan: Plan, color: Color | None = None) -> Track:
     """Returns a plan, at its knots."""
     poses = plan.states[:, :NUM_POSITIONS]
     return Track(name=name, times=plan.times, poses=poses, color=color)
+
+
+def execution_track(name: str, flown: Execution, color: Color | None = None) -> Track:
+    """Returns a flight under a stepped plan."""
+    poses = flown.states[:, :NUM_POSITIONS]
+    return Track(name=name, times=flown.times, poses=poses, color=color)
