@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     report |= {"drawn_on_truth_escapes": foreign.escapes, "truth": args.truth}
     report |= {"drawn_on_truth_samples": foreign.samples, "seed": args.seed}
     if estimated:
-        print(describe_estimates(estimated))
+        print(f"drawn, on an estimate:\n{describe_estimates(estimated)}")
         report["estimate"] = estimate_figures(estimated)
     write_figures(args, report)
     if args.figure:

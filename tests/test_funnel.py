@@ -1,6 +1,7 @@
 """A funnel: what is saved is checked, what is checked is kept by flights."""
 
 import dataclasses
+import functools
 import json
 
 import numpy as np
@@ -32,6 +33,7 @@ from glider.verification.check import (
     largest_between,
 )
 from glider.verification.error_dynamics import evaluate, expand
+from glider.verification.estimated import study_estimates
 from glider.verification.exact import exact, rounded
 from glider.verification.forms import (
     higher_forms,
@@ -345,12 +347,14 @@ def test_bad_input_of_the_example_is_one_sentence(arguments, words, tmp_path, ca
     assert words in message
 
 
-def test_the_example_tells_its_story(tmp_path, capsys):
+def test_the_example_tells_its_story(tmp_path, capsys, monkeypatch):
+    few = functools.partial(study_estimates, noises=[0.001], unknown=[0.1, 1.0])
+    monkeypatch.setattr(perching_funnel, "study_estimates", few)
     out, figure = tmp_path / "f.json", tmp_path / "f.png"
     perching_funnel.main(
         [
             *("--load", str(models_path("funnels")), "--truth", "head_wind"),
-            *("--samples", "80", "--every", "100", "--headless"),
+            *("--samples", "80", "--every", "100", "--headless", "--estimate", "1"),
             *("--json", str(out), "--figure", str(figure)),
         ]
     )
@@ -361,5 +365,8 @@ def test_the_example_tells_its_story(tmp_path, capsys):
         assert part["inlet"]["z_m"] > 0.05
     assert found["drawn_on_truth_escapes"] > 0.5 * found["drawn_on_truth_samples"]
     assert found["remainder"] == "none"
+    assert found["estimate"]["flights"] == 1
+    assert [row["unknown"] for row in found["estimate"]["bears"]] == [0.1, 1.0]
     assert "0 of" in capsys.readouterr().out
-    assert figure.stat().st_size > 10_000
+    for picture in (figure, tmp_path / "f_estimate.png"):
+        assert picture.stat().st_size > 10_000
