@@ -1,5 +1,5 @@
 # make demo        sets up .venv and runs the main command on a sample campaign
-# make test        sets up .venv and runs all tests, the quick ones first
+# make test        sets up .venv and runs all tests
 # make lint        ruff and mypy
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo

@@ -244,26 +244,26 @@ def test_the_tracer_waits_for_three_flights_and_a_loop_for_one(planned):
 
 @pytest.mark.slow
 def test_learning_reaches_a_planner_that_knows_the_truth(tmp_path, capsys):
-    """With a truth that neither 26 weights nor the library can hold."""
     out, figure = tmp_path / "l.json", tmp_path / "l.png"
     learn_residual.main(
         [
-            *("--weights", "3", "--traced", "2", "--launches", "3", "--headless"),
+            *("--truth", "head_wind", "--weights", "2", "--traced", "2"),
+            *("--launches", "3", "--headless"),
             *("--json", str(out), "--figure", str(figure)),
         ]
     )
     figures = json.loads(out.read_text())
     rbf, traced, oracle = (figures[k] for k in ("rbf", "traced", "oracle_miss_m"))
     assert [len(rbf[k]) for k in ("terminal_cost", "weight_change", "miss_m")] == [
-        *(3, 2, 3)
+        *(2, 1, 2)
     ]
     assert rbf["miss_m"][0] == traced["miss_m"][0] > 5.0 * oracle
-    assert traced["effects"] == [[], ["unexplained"]]
+    assert traced["effects"] == [[], ["wind"]]
     assert traced["miss_m"][1] < max(1.5 * oracle, 0.01)
     assert min(rbf["miss_m"][1:]) < 0.5 * rbf["miss_m"][0]
     assert traced["terminal_cost"][1] < 0.2 * traced["terminal_cost"][0]
     assert all(change > 0.0 for change in rbf["weight_change"])
-    assert "unexplained" in capsys.readouterr().out
+    assert "traced to wind" in capsys.readouterr().out
     assert figure.stat().st_size > 10_000
 
 

@@ -103,9 +103,7 @@ def planted(*effects, seed=0, **plan):
         ("tail_wake",),
         ("pose_latency",),
         ("marker_offset",),
-        ("wind", "profile_drag"),
-        ("servo_lag", "pitch_damping"),
-        ("pitch_offset", "elevator_area"),
+        ("wind", "profile_drag"),  # More pairs: bench_tracing.
     ],
     ids="+".join,
 )
