@@ -3,9 +3,15 @@
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import MatrixGain, ZeroOrderHold
+from pydrake.systems.primitives import MatrixGain
 
-from diagrams.parts import add_glider, add_motion_capture, finish, tape_rows
+from diagrams.parts import (
+    add_glider,
+    add_motion_capture,
+    finish,
+    hold_command,
+    tape_rows,
+)
 from glider.errors import InputError
 from glider.guided import check_command_rate
 from glider.model_file import GliderModel
@@ -97,13 +103,7 @@ def closed_loop(
         signal = observer.GetOutputPort("state")
     builder.AddNamedSystem("regulator", regulator)
     builder.Connect(signal, regulator.get_input_port())
-    command = regulator.get_output_port()
-    if command_rate is not None:
-        hold = builder.AddNamedSystem(
-            "command_hold", ZeroOrderHold(1.0 / command_rate, 1)
-        )
-        builder.Connect(command, hold.get_input_port())
-        command = hold.get_output_port()
+    command = hold_command(builder, regulator.get_output_port(), command_rate)
     builder.Connect(command, servo.GetInputPort("command"))
     if motion_capture is not None:
         add_motion_capture(builder, glider, servo, motion_capture)

@@ -6,11 +6,17 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import LogVectorOutput, MatrixGain, ZeroOrderHold
+from pydrake.systems.primitives import LogVectorOutput, MatrixGain
 
 from diagrams.closed_loop import closed_loop
 from diagrams.flying import SimulatedFlight, simulate_flights
-from diagrams.parts import add_glider, add_motion_capture, finish, tape_rows
+from diagrams.parts import (
+    add_glider,
+    add_motion_capture,
+    finish,
+    hold_command,
+    tape_rows,
+)
 from glider.control import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
@@ -136,13 +142,7 @@ def estimated_loop(
     builder.Connect(capture, estimator.GetInputPort("measured"))
     builder.Connect(state, regulator.get_input_port())
     builder.Connect(state, believed.GetInputPort("state"))
-    command = regulator.get_output_port()
-    if command_rate is not None:
-        hold = builder.AddNamedSystem(
-            "command_hold", ZeroOrderHold(1.0 / command_rate, 1)
-        )
-        builder.Connect(command, hold.get_input_port())
-        command = hold.get_output_port()
+    command = hold_command(builder, regulator.get_output_port(), command_rate)
     builder.ExportOutput(state, "estimate")
     builder.Connect(command, servo.GetInputPort("command"))
     builder.Connect(command, believed.GetInputPort("command"))

@@ -4,7 +4,12 @@ import math
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import LogVectorOutput, MatrixGain, Multiplexer
+from pydrake.systems.primitives import (
+    LogVectorOutput,
+    MatrixGain,
+    Multiplexer,
+    ZeroOrderHold,
+)
 
 from diagrams.scene import AddScene
 from glider.model_file import GliderModel
@@ -39,6 +44,17 @@ def add_glider(builder: DiagramBuilder, model: GliderModel) -> tuple[System, Sys
     add_log(builder, rate, "rate_log")
     add_log(builder, glider.GetOutputPort("forces"), "force_log")
     return glider, servo
+
+
+def hold_command(
+    builder: DiagramBuilder, command: OutputPort, rate: float | None
+) -> OutputPort:
+    """Returns a command held by a "command_hold" of a rate [Hz], itself for none."""
+    if rate is None:
+        return command
+    hold = builder.AddNamedSystem("command_hold", ZeroOrderHold(1.0 / rate, 1))
+    builder.Connect(command, hold.get_input_port())
+    return hold.get_output_port()
 
 
 def add_log(

@@ -96,6 +96,15 @@ def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) ->
     )
 
 
+def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
+    """Adds --truth, the glider that flies; `diagrams.rehearsal.load_truth` reads it."""
+    parser.add_argument(
+        "--truth",
+        default=default,
+        help="model file, or a name in models/truths (default: %(default)s)",
+    )
+
+
 def check_folders(
     data: Path | None,
     page: Path | None,

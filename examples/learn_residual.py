@@ -36,6 +36,7 @@ from diagrams.rehearsal import load_truth
 from diagrams.showing import (
     add_launches,
     add_options,
+    add_truth,
     check_folders,
     run,
     show,
@@ -52,8 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    truth_help = "model file, or a name in models/truths (default: %(default)s)"
-    parser.add_argument("--truth", default="low_reynolds", help=truth_help)
+    add_truth(parser, "low_reynolds")
     for name, count in (("weights", 20), ("traced", 4)):
         words = f"rounds of the {name} loop (default: %(default)s)"
         parser.add_argument(

@@ -22,6 +22,7 @@ from diagrams.rehearsal import Rehearsal, load_truth, rehearse
 from diagrams.showing import (
     add_launches,
     add_options,
+    add_truth,
     check_folders,
     run,
     show,
@@ -40,8 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    truth_help = "model file, or a name in models/truths (default: %(default)s)"
-    parser.add_argument("--truth", default="head_wind", help=truth_help)
+    add_truth(parser, "head_wind")
     add_launches(parser, 100, least=3)
     parser.add_argument("--figure", metavar="FILE", type=Path, help="paths, as PNG")
     add_options(parser)

@@ -34,6 +34,7 @@ from diagrams.funnel_study import study_funnel
 from diagrams.rehearsal import load_truth
 from diagrams.showing import (
     add_options,
+    add_truth,
     check_folders,
     run,
     whole_number,
@@ -51,8 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    truth_help = "model file, or a name in models/truths (default: %(default)s)"
-    parser.add_argument("--truth", default="head_wind", help=truth_help)
+    add_truth(parser, "head_wind")
     parser.add_argument("--samples", type=whole_number(8), default=8000, help="flights")
     parser.add_argument("--every", type=whole_number(1), default=1, help="exact checks")
     parser.add_argument("--remainder", type=float, default=0.0, help="times sampled")

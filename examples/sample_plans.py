@@ -26,6 +26,7 @@ from diagrams.sampled import compare, histories, save_sampled_figure, spread
 from diagrams.showing import (
     add_launches,
     add_options,
+    add_truth,
     check_folders,
     run,
     show,
@@ -49,8 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    truth_help = "model file, or a name in models/truths (default: %(default)s)"
-    parser.add_argument("--truth", default="set_wing", help=truth_help)
+    add_truth(parser, "set_wing")
     parser.add_argument(
         "--searches",
         metavar="N",

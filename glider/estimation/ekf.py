@@ -176,9 +176,8 @@ def make_ekf(
                 "none of the first two negative."
             )
 
-    z = np.zeros(n + 3)
-    coefficients = [v for e in model.effects for v in e.values]
-    z = np.concatenate([z, parameter_vector(model.parameters), coefficients])
+    parameters = parameter_vector(model.parameters)
+    z = np.concatenate([np.zeros(n + 3), parameters, model.coefficients])
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
     acting, seen = _depend(plant, z, taken)
     period = 1.0 / rate

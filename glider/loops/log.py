@@ -258,15 +258,5 @@ LOOPS = (
     log_measure,
     log_flow,
 )
-ENTRIES = (
-    log_step,
-    log_rollout,
-    log_translation,
-    log_advance,
-    log_extras,
-    log_shoot,
-    log_propagate,
-    log_measure,
-    log_flow,
-)
+ENTRIES = LOOPS
 USES = ()

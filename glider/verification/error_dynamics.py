@@ -32,7 +32,6 @@ def closed_loop_rates(model, states, gains, nominal, inputs):
         command = command - gain * (x - x0)
     kinds = tuple(effect.kind for effect in model.effects)
     chain = compose(kinds, model.field is not None)
-    coefficients = np.array([v for effect in model.effects for v in effect.values])
     return chain.derivatives(
         0.0,
         states,
@@ -40,7 +39,7 @@ def closed_loop_rates(model, states, gains, nominal, inputs):
         0.0,
         0.0,
         parameter_vector(model.parameters),
-        coefficients,
+        model.coefficients,
         model.residual_field,
     )
 
