@@ -6,10 +6,16 @@ from glider.state import STATE_NAMES
 from glider.verification.attack import Attack
 from glider.verification.check import Verdict
 from glider.verification.funnel import Funnel
+from glider.verification.remainder_proof import RemainderProof, remainder_status
 
 
-def figures_of(funnel: Funnel, verdict: Verdict, attack: Attack) -> dict:
-    """Returns the key figures of a funnel: its inlet, its check, its escapes.
+def figures_of(
+    funnel: Funnel,
+    verdict: Verdict,
+    attack: Attack,
+    proof: RemainderProof | None = None,
+) -> dict:
+    """Returns the key figures of a funnel: inlet, check, escapes, proof of remainder.
 
     The inlet is given by the half-widths of its slices: how far one state alone may
     deviate at the launch.
@@ -29,7 +35,8 @@ def figures_of(funnel: Funnel, verdict: Verdict, attack: Attack) -> dict:
         "largest_end": float(attack.ends.max()),
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
         "states": list(funnel.nominal.state_names),
-        "remainder": "sampled" if funnel.settings.remainder > 0.0 else "none",
+        "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
+        "remainder": remainder_status(funnel, proof),
         "remainder_inflation": funnel.settings.remainder,
         "solver": funnel.solver,
         "certificate_checked": verdict.holds,

@@ -6,16 +6,20 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.funnel_report import figures_of
+from diagrams.rehearsal import rehearse
 from glider.errors import InputError
 from glider.model_file import GliderModel
+from glider.monte_carlo import LaunchSpread, draw_launches
 from glider.planning.dircol import Progress, plan
 from glider.planning.problem import PerchingProblem
 from glider.plant import GliderPlant
 from glider.riccati import compiled_policy
+from glider.sysid.pipeline import close_the_loop
 from glider.verification.attack import attack_funnel, fly_inside
 from glider.verification.build import make_funnel
 from glider.verification.check import check_funnel
 from glider.verification.funnel import Funnel, load_funnel
+from glider.verification.remainder_proof import prove_remainder
 from glider.verification.settings import FunnelSettings
 from glider.verification.solving import SolverError
 
@@ -35,6 +39,23 @@ class FunnelStudy:
 
     flights: np.ndarray
     """(SHOWN, T, n) paths of launches from inside."""
+
+
+def trace_model(
+    truth: GliderModel, flights: int, rng: np.random.Generator, progress: Progress
+) -> GliderModel:
+    """Returns what the logs of perches planned with the drawing tell of a glider.
+
+    Args:
+        truth: the glider that flies.
+        flights: how many.
+        rng: of the launches and of the noise of motion capture.
+        progress: told what is being done.
+    """
+    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
+    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    flown = rehearse(truth, drawing, problem, starts, rng, progress)
+    return close_the_loop(flown.campaign, progress=progress).model
 
 
 def certify_perch(
@@ -62,6 +83,7 @@ def study_funnel(
     every: int,
     rng: np.random.Generator,
     progress: Progress,
+    prove: bool = False,
 ) -> FunnelStudy:
     """Makes a funnel for a model or loads one from a file, and tries it.
 
@@ -72,6 +94,7 @@ def study_funnel(
         every: check every so many times.
         rng: of the flights.
         progress: told what is being done.
+        prove: whether to prove its remainder, where it bears one.
     """
     if isinstance(source, Path):
         funnel = load_funnel(source)
@@ -81,8 +104,15 @@ def study_funnel(
     verdict = check_funnel(funnel, every)
     progress("trying to break the funnel")
     attack = attack_funnel(funnel, samples, rng)
+    proof = None
+    if prove and funnel.beta.any():
+        proof = prove_remainder(
+            funnel,
+            every,
+            progress=lambda share: progress(f"remainder: proof, {100.0 * share:.0f} %"),
+        )
     return FunnelStudy(
         funnel=funnel,
-        figures=figures_of(funnel, verdict, attack),
+        figures=figures_of(funnel, verdict, attack, proof),
         flights=fly_inside(funnel, SHOWN, rng),
     )

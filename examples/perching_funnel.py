@@ -1,16 +1,20 @@
-"""Certifies a perch: how far may a launch err, for the drawn and the true glider?
+"""Certifies a perch: how far may a launch err, for the drawn and the corrected glider?
 
 A funnel is a tube of states about the plan that the closed loop never leaves and that
 ends at the wire. Sums of squares prove it for the third-order dynamics, the servo's
 rate and travel limits inside; every proof is then checked in whole numbers. Flights of
-the full dynamics from its boundary try to break it. Last, the drawn glider's funnel is
-flown by a glider with an effect that the drawing lacks, and a funnel is made with the
-model that has it. With --estimate the drawn glider's feedback gets a filter's estimate
-instead of the state, from ever noisier motion capture: how much error is borne?
+the full dynamics from its boundary try to break it. With --remainder the funnel bears
+what the polynomials leave out, and with --prove that is proven to be all of it.
+
+The true glider has an effect that its drawing lacks. It flies with the drawing's plan,
+its logs are traced, and a second funnel is made with the model that was found. Does the
+true glider stay in the drawing's funnel, and in the second? With --estimate the drawn
+glider's feedback gets a filter's estimate instead of the state, from ever noisier
+motion capture: how much error is borne?
 
     python examples/perching_funnel.py
     python examples/perching_funnel.py --truth slow_servo --figure funnels.png
-    python examples/perching_funnel.py --remainder 1 --headless --json funnel.json
+    python examples/perching_funnel.py --remainder 1.1 --prove --headless --json f.json
     python examples/perching_funnel.py --load models/funnels --estimate 200
 """
 
@@ -30,7 +34,7 @@ from diagrams.funnel_estimate import (
 from diagrams.funnel_figures import save_funnel_figure
 from diagrams.funnel_report import describe
 from diagrams.funnel_scene import show_funnel
-from diagrams.funnel_study import study_funnel
+from diagrams.funnel_study import study_funnel, trace_model
 from diagrams.rehearsal import load_truth
 from diagrams.showing import (
     add_options,
@@ -55,7 +59,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     add_truth(parser, "head_wind")
     parser.add_argument("--samples", type=whole_number(8), default=8000, help="flights")
     parser.add_argument("--every", type=whole_number(1), default=1, help="exact checks")
+    parser.add_argument(
+        "--flights", type=whole_number(3), default=20, help="that are traced"
+    )
     parser.add_argument("--remainder", type=float, default=0.0, help="times sampled")
+    prove_help = "prove the remainder; takes minutes"
+    parser.add_argument("--prove", action="store_true", help=prove_help)
     parser.add_argument("--seed", type=whole_number(0), default=0, help="of flights")
     parser.add_argument("--load", metavar="DIR", type=Path, help="funnels saved there")
     parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")
@@ -75,19 +84,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     settings = FunnelSettings(remainder=args.remainder)
     truth, rng = load_truth(args.truth), np.random.default_rng(args.seed)
-    models = {"drawn": GliderModel(parameters=truth.parameters), "corrected": truth}
-    studies = {}
+    studies, foreign = {}, {}
     with Console(stderr=True).status("plan (compiles once)") as status:
-        for name, model in models.items():
-            source = args.load / files[name] if args.load else model
-            studies[name] = study_funnel(
-                source, settings, args.samples, args.every, rng, status.update
+        sources: dict[str, Path | GliderModel]
+        if args.load:
+            sources = {name: args.load / file for name, file in files.items()}
+        else:
+            sources = {
+                "drawn": GliderModel(parameters=truth.parameters),
+                "corrected": trace_model(truth, args.flights, rng, status.update),
+            }
+        for name, source in sources.items():
+            study = study_funnel(
+                source,
+                settings,
+                args.samples,
+                args.every,
+                rng,
+                status.update,
+                prove=args.prove,
             )
+            studies[name] = study
             if args.save:
-                save_funnel(args.save / files[name], studies[name].funnel)
-        status.update("the drawn glider's funnel, flown by the true one")
+                save_funnel(args.save / files[name], study.funnel)
+            status.update(f"the {name} funnel, flown by the true glider")
+            foreign[name] = attack_funnel(study.funnel, args.samples, rng, model=truth)
         drawn = studies["drawn"]
-        foreign = attack_funnel(drawn.funnel, args.samples, rng, model=truth)
         estimated = []
         if count := args.estimate:
             estimated = study_estimates(
@@ -95,13 +117,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
             )
     for name, study in studies.items():
         print(describe(name, study.figures))
-    print(
-        f"The drawn glider's funnel, flown by {args.truth}: {foreign.escapes} of "
-        f"{foreign.samples} flights leave it."
-    )
+        found = foreign[name]
+        print(f"  Flown by {args.truth}, {found.escapes} of {found.samples} leave it.")
     report = drawn.figures | {"corrected": studies["corrected"].figures}
-    report |= {"drawn_on_truth_escapes": foreign.escapes, "truth": args.truth}
-    report |= {"drawn_on_truth_samples": foreign.samples, "seed": args.seed}
+    report |= {"truth": args.truth, "seed": args.seed}
+    for name, found in foreign.items():
+        report[f"{name}_on_truth_escapes"] = found.escapes
+        report[f"{name}_on_truth_samples"] = found.samples
     if estimated:
         print(f"drawn, on an estimate:\n{describe_estimates(estimated)}")
         report["estimate"] = estimate_figures(estimated)

@@ -37,7 +37,10 @@ Checks the certificate of a funnel: at each of its times, in exact arithmetic, t
 deviation leaves it, that the servo stays within its limits, and that it ends in the
 goal. Needs no solver and no plan: all is in the file, the glider too.
 
-exit code: 0 when the certificate holds, 1 when it does not, 2 when the file is none.
+The certificate is of third-order polynomials and bears a remainder beside them. With
+--remainder, the true one is proven to be no larger, at the same times.
+
+exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
 
 
@@ -129,6 +132,11 @@ def _parser() -> argparse.ArgumentParser:
         default=1,
         help="check every so many times only (default: all)",
     )
+    check.add_argument(
+        "--remainder",
+        action="store_true",
+        help="prove the remainder of the Taylor polynomials too; takes minutes",
+    )
     check.add_argument("--json", action="store_true", help="print JSON instead")
     check.set_defaults(run=_check_funnel)
     return parser
@@ -176,23 +184,38 @@ def _close_the_loop(args: argparse.Namespace) -> int:
 def _check_funnel(args: argparse.Namespace) -> int:
     import dataclasses
 
+    from rich.console import Console
     from rich.progress import Progress
 
     if args.every < 1:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
     from glider.verification.check import check_funnel
     from glider.verification.funnel import load_funnel
+    from glider.verification.remainder_proof import (
+        describe_proof,
+        prove_remainder,
+        remainder_status,
+    )
 
     funnel = load_funnel(args.funnel)
-    with Progress(transient=True, disable=args.json) as bar:
-        task = bar.add_task("checking", total=1.0)
-        verdict = check_funnel(
-            funnel, args.every, lambda share: bar.update(task, completed=share)
-        )
+    proof = None
+    with Progress(transient=True, console=Console(stderr=True)) as bar:
+
+        def follow(words):
+            task = bar.add_task(words, total=1.0)
+            return lambda share: bar.update(task, completed=share)
+
+        verdict = check_funnel(funnel, args.every, follow("certificate"))
+        if args.remainder:
+            proof = prove_remainder(funnel, args.every, progress=follow("remainder"))
+    good = verdict.holds and (proof is None or proof.complete)
     if args.json:
         report = dataclasses.asdict(verdict) | {"holds": verdict.holds}
+        report["remainder"] = remainder_status(funnel, proof)
+        if proof:
+            report |= {"remainder_until": proof.until, "boxes": proof.boxes}
         print(json.dumps(report, indent=2))
-        return 0 if verdict.holds else 1
+        return 0 if good else 1
     for fault in verdict.faults:
         print(fault)
     if verdict.holds:
@@ -203,7 +226,9 @@ def _check_funnel(args: argparse.Namespace) -> int:
         )
     else:
         print(f"The certificate does not hold: {len(verdict.faults)} faults.")
-    return 0 if verdict.holds else 1
+    if proof:
+        print(describe_proof(funnel, proof))
+    return 0 if good else 1
 
 
 if __name__ == "__main__":

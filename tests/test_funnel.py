@@ -44,8 +44,8 @@ from glider.verification.forms import (
 from glider.verification.funnel import load_funnel, save_funnel
 from glider.verification.monitor import FunnelMonitor
 from glider.verification.remainder import (
-    rates_of,
     remainder_form,
+    remainder_of,
     remainder_weights,
     sample_remainder,
 )
@@ -85,8 +85,8 @@ def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel, coeffic
     rests = []
     for size in (1.0, 0.5):
         errors = size * direction
-        true = rates_of(funnel.nominal, k, errors)
-        rests.append(np.abs(true - evaluate(coefficients[k], errors)).max())
+        rest = remainder_of(funnel.nominal, coefficients, [k], errors[None])
+        rests.append(np.abs(rest).max())
     assert np.log2(rests[0] / rests[1]) == pytest.approx(4.0, abs=0.5)
 
 
@@ -113,7 +113,7 @@ def test_the_remainders_form_bounds_what_it_stands_for(funnel, coefficients):
     form = remainder_form(S, beta, remainder_weights(S, beta, np.ones(7)))[0]
     upper, back = to_ball(S[0])
     errors = z @ back.T
-    rest = rates_of(funnel.nominal, 150, errors) - evaluate(coefficients[150], errors)
+    rest = remainder_of(funnel.nominal, coefficients, [150], errors[None])[0]
     pushed = 2.0 * np.sum((z @ upper) * rest, axis=1)
     assert np.all(pushed <= np.einsum("bi,ij,bj->b", z, form, z))
     assert np.abs(pushed).max() > 0.01
@@ -287,10 +287,33 @@ def test_the_command_line_checks_a_file(funnel, tmp_path, capsys):
     assert "holds" in capsys.readouterr().out
     save_funnel(path, dataclasses.replace(funnel, S=0.9 * funnel.S))
     assert main(["check-funnel", str(path), "--every", "1000", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["holds"] is False
+    out = capsys.readouterr()
+    assert json.loads(out.out)["holds"] is False
+    assert json.loads(out.out)["remainder"] == "none"
     path.write_text("no")
     assert main(["check-funnel", str(path)]) == 2
     assert "not a funnel" in capsys.readouterr().err
+
+
+def test_the_command_line_proves_the_remainder(tmp_path, capsys):
+    proven = load_funnel(models_path("funnels", "proven", "drawn.npz"))
+    path, end = tmp_path / "funnel.npz", f"{proven.nominal.times[-1]:.4f}"
+    save_funnel(path, proven)
+    few = ["check-funnel", str(path), "--every", "1000", "--remainder"]
+    assert main(few) == 0
+    assert "The remainder is proven: at all 2 times" in capsys.readouterr().out
+    beta = proven.beta.copy()
+    beta[-1] *= 0.8
+    save_funnel(path, dataclasses.replace(proven, beta=beta))
+    assert main(few) == 1
+    words = capsys.readouterr().out
+    assert "The certificate holds" in words
+    assert "proven until 0.0000 s, and at 1 of 2 times" in words
+    save_funnel(path, proven)
+    assert main([*few, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["remainder"] == f"rigorous until t={end}"
+    assert found["boxes"] > 1000
 
 
 def test_the_monitor_tells_inside_from_outside_in_a_diagram(funnel):
@@ -353,7 +376,7 @@ def test_the_example_tells_its_story(tmp_path, capsys, monkeypatch):
     out, figure = tmp_path / "f.json", tmp_path / "f.png"
     perching_funnel.main(
         [
-            *("--load", str(models_path("funnels")), "--truth", "head_wind"),
+            *("--load", str(models_path("funnels", "proven")), "--prove"),
             *("--samples", "80", "--every", "100", "--headless", "--estimate", "1"),
             *("--json", str(out), "--figure", str(figure)),
         ]
@@ -363,8 +386,10 @@ def test_the_example_tells_its_story(tmp_path, capsys, monkeypatch):
         assert part["certificate_checked"] is True
         assert part["escapes"] == 0
         assert part["inlet"]["z_m"] > 0.05
+        assert part["remainder"].startswith("rigorous until t=0.")
     assert found["drawn_on_truth_escapes"] > 0.5 * found["drawn_on_truth_samples"]
-    assert found["remainder"] == "none"
+    assert found["corrected_on_truth_escapes"] == 0
+    assert found["corrected"]["effects"] == ["wind"]
     assert found["estimate"]["flights"] == 1
     assert [row["unknown"] for row in found["estimate"]["bears"]] == [0.1, 1.0]
     assert "0 of" in capsys.readouterr().out

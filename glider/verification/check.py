@@ -6,7 +6,8 @@ At each of its times, with whole numbers only:
    coefficients are the doubles that `expand` computes from the glider in the file, with
    any disturbance |R_k| <= β_k: minus V̇ - slack V has a positive definite Gram matrix.
 At the end the set lies in the goal. Beside that, with floating point: the nominal is a
-flight, and V̇ is negative between the times too.
+flight, and V̇ is negative between the times too. That the true remainder is within β_k
+is for `glider.verification.remainder_proof`.
 """
 
 import dataclasses

@@ -8,13 +8,37 @@ as long as the servo follows its command, which the funnel sees to.
 import numpy as np
 
 from glider.dynamics import compose
+from glider.model_file import GliderModel
 from glider.parameters import parameter_vector
+from glider.verification import dependence
 from glider.verification.jets import Monomials, coefficients_of, monomials, variables
 from glider.verification.nominal import Nominal
 
 ORDER = 3
 """Of the expansion that funnels are built on. Order 2 is not enough: its remainder
 eats the funnel."""
+
+
+def open_loop_rates(model, states, command):
+    """Returns ẋ for any kind of number, servo limits apart.
+
+    Args:
+        model: the GliderModel.
+        states: n numbers x.
+        command: u.
+    """
+    kinds = tuple(effect.kind for effect in model.effects)
+    chain = compose(kinds, model.field is not None)
+    return chain.derivatives(
+        0.0,
+        states,
+        command,
+        0.0,
+        0.0,
+        parameter_vector(model.parameters),
+        model.coefficients,
+        model.residual_field,
+    )
 
 
 def closed_loop_rates(model, states, gains, nominal, inputs):
@@ -30,18 +54,22 @@ def closed_loop_rates(model, states, gains, nominal, inputs):
     command = inputs
     for gain, x, x0 in zip(gains, states, nominal, strict=True):
         command = command - gain * (x - x0)
-    kinds = tuple(effect.kind for effect in model.effects)
-    chain = compose(kinds, model.field is not None)
-    return chain.derivatives(
-        0.0,
-        states,
-        command,
-        0.0,
-        0.0,
-        parameter_vector(model.parameters),
-        model.coefficients,
-        model.residual_field,
-    )
+    return open_loop_rates(model, states, command)
+
+
+def curved_parts(model: GliderModel, num_states: int) -> tuple[list[int], list[int]]:
+    """Returns which variables and which rates are not linear.
+
+    Args:
+        model: the glider.
+        num_states: n; variable n is the command.
+    """
+    *states, command = dependence.variables(num_states + 1)
+    rates = open_loop_rates(model, states, command)
+    curved: list[frozenset[int]]
+    curved = [getattr(rate, "curved", frozenset()) for rate in rates]
+    which = frozenset[int]().union(*curved)
+    return sorted(which), [row for row, of in enumerate(curved) if of]
 
 
 def expand(nominal: Nominal, order: int = ORDER) -> np.ndarray:

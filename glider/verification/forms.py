@@ -59,16 +59,42 @@ def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     return (form[..., where] * share).reshape(*form.shape[:-1], *(n,) * degree)
 
 
+def change_variables(coefficients: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Returns the coefficients (r, M) of p(T w) as polynomials in w, order 3.
+
+    Args:
+        coefficients: (r, M) of polynomials p in n variables, by `table_of(n)`.
+        T: (n, n).
+    """
+    n = len(T)
+    table = table_of(n)
+    changed = coefficients.copy()
+    changed[:, table.of_degree(1)] = coefficients[:, table.of_degree(1)] @ T
+    for degree in (2, 3):
+        here = table.of_degree(degree)
+        where, share = _spread(n, degree)
+        tensor = coefficients[:, here][:, where] * share
+        changed[:, here] = _moved(tensor, T, degree) @ _gather(n, degree)
+    return changed
+
+
 def _substitute(tensor, upper, back, n, degree):
     """Returns the coefficients of 2 zᵀ upper F(back z), F a symmetric tensor."""
-    batch = upper.shape[:-2]
-    out = (upper @ tensor).reshape(*batch, n, *(n,) * degree)
+    moved = _moved(upper @ tensor, back, degree)
+    return 2.0 * moved.reshape(*moved.shape[:-2], -1) @ _gather(n, degree + 1)
+
+
+def _moved(tensor, back, degree):
+    """Returns tensors (..., r, n^degree) with each axis of length n times back."""
+    *batch, rows, entries = tensor.shape
+    n = back.shape[-1]
+    out = tensor.reshape(*batch, rows, *(n,) * degree)
     for axis in range(degree):
         moved = np.moveaxis(out, len(batch) + 1 + axis, -1)
         shape = moved.shape
         flat = moved.reshape(*batch, -1, n) @ back
         out = np.moveaxis(flat.reshape(shape), -1, len(batch) + 1 + axis)
-    return 2.0 * out.reshape(*batch, -1) @ _gather(n, degree + 1)
+    return out.reshape(*batch, rows, entries)
 
 
 @functools.lru_cache(maxsize=16)

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from glider.verification.arithmetic import Number
+
 
 class Monomials:
     """The monomials of some variables up to a degree, and their products.
@@ -75,12 +77,11 @@ def monomials(num_variables: int, degree: int) -> Monomials:
     return Monomials(num_variables, degree)
 
 
-class Jet:
+class Jet(Number):
     """A truncated Taylor polynomial.
 
-    Takes + - * / and powers of whole numbers with numbers, arrays of numbers (one for
-    each expansion point) and jets of the same table, and NumPy's sqrt, sin, cos, exp,
-    tanh and arctan.
+    Its coefficients may be arrays, one number for each expansion point; plain numbers
+    and arrays like that join in.
 
     Attributes:
         table: its Monomials.
@@ -91,53 +92,30 @@ class Jet:
         """Takes what `Jet` holds."""
         self.table, self.coefficients = table, coefficients
 
-    def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
-        """Lets NumPy's numbers, arrays and functions meet a Jet."""
-        if method != "__call__" or kwargs:
-            return NotImplemented
-        if ufunc in _SERIES:
-            return self._compose(_SERIES[ufunc])
-        if ufunc in _OPERATIONS:
-            return _OPERATIONS[ufunc](*inputs)
-        return NotImplemented
-
-    def __neg__(self):
-        return Jet(self.table, -self.coefficients)
-
-    def __add__(self, other):
-        return _sum(self, other)
-
-    def __radd__(self, other):
-        return _sum(self, other)
-
-    def __sub__(self, other):
-        return _sum(self, -other)
-
-    def __rsub__(self, other):
-        return _sum(-self, other)
-
-    def __mul__(self, other):
-        return _product(self, other)
-
-    def __rmul__(self, other):
-        return _product(self, other)
-
-    def __truediv__(self, other):
+    def plus(self, other: Any) -> "Jet":
+        """Returns the sum with a jet of the same table or a plain number."""
         if isinstance(other, Jet):
-            return _product(self, other._compose(_reciprocal))
-        return Jet(self.table, self.coefficients / other)
+            return Jet(self.table, self.coefficients + other.coefficients)
+        coefficients = self.coefficients.copy()
+        coefficients[0] += other
+        return Jet(self.table, coefficients)
 
-    def __rtruediv__(self, other):
-        return _product(self._compose(_reciprocal), other)
+    def times(self, other: Any) -> "Jet":
+        """Returns the product with a jet of the same table or a plain number."""
+        if not isinstance(other, Jet):
+            return Jet(self.table, self.coefficients * other)
+        table = self.table
+        products = self.coefficients[table.left] * other.coefficients[table.right]
+        return Jet(table, np.add.reduceat(products, table.starts, axis=0))
 
-    def _compose(self, series: Callable[[np.ndarray, int], list]) -> "Jet":
-        """Returns g of this jet, given the Taylor coefficients of g at its value."""
-        terms = series(self.coefficients[0], self.table.degree)
+    def of(self, function: np.ufunc) -> "Jet":
+        """Returns a function of this jet."""
+        terms = SERIES[function](self.coefficients[0], self.table.degree)
         change = Jet(self.table, self.coefficients.copy())
         change.coefficients[0] = 0.0
         total = _constant(self, terms[-1])
         for term in terms[-2::-1]:
-            total = total * change + term
+            total = total.times(change).plus(term)
         return total
 
 
@@ -170,22 +148,6 @@ def _constant(like, value):
     coefficients = np.zeros_like(like.coefficients)
     coefficients[0] = value
     return Jet(like.table, coefficients)
-
-
-def _sum(jet, other):
-    if isinstance(other, Jet):
-        return Jet(jet.table, jet.coefficients + other.coefficients)
-    coefficients = jet.coefficients.copy()
-    coefficients[0] += other
-    return Jet(jet.table, coefficients)
-
-
-def _product(jet, other):
-    if not isinstance(other, Jet):
-        return Jet(jet.table, jet.coefficients * other)
-    table = jet.table
-    products = jet.coefficients[table.left] * other.coefficients[table.right]
-    return Jet(table, np.add.reduceat(products, table.starts, axis=0))
 
 
 def _reciprocal(a, degree):
@@ -238,7 +200,8 @@ def _arctan(a, degree):
     return [np.arctan(a), *(s / (k + 1) for k, s in enumerate(slope[:degree]))]
 
 
-_SERIES: dict[Any, Callable] = {
+SERIES: dict[np.ufunc, Callable[[np.ndarray, int], list]] = {
+    np.reciprocal: _reciprocal,
     np.sqrt: _sqrt,
     np.exp: _exp,
     np.sin: _turning(np.sin, np.cos),
@@ -246,13 +209,4 @@ _SERIES: dict[Any, Callable] = {
     np.tanh: _tanh,
     np.arctan: _arctan,
 }
-
-_OPERATIONS: dict[Any, Callable] = {
-    np.add: lambda a, b: _sum(a, b) if isinstance(a, Jet) else _sum(b, a),
-    np.subtract: lambda a, b: _sum(a, -b) if isinstance(a, Jet) else _sum(-b, a),
-    np.multiply: lambda a, b: _product(a, b) if isinstance(a, Jet) else _product(b, a),
-    np.true_divide: lambda a, b: (
-        Jet.__truediv__(a, b) if isinstance(a, Jet) else Jet.__rtruediv__(b, a)
-    ),
-    np.negative: lambda a: -a,
-}
+"""The Taylor coefficients of a function at values, up to a degree."""

@@ -1,4 +1,4 @@
-"""How long funnels take, and how wide they are.
+"""How long funnels take, how wide they are, and what a proof of the remainder takes.
 
 python -m tests.benchmarks.bench_funnel
 """
@@ -15,22 +15,28 @@ from glider.riccati import compiled_policy
 from glider.verification.attack import attack_funnel
 from glider.verification.build import make_funnel
 from glider.verification.check import check_funnel
+from glider.verification.remainder_proof import prove_remainder, remainder_status
 from glider.verification.settings import FunnelSettings
+
+EVERY = 5
+"""Of the times that the proof looks at."""
 
 
 def main():
     """Prints a row for each inflation of the sampled remainder."""
     policy = compiled_policy(GliderPlant(), plan(GliderPlant(), PerchingProblem()))
-    row = "{:>9} {:>8} {:>8} {:>9} {:>10} {:>10} {:>12}"
-    print(
-        row.format("remainder", "z [m]", "pitch °", "ẋ [m/s]", "made [s]", "check", "")
-    )
-    for remainder in (0.0, 1.0, 2.0):
+    row = "{:>9} {:>8} {:>8} {:>9} {:>10} {:>10} {:>28} {}"
+    names = ("remainder", "z [m]", "pitch °", "ẋ [m/s]", "made [s]", "check", "proof")
+    print(row.format(*names, ""))
+    for remainder in (0.0, 1.0, 1.1, 1.2):
         settings = FunnelSettings(remainder=remainder)
         funnel = make_funnel(GliderModel(), policy, settings)
         began = time.perf_counter()
         verdict = check_funnel(funnel)
         checked = time.perf_counter() - began
+        began = time.perf_counter()
+        proof = prove_remainder(funnel, EVERY) if remainder > 1.0 else None
+        proven = time.perf_counter() - began
         attack = attack_funnel(funnel, 8000, np.random.default_rng(0))
         widths = funnel.half_widths()
         print(
@@ -41,6 +47,7 @@ def main():
                 f"{widths[4]:.3f}",
                 f"{funnel.seconds:.1f}",
                 f"{checked:.1f} s",
+                f"{proven:.0f} s, {remainder_status(funnel, proof)}",
                 f"{'holds' if verdict.holds else 'FAILS'}, "
                 f"{attack.escapes} of {attack.samples} escape",
             )
