@@ -103,7 +103,7 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
 def test_the_shipped_remainder_is_proven(funnel, coefficients, k):
     search = search_at(funnel.nominal, k, coefficients, funnel.S[k], funnel.beta[k])
     assert search.proven
-    assert search.boxes > 100
+    assert 100 < search.boxes < 15_000  # Turned as R varies; else ten times more.
     assert 0.5 < search.share < 1.0
 
 

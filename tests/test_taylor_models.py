@@ -15,7 +15,9 @@ FORMULAS = {
     "product": lambda x, y: x * y * (2.0 - x) * (x + y) * y,
     "quotient": lambda x, y: (1.0 + y) / (x * x + 2.0) + 1.0 / (x + 3.0) - x / 2.0,
     "sqrt": lambda x, y: np.sqrt(x * x + y * y + 1e-8),
+    "sin": lambda x, y: np.sin(x) - np.cos(y),
     "sin, cos": lambda x, y: np.sin(2.0 * x + y) * np.cos(x - 3.0 * y),
+    "growth": lambda x, y: np.exp(x),
     "exp": lambda x, y: np.exp(-0.5 * (x + y) * (x + y)),
     "tanh": lambda x, y: np.tanh(x / 0.3 + y) + np.tanh(4.0 + x),
     "arctan": lambda x, y: np.arctan(2.0 * x - y),
@@ -55,7 +57,9 @@ def test_every_value_on_a_box_is_within_the_rest_of_the_polynomial(name, size):
     assert np.all(off <= model.rest[:, None] + 1e-14 * (1.0 + np.abs(truth)))
 
 
-@pytest.mark.parametrize("name", ["sin, cos", "exp", "tanh", "quotient", "arctan"])
+@pytest.mark.parametrize(
+    "name", ["sqrt", "sin, cos", "exp", "tanh", "quotient", "arctan"]
+)
 def test_the_rest_falls_with_the_fourth_power_of_the_box(name):
     center, half = boxes(0.02)
     large = FORMULAS[name](*models(center, half)).rest
