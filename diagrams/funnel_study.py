@@ -6,15 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.funnel_report import figures_of
-from diagrams.rehearsal import rehearse
 from glider.errors import InputError
 from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
 from glider.planning.dircol import Progress, plan
 from glider.planning.problem import PerchingProblem
 from glider.plant import GliderPlant
 from glider.riccati import compiled_policy
-from glider.sysid.pipeline import close_the_loop
 from glider.verification.attack import attack_funnel, fly_inside
 from glider.verification.build import make_funnel
 from glider.verification.check import check_funnel
@@ -39,23 +36,6 @@ class FunnelStudy:
 
     flights: np.ndarray
     """(SHOWN, T, n) paths of launches from inside."""
-
-
-def trace_model(
-    truth: GliderModel, flights: int, rng: np.random.Generator, progress: Progress
-) -> GliderModel:
-    """Returns what the logs of perches planned with the drawing tell of a glider.
-
-    Args:
-        truth: the glider that flies.
-        flights: how many.
-        rng: of the launches and of the noise of motion capture.
-        progress: told what is being done.
-    """
-    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
-    starts = draw_launches(problem, LaunchSpread(), flights, rng)
-    flown = rehearse(truth, drawing, problem, starts, rng, progress)
-    return close_the_loop(flown.campaign, progress=progress).model
 
 
 def certify_perch(

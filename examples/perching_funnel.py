@@ -20,7 +20,7 @@ motion capture: how much error is borne?
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +34,8 @@ from diagrams.funnel_estimate import (
 from diagrams.funnel_figures import save_funnel_figure
 from diagrams.funnel_report import describe
 from diagrams.funnel_scene import show_funnel
-from diagrams.funnel_study import study_funnel, trace_model
-from diagrams.rehearsal import load_truth
+from diagrams.funnel_study import study_funnel
+from diagrams.rehearsal import load_truth, rehearse
 from diagrams.showing import (
     add_options,
     add_truth,
@@ -45,6 +45,9 @@ from diagrams.showing import (
     write_figures,
 )
 from glider.model_file import GliderModel
+from glider.monte_carlo import LaunchSpread, draw_launches
+from glider.planning.problem import PerchingProblem
+from glider.sysid.pipeline import close_the_loop
 from glider.verification.attack import attack_funnel
 from glider.verification.estimated import study_estimates
 from glider.verification.funnel import save_funnel
@@ -133,6 +136,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if second:
         save_estimate_figure(second, estimated)
     show_funnel(args, studies["corrected"], f"A certified perch: {args.truth}")
+
+
+def trace_model(
+    truth: GliderModel,
+    flights: int,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> GliderModel:
+    """Returns what the logs of perches planned with the drawing tell of a glider.
+
+    Args:
+        truth: the glider that flies.
+        flights: how many.
+        rng: of the launches and of the noise of motion capture.
+        progress: told what is being done.
+    """
+    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
+    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    flown = rehearse(truth, drawing, problem, starts, rng, progress)
+    return close_the_loop(flown.campaign, progress=progress).model
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from glider.verification.remainder import remainder_of, sample_remainder
 from glider.verification.remainder_proof import (
     RemainderProof,
     Search,
+    describe_proof,
     prove_remainder,
     search_at,
 )
@@ -147,6 +148,11 @@ def test_a_proof_ends_where_the_first_time_fails(funnel):
     proof = RemainderProof(times=np.array([0.0, 0.5, 0.8]), searches=(good, good, bad))
     assert proof.until == 0.5
     assert proof.boxes == 9
+    assert "until 0.5000 s, and at 2 of 3 times" in describe_proof(funnel, proof)
+    proof = RemainderProof(times=np.array([0.0, 0.5]), searches=(good, good))
+    assert "is proven: at all 2 times" in describe_proof(funnel, proof)
+    bare = dataclasses.replace(funnel, beta=0.0 * funnel.beta)
+    assert "bears no remainder" in describe_proof(bare, proof)
 
 
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find(funnel, coefficients):
