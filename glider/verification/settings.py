@@ -31,7 +31,7 @@ class FunnelSettings:
     step: float = 0.0045
     """Longest step between the times that are certified [s]."""
 
-    hold: float = 0.026
+    hold: float = 0.022
     """Between the programs that shape the funnel [s]."""
 
     margin: float = 0.03
