@@ -6,7 +6,11 @@ from glider.state import STATE_NAMES
 from glider.verification.attack import Attack
 from glider.verification.check import Verdict
 from glider.verification.funnel import Funnel
-from glider.verification.remainder_proof import RemainderProof, remainder_status
+from glider.verification.remainder_proof import (
+    RemainderProof,
+    describe_proof,
+    remainder_status,
+)
 
 
 def figures_of(
@@ -38,6 +42,7 @@ def figures_of(
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
         "remainder": remainder_status(funnel, proof),
         "remainder_inflation": funnel.settings.remainder,
+        "remainder_proof": describe_proof(funnel, proof) if proof else None,
         "solver": funnel.solver,
         "certificate_checked": verdict.holds,
         "checked_times": verdict.times,
@@ -46,7 +51,7 @@ def figures_of(
 
 
 def describe(name: str, figures: dict) -> str:
-    """Returns two sentences about the figures of a funnel."""
+    """Returns a few sentences about the figures of a funnel."""
     inlet = figures["inlet"]
     checked = "holds" if figures["certificate_checked"] else "DOES NOT HOLD"
     return (
@@ -56,4 +61,5 @@ def describe(name: str, figures: dict) -> str:
         f"  Its certificate {checked} at {figures['checked_times']} times; "
         f"{figures['escapes']} of {figures['samples']} flights from its boundary "
         "leave it."
+        + (f"\n  {figures['remainder_proof']}" if figures["remainder_proof"] else "")
     )

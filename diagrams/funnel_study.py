@@ -85,7 +85,7 @@ def study_funnel(
     progress("trying to break the funnel")
     attack = attack_funnel(funnel, samples, rng)
     proof = None
-    if prove and funnel.beta.any():
+    if prove and verdict.holds and funnel.beta.any():
         proof = prove_remainder(
             funnel,
             every,

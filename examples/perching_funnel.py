@@ -44,6 +44,7 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
+from glider.errors import InputError
 from glider.model_file import GliderModel
 from glider.monte_carlo import LaunchSpread, draw_launches
 from glider.planning.problem import PerchingProblem
@@ -65,7 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--flights", type=whole_number(3), default=20, help="that are traced"
     )
-    parser.add_argument("--remainder", type=float, default=0.0, help="times sampled")
+    parser.add_argument(
+        "--remainder", type=float, default=0.0, help="times the largest found"
+    )
     prove_help = "prove the remainder; takes minutes"
     parser.add_argument("--prove", action="store_true", help=prove_help)
     parser.add_argument("--seed", type=whole_number(0), default=0, help="of flights")
@@ -78,6 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     add_options(parser)
     args = parser.parse_args(arguments)
+    if args.prove and not (args.remainder or args.load):
+        parser.error("--prove: there is nothing to prove without --remainder.")
     files = {"drawn": "drawn.npz", "corrected": f"{Path(args.truth).stem}.npz"}
     saved = [args.save / name for name in files.values()] if args.save else []
     second = None
@@ -111,7 +116,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if args.save:
                 save_funnel(args.save / files[name], study.funnel)
             status.update(f"the {name} funnel, flown by the true glider")
-            foreign[name] = attack_funnel(study.funnel, args.samples, rng, model=truth)
+            try:
+                attack = attack_funnel(study.funnel, args.samples, rng, model=truth)
+            except InputError:  # The model has states that the true glider lacks.
+                attack = None
+            foreign[name] = attack
         drawn = studies["drawn"]
         estimated = []
         if count := args.estimate:
@@ -120,13 +129,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
             )
     for name, study in studies.items():
         print(describe(name, study.figures))
-        found = foreign[name]
-        print(f"  Flown by {args.truth}, {found.escapes} of {found.samples} leave it.")
+        if found := foreign[name]:
+            words = f"{found.escapes} of {found.samples} flights leave it"
+        else:
+            words = "it has no meaning: their states differ"
+        print(f"  Flown by {args.truth}, {words}.")
     report = drawn.figures | {"corrected": studies["corrected"].figures}
     report |= {"truth": args.truth, "seed": args.seed}
     for name, found in foreign.items():
-        report[f"{name}_on_truth_escapes"] = found.escapes
-        report[f"{name}_on_truth_samples"] = found.samples
+        report[f"{name}_on_truth_escapes"] = found and found.escapes
+        report[f"{name}_on_truth_samples"] = found and found.samples
     if estimated:
         print(f"drawn, on an estimate:\n{describe_estimates(estimated)}")
         report["estimate"] = estimate_figures(estimated)

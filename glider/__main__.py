@@ -38,7 +38,7 @@ deviation leaves it, that the servo stays within its limits, and that it ends in
 goal. Needs no solver and no plan: all is in the file, the glider too.
 
 The certificate is of third-order polynomials and bears a remainder beside them. With
---remainder, the true one is proven to be no larger, at the same times.
+--prove, the true one is proven to be no larger, at the same times.
 
 exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
@@ -133,7 +133,7 @@ def _parser() -> argparse.ArgumentParser:
         help="check every so many times only (default: all)",
     )
     check.add_argument(
-        "--remainder",
+        "--prove",
         action="store_true",
         help="prove the remainder of the Taylor polynomials too; takes minutes",
     )
@@ -206,14 +206,19 @@ def _check_funnel(args: argparse.Namespace) -> int:
             return lambda share: bar.update(task, completed=share)
 
         verdict = check_funnel(funnel, args.every, follow("certificate"))
-        if args.remainder:
+        if args.prove and verdict.holds:
             proof = prove_remainder(funnel, args.every, progress=follow("remainder"))
     good = verdict.holds and (proof is None or proof.complete)
     if args.json:
         report = dataclasses.asdict(verdict) | {"holds": verdict.holds}
         report["remainder"] = remainder_status(funnel, proof)
         if proof:
-            report |= {"remainder_until": proof.until, "boxes": proof.boxes}
+            report |= {
+                "remainder_until": proof.until,
+                "remainder_proven": proof.complete,
+                "remainder_times": len(proof.times),
+                "boxes": proof.boxes,
+            }
         print(json.dumps(report, indent=2))
         return 0 if good else 1
     for fault in verdict.faults:

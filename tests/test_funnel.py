@@ -12,6 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from diagrams.showing import run
 from examples import perching_funnel
 from glider.__main__ import main
+from glider.effects.field import FieldData
 from glider.errors import InputError
 from glider.model_file import GliderModel
 from glider.parameters import GliderParameters
@@ -274,6 +275,18 @@ def test_what_is_no_funnel_is_an_input_error(funnel, tmp_path):
     save_funnel(path, dataclasses.replace(funnel, S=funnel.S[:-1]))
     with pytest.raises(InputError, match="'S' has shape"):
         load_funnel(path)
+    gust = FieldData(
+        variables=("t",), centers=[[0.5]], widths=[0.1], weights={"wind_z": [3.0]}
+    )
+    model = GliderModel(field=gust)
+    save_funnel(
+        path,
+        dataclasses.replace(
+            funnel, nominal=dataclasses.replace(funnel.nominal, model=model)
+        ),
+    )
+    with pytest.raises(InputError, match="vary with time"):
+        load_funnel(path)
     with pytest.raises(InputError, match="goal"):
         FunnelSettings(goal=(1.0, 2.0))
     with pytest.raises(InputError, match="margin"):
@@ -290,6 +303,9 @@ def test_the_command_line_checks_a_file(funnel, tmp_path, capsys):
     out = capsys.readouterr()
     assert json.loads(out.out)["holds"] is False
     assert json.loads(out.out)["remainder"] == "none"
+    save_funnel(path, dataclasses.replace(funnel, S=-funnel.S))
+    assert main(["check-funnel", str(path), "--every", "1000", "--prove"]) == 1
+    assert "no ellipsoid" in capsys.readouterr().out
     path.write_text("no")
     assert main(["check-funnel", str(path)]) == 2
     assert "not a funnel" in capsys.readouterr().err
@@ -299,10 +315,10 @@ def test_the_command_line_proves_the_remainder(tmp_path, capsys):
     proven = load_funnel(models_path("funnels", "proven", "drawn.npz"))
     path, end = tmp_path / "funnel.npz", f"{proven.nominal.times[-1]:.4f}"
     save_funnel(path, proven)
-    few = ["check-funnel", str(path), "--every", "1000", "--remainder"]
+    few = ["check-funnel", str(path), "--every", "1000", "--prove"]
     assert main([*few, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["remainder"] == f"rigorous until t={end}"
+    assert found["remainder"] == f"rigorous until t={end} at 2 of 201 times"
     assert found["boxes"] > 1000
     beta = proven.beta.copy()
     beta[-1] *= 0.8
@@ -389,6 +405,6 @@ def test_the_example_tells_its_story(tmp_path, capsys, monkeypatch):
     assert found["corrected"]["effects"] == ["wind"]
     assert found["estimate"]["flights"] == 1
     assert [row["unknown"] for row in found["estimate"]["bears"]] == [0.1, 1.0]
-    assert "0 of" in capsys.readouterr().out
+    assert "Flown by head_wind, 0 of" in capsys.readouterr().out
     for picture in (figure, tmp_path / "f_estimate.png"):
         assert picture.stat().st_size > 10_000

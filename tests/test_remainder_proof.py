@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.effects import KINDS
+from glider.model_file import GliderModel
 from glider.paths import models_path
 from glider.verification.boxes import RADIUS, bound_in_ball
 from glider.verification.enclosure import make_rest
@@ -16,7 +18,9 @@ from glider.verification.remainder_proof import (
     RemainderProof,
     Search,
     describe_proof,
+    halve,
     prove_remainder,
+    remainder_status,
     search_at,
 )
 
@@ -139,11 +143,16 @@ def test_a_search_gives_up_when_its_boxes_are_used(funnel, coefficients):
 
 
 def test_a_proof_ends_where_the_first_time_fails(funnel):
-    beta = funnel.beta.copy()
+    beta, times = funnel.beta.copy(), funnel.nominal.times[[0, 100, 200]]
     beta[100] *= 0.3
-    proof = prove_remainder(dataclasses.replace(funnel, beta=beta), every=100, budget=1)
+    proof = prove_remainder(dataclasses.replace(funnel, beta=beta), every=100)
+    assert list(proof.times) == list(times)
+    assert [search.proven for search in proof.searches] == [True, False, True]
+    assert proof.until == times[0]
+    assert remainder_status(funnel, proof).endswith("t=0.0000 at 3 of 201 times")
+    proof = prove_remainder(funnel, every=100, budget=1)
     assert proof.until is None
-    assert list(proof.times) == list(funnel.nominal.times[[0, 100, 200]])
+    assert remainder_status(funnel, proof) == "sampled"
     good, bad = (Search(proven=p, boxes=3, share=0.5) for p in (True, False))
     proof = RemainderProof(times=np.array([0.0, 0.5, 0.8]), searches=(good, good, bad))
     assert proof.until == 0.5
@@ -153,6 +162,51 @@ def test_a_proof_ends_where_the_first_time_fails(funnel):
     assert "is proven: at all 2 times" in describe_proof(funnel, proof)
     bare = dataclasses.replace(funnel, beta=0.0 * funnel.beta)
     assert "bears no remainder" in describe_proof(bare, proof)
+
+
+def test_halving_loses_no_point_of_the_ball():
+    rng, points = np.random.default_rng(5), ball(3, 2000)
+    center, half = np.zeros((3, 1)), np.full((3, 1), RADIUS)
+    for _ in range(8):
+        blame = rng.uniform(size=center.shape)
+        blame[0, ::3] = np.nan  # Unknown: the widest side.
+        center, half = halve(center, half, blame)
+    inside = np.abs(points[:, :, None] - center[:, None]) <= half[:, None]
+    assert np.all(inside.all(axis=0).any(axis=1))
+    assert 100 < center.shape[1] < 2**8
+    assert np.all(np.maximum(np.abs(center) - half, 0.0) <= 1.0)
+
+
+def test_what_is_unknown_is_never_bounded():
+    table = monomials(3, 3)
+    for k in (0, 2, 5, 12):
+        coefficients = np.zeros((len(table.degrees), 1))
+        coefficients[k] = np.nan
+        box = np.zeros((3, 1)), np.ones((3, 1))
+        found = bound_in_ball(coefficients, np.zeros(1), *box, table.exponents)
+        assert np.isinf(found[0])
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (KINDS["wind"](x=-0.6), KINDS["profile_drag"](cd0=0.05)),
+        (KINDS["tail_wake"](loss=0.5), KINDS["added_mass"](mass=0.01)),
+    ],
+    ids=["wind+drag", "wake+mass"],
+)
+def test_it_bounds_the_remainder_of_gliders_with_effects(funnel, effects):
+    model = GliderModel(effects=effects)
+    nominal = dataclasses.replace(funnel.nominal, model=model)
+    own, S = expand(nominal), 4.0 * funnel.S[LATE]
+    rest = make_rest(nominal, LATE, own, S)
+    center, half = random_boxes(rest.T.shape[1], 40, 0.05)
+    bounds, _, _ = rest.bounds(center, half)
+    found = remainder_of(nominal, own, [LATE], (center.T @ rest.T.T)[None])[0]
+    found = np.abs(found[:, rest.rows]).T
+    assert np.isfinite(bounds).mean() > 0.9
+    assert np.all(found <= bounds)
+    assert found.max() > 1e-3
 
 
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find(funnel, coefficients):

@@ -6,11 +6,10 @@ A box is w = center + half v with |v_i| <= 1, the ball |w| <= RADIUS.
 import functools
 import math
 
-import numba
 import numpy as np
 
 from glider.verification.jets import Monomials
-from glider.verification.taylor_models import ROUNDING, WIDER, TaylorModel
+from glider.verification.taylor_models import ROUNDING, WIDER, TaylorModel, compiled
 
 RADIUS = 1.0 + 1e-8
 """A little above 1: deviations are brought to the ball with rounding."""
@@ -56,7 +55,7 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
     return where, np.array(times, dtype=float)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _shift(polynomial, centers, halves, left, right, binomials):
     where, times = binomials
     shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
@@ -69,7 +68,6 @@ def _shift(polynomial, centers, halves, left, right, binomials):
     return shifted, sizes
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
 def bound_in_ball(coefficients, rest, center, half, exponents):
     """Returns bounds of |p(v) ± rest| over |v_i| <= 1, |center + half v| <= RADIUS.
 
@@ -78,6 +76,14 @@ def bound_in_ball(coefficients, rest, center, half, exponents):
     over the box; there, what is mixed in v or cubic counts by its size, and the rest is
     a sum of quadratic functions of one v_i each. λ is the best of a few.
     """
+    # Numba keeps compiled code when a constant of another module changes: arguments.
+    constants = RADIUS * RADIUS, ROUNDING, WIDER
+    return _bound_in_ball(coefficients, rest, center, half, exponents, constants)
+
+
+@compiled
+def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
+    square_radius, rounding, wider = constants
     count, boxes = coefficients.shape
     m = len(center)
     square = np.zeros(count, dtype=np.int64)
@@ -95,7 +101,13 @@ def bound_in_ball(coefficients, rest, center, half, exponents):
                 curved[square[k] - 1] = coefficients[k, box]
             else:
                 mixed += abs(coefficients[k, box])
-        room = RADIUS * RADIUS
+        known = mixed
+        for k in range(1 + m):
+            known += abs(coefficients[k, box])
+        if not np.isfinite(known):  # min and max would drop a NaN.
+            bounds[box] = np.inf
+            continue
+        room = square_radius
         for i in range(m):
             room -= center[i, box] ** 2
         worst = 0.0
@@ -113,7 +125,7 @@ def bound_in_ball(coefficients, rest, center, half, exponents):
                 if not weight >= 0.0:
                     continue
                 value = weight * room
-                size = weight * (abs(room) + RADIUS * RADIUS)
+                size = weight * (abs(room) + square_radius)
                 for i in range(m):
                     first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
                     second = sign * curved[i] - weight * half[i, box] ** 2
@@ -122,10 +134,10 @@ def bound_in_ball(coefficients, rest, center, half, exponents):
                     else:
                         value += second + abs(first)
                     size += abs(linear[i]) + abs(curved[i]) + 4.0 * weight
-                value += ROUNDING * size
+                value += rounding * size
                 least = min(least, value)
             worst = max(worst, sign * coefficients[0, box] + least)
-        bounds[box] = (worst + mixed) * WIDER
+        bounds[box] = (worst + mixed) * wider
     return bounds
 
 

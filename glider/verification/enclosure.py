@@ -43,7 +43,7 @@ class Rest:
     """Index of the time."""
 
     rows: list[int]
-    """(r,) the rates that are not linear; R of the others is zero."""
+    """(r,) the rates that are not linear; R of the others is rounding."""
 
     T: np.ndarray
     """(n, m) e = T w."""

@@ -15,6 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.errors import InputError
 from glider.model_file import GliderModel, load_model, save_model
+from glider.plant import is_time_varying
 from glider.verification.between import nominal_slopes
 from glider.verification.nominal import Nominal
 from glider.verification.settings import FunnelSettings
@@ -152,8 +153,11 @@ def load_funnel(path: Path | str) -> Funnel:
         }
         names = tuple(notes["state_names"])
         _check_shapes(arrays, len(names))
+        model = _read_model(notes["model"])
+        if is_time_varying(model):
+            raise ValueError("its glider's dynamics vary with time")
         nominal = Nominal(
-            model=_read_model(notes["model"]),
+            model=model,
             state_names=names,
             **{name: arrays[name] for name in _NOMINAL},
         )

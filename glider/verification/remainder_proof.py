@@ -74,13 +74,16 @@ def remainder_status(funnel: Funnel, proof: RemainderProof | None = None) -> str
     """Returns how a funnel's remainder is known.
 
     "none" where it bears none, else "sampled", or with a proof of it "rigorous until
-    t=0.8795", the last time before which nothing is left unproven.
+    t=0.8795", the last time before which nothing that was tried is left unproven, and
+    "at 3 of 201 times" if these were not all.
     """
     if not funnel.beta.any():
         return "none"
     if proof is None or proof.until is None:
         return "sampled"
-    return f"rigorous until t={proof.until:.4f}"
+    status, count = f"rigorous until t={proof.until:.4f}", len(funnel.nominal.times)
+    tried = len(proof.times)
+    return status if tried == count else f"{status} at {tried} of {count} times"
 
 
 def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
@@ -95,10 +98,12 @@ def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
     count = sum(search.proven for search in proof.searches)
     largest = max(search.share for search in proof.searches)
     until = "at no time" if proof.until is None else f"until {proof.until:.4f} s"
-    return (
-        f"The remainder is proven {until}, and at {count} of {len(proof.times)} times "
-        f"in all; up to {largest:.2f} times what the certificate bears was seen."
+    words = (
+        f"The remainder is proven {until}, and at {count} of {len(proof.times)} times"
     )
+    if not np.isfinite(largest):
+        return f"{words} in all; at some, the certificate bears none."
+    return f"{words} in all; up to {largest:.2f} times what it bears was seen."
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -167,14 +172,14 @@ def search_at(
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
         blame = np.where(bad[:, None], blame / limits[:, None], 0.0).sum(axis=0)
-        halves = _halve(here[:, split], size[:, split], blame[:, split])
+        halves = halve(here[:, split], size[:, split], blame[:, split])
         center = np.concatenate([center, halves[0]], axis=1)
         half = np.concatenate([half, halves[1]], axis=1)
     proven = share <= 1.0 and center.shape[1] == 0
     return Search(proven=proven, boxes=boxes, share=share)
 
 
-def _halve(center, half, blame):
+def halve(center, half, blame):
     """Returns both halves of boxes along an axis each, without what misses the ball."""
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)

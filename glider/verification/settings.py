@@ -39,7 +39,7 @@ class FunnelSettings:
 
     remainder: float = 0.0
     """How many times the largest Taylor remainder that is found acts as a disturbance;
-    0 for a funnel of the Taylor polynomial alone. With 1.2 it can be proven."""
+    0 for a funnel of the Taylor polynomial alone. With 1.1 it can be proven."""
 
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""
