@@ -51,6 +51,9 @@ class Rest:
     polynomials: np.ndarray
     """(r, M) of these rates, in w."""
 
+    still: np.ndarray
+    """(r,) of these rates at the nominal."""
+
     spurious: np.ndarray
     """(r,) bound of what rounding leaves out of them."""
 
@@ -72,16 +75,12 @@ class Rest:
             w_i is to blame for the bounds, (r, m, B).
         """
         table = monomials(len(center), ORDER)
-        x0 = self.nominal.states[self.at]
-        deviations = [row_on_boxes(table, row, center, half) for row in self.T]
-        pairs = list(zip(deviations, x0, strict=True))
-        rates = self._rates([deviation.plus(x) for deviation, x in pairs])
-        still = self._rates([deviation.constant(x) for deviation, x in pairs])
+        rates = _rates_on(table, self.nominal, self.at, self.T, center, half)
         within = np.sum(center**2, axis=0) <= 1.0
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
             polynomial = shifted(table, self.polynomials[i], center, half)
-            rest = rates[row] - still[row] - polynomial
+            rest = rates[row] - self.still[i] - polynomial
             unknown = (rest.rest + self.spurious[i]) * WIDER
             most.append(
                 bound_in_ball(rest.coefficients, unknown, center, half, table.exponents)
@@ -89,12 +88,6 @@ class Rest:
             least.append(np.where(within, np.abs(rest.coefficients[0]) - unknown, 0.0))
             blame.append(blame_of(rest, rates[row]))
         return np.array(most), np.array(least), np.array(blame)
-
-    def _rates(self, states):
-        flight, k = self.nominal, self.at
-        return closed_loop_rates(
-            flight.model, states, flight.gains[k], flight.states[k], flight.inputs[k]
-        )
 
 
 def make_rest(
@@ -124,14 +117,31 @@ def make_rest(
     inside = ~table_of(n).exponents[:, m:].any(axis=1)
     # Exactly, there would be nothing outside.
     outside = np.abs(polynomials[:, ~inside]).sum(axis=1)
+    point = np.zeros((m, 1))
+    rates = _rates_on(monomials(m, ORDER), nominal, at, T[:, :m], point, point)
+    still = [rates[row] for row in rows]
+    rounded = ROUNDING * sizes.sum(axis=1) + [rate.rest[0] for rate in still]
     return Rest(
         nominal=nominal,
         at=at,
         rows=rows,
         T=T[:, :m],
         polynomials=polynomials[:, inside],
-        spurious=(outside + ROUNDING * sizes.sum(axis=1)) * WIDER,
+        still=np.array([rate.coefficients[0, 0] for rate in still]),
+        spurious=(outside + rounded) * WIDER,
         largest=largest,
+    )
+
+
+def _rates_on(table, nominal, at, T, center, half):
+    """Returns ẋ of the closed loop as models on boxes of w."""
+    x0 = nominal.states[at]
+    states = [
+        row_on_boxes(table, row, center, half).plus(x)
+        for row, x in zip(T, x0, strict=True)
+    ]
+    return closed_loop_rates(
+        nominal.model, states, nominal.gains[at], x0, nominal.inputs[at]
     )
 
 
