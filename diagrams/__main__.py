@@ -18,12 +18,12 @@ from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.picture import make_picture
 from diagrams.showing import run
-from glider.control import tracking_regulator
-from glider.effects import SERVO_LAG
-from glider.model_file import GliderModel
+from glider.control.tvlqr_drake import tracking_regulator
+from glider.physics.effects import SERVO_LAG
+from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.problem import PerchingProblem
-from glider.plant import GliderPlant
+from glider.systems.plant import GliderPlant
 
 
 def make_examples() -> dict[str, Diagram]:

@@ -13,12 +13,12 @@ from diagrams.parts import (
     tape_rows,
 )
 from glider.errors import InputError
-from glider.guided import check_command_rate
-from glider.model_file import GliderModel
-from glider.observer import ExtraStates
-from glider.plant import GliderPlant
-from glider.sensing import SampledNoise
-from glider.state import NUM_STATES
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES
+from glider.simulation.closed_loop import check_command_rate
+from glider.systems.noise import SampledNoise
+from glider.systems.observer import ExtraStates
+from glider.systems.plant import GliderPlant
 
 
 def closed_loop(
@@ -58,7 +58,7 @@ def closed_loop(
         asked for "command_hold", "feedback_noise", "observer", "measured_state" (the
         first of more states) and those of `diagrams.parts.add_motion_capture`; the
         outputs "state", "pose" and "elevator_rate".
-        `diagrams.flying.simulate_flights` flies it.
+        `diagrams.simulate.simulate_flights` flies it.
 
     Raises:
         InputError: what is given does not fit together.

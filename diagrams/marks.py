@@ -15,8 +15,8 @@ from pydrake.systems.framework import (
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from diagrams.scene import FRAMES_PER_SECOND
-from glider.parameters import GliderParameters
 from glider.paths import models_path
+from glider.physics.parameters import GliderParameters
 
 ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""

@@ -12,11 +12,14 @@ from pydrake.systems.primitives import (
 )
 
 from diagrams.scene import AddScene
-from glider.model_file import GliderModel
-from glider.plant import GliderPlant
-from glider.sensing import SampledNoise
-from glider.servo import ElevatorServo
-from glider.state import POSE_NAMES, STATE_NAMES
+from glider.physics.model import GliderModel
+from glider.physics.state import (
+    POSE_NAMES,
+    STATE_NAMES,
+)
+from glider.systems.noise import SampledNoise
+from glider.systems.plant import GliderPlant
+from glider.systems.servo import ElevatorServo
 
 LONGEST = 3.0
 """Of a flight with noise [s]: how long its tapes are."""

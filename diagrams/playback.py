@@ -18,11 +18,19 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.marks import ARROW_SCALE, AddMarks
-from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
+from diagrams.marks import (
+    ARROW_SCALE,
+    AddMarks,
+)
+from diagrams.meshes import COLORS
+from diagrams.scene import (
+    FRAMES_PER_SECOND,
+    NUM_POSITIONS,
+    AddScene,
+    Stage,
+)
 from glider.errors import InputError
-from glider.geometry import COLORS
-from glider.parameters import GliderParameters
+from glider.physics.parameters import GliderParameters
 
 RED = (0.85, 0.16, 0.12, 0.4)
 GREEN = (0.05, 0.6, 0.25, 0.5)

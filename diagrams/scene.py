@@ -32,9 +32,9 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder, LeafSystem_, OutputPort
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.geometry import make_urdf
-from glider.parameters import GliderParameters
+from diagrams.meshes import make_urdf
 from glider.paths import models_path
+from glider.physics.parameters import GliderParameters
 
 FRAMES_PER_SECOND = 64.0
 """Of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""

@@ -23,10 +23,14 @@ from pathlib import Path
 from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 
-from diagrams.playback import Track, play, write_html
+from diagrams.playback import (
+    Track,
+    play,
+    write_html,
+)
 from diagrams.scene import Stage
 from glider.errors import InputError
-from glider.parameters import GliderParameters
+from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
 
 
@@ -97,7 +101,7 @@ def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) ->
 
 
 def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds --truth, the glider that flies; `diagrams.rehearsal.load_truth` reads it."""
+    """Adds --truth, the glider that flies; `load_truth` of the rehearsal reads it."""
     parser.add_argument(
         "--truth",
         default=default,

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from diagrams.flying import SimulatedFlight
 from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
-from glider.execution import Execution
+from diagrams.simulate import SimulatedFlight
 from glider.planning.plan import Plan
+from glider.simulation.stepped import Execution
 
 Color = tuple[float, float, float, float]
 

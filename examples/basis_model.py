@@ -34,7 +34,12 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from diagrams.playback import GREEN, RED, Track, stage_of
+from diagrams.playback import (
+    GREEN,
+    RED,
+    Track,
+    stage_of,
+)
 from diagrams.showing import (
     add_options,
     check_folders,
@@ -43,20 +48,31 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
-from glider.plots.basis import save_exercise_figure
-from glider.sysid.basis_exercise import Exercise, load_exercise
-from glider.sysid.basis_logs import exercise_campaign, filmed_campaign
-from glider.sysid.basis_model import CHANNELS, BasisDynamics, BasisFit, fly_again
-from glider.sysid.basis_study import (
+from glider.studies.basis.basis_exercise import (
+    Exercise,
+    load_exercise,
+)
+from glider.studies.basis.basis_logs import (
+    exercise_campaign,
+    filmed_campaign,
+)
+from glider.studies.basis.basis_model import (
+    CHANNELS,
+    BasisDynamics,
+    BasisFit,
+    fly_again,
+)
+from glider.studies.basis.basis_study import (
     fit_configurations,
     fit_subsets,
     refinements,
     validate,
 )
-from glider.sysid.noise import measure_noise
+from glider.studies.plots.basis import save_exercise_figure
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.signs import find_signs
-from glider.sysid.vehicle import make_vehicle
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.search.signs import find_signs
 
 
 def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -8,8 +8,8 @@ import json
 import math
 from pathlib import Path
 
-from glider.model_file import save_model
 from glider.paths import models_path
+from glider.physics.model import save_model
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 

@@ -32,8 +32,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from diagrams.estimated import EstimatedPerches, fly_on_estimate
-from diagrams.filter_figure import save_study_figure
+from diagrams.estimated_loop import (
+    EstimatedPerches,
+    fly_on_estimate,
+)
 from diagrams.playback import GREY
 from diagrams.showing import (
     add_launches,
@@ -43,10 +45,24 @@ from diagrams.showing import (
     show,
     write_figures,
 )
-from diagrams.tracks import flight_track, plan_track
+from diagrams.studies.filter_figure import save_study_figure
+from diagrams.tracks import (
+    flight_track,
+    plan_track,
+)
+from glider.control.tvlqr import compiled_policy
 from glider.estimation.consistency import Consistency
 from glider.estimation.perching import watch_perches
-from glider.estimation.study import (
+from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.physics.parameters import load_parameters
+from glider.planning.dircol import plan
+from glider.planning.problem import load_problem
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.studies.filter_study import (
     CONSTANTS,
     RATE,
     SYMBOLS,
@@ -55,14 +71,7 @@ from glider.estimation.study import (
     slow_nees,
     watch_all,
 )
-from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
-from glider.parameters import load_parameters
-from glider.paths import models_path
-from glider.planning.dircol import plan
-from glider.planning.problem import load_problem
-from glider.plant import GliderPlant
-from glider.riccati import compiled_policy
+from glider.systems.plant import GliderPlant
 
 TRUSTED = "motion capture at 120 Hz with 1 mm of noise, over 200 perches"
 """Of which filter NEES and NIS are."""

@@ -31,8 +31,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from diagrams.playback import GREY, RED
-from diagrams.rehearsal import load_truth
+from diagrams.playback import (
+    GREY,
+    RED,
+)
 from diagrams.showing import (
     add_launches,
     add_options,
@@ -43,9 +45,10 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
+from diagrams.studies.rehearsal import load_truth
 from diagrams.tracks import execution_track
-from glider import learning
-from glider.plots.learning import save_learning_figure
+from glider.studies import learning
+from glider.studies.plots.learning import save_learning_figure
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -17,8 +17,6 @@ import numpy as np
 from rich.console import Console
 
 from diagrams.closed_loop import closed_loop
-from diagrams.figures import save_perch_figure
-from diagrams.flying import simulate_flights
 from diagrams.open_loop import open_loop
 from diagrams.playback import GREY
 from diagrams.showing import (
@@ -29,14 +27,22 @@ from diagrams.showing import (
     show,
     write_figures,
 )
-from diagrams.tracks import flight_track, plan_track
-from glider.control import tracking_regulator
-from glider.guided import AFTER
-from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
+from diagrams.simulate import simulate_flights
+from diagrams.studies.figures import save_perch_figure
+from diagrams.tracks import (
+    flight_track,
+    plan_track,
+)
+from glider.control.tvlqr_drake import tracking_regulator
+from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.plant import GliderPlant
+from glider.simulation.closed_loop import AFTER
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.systems.plant import GliderPlant
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from diagrams.figures import save_rehearsals_figure
-from diagrams.playback import GREY, RED
-from diagrams.rehearsal import Rehearsal, load_truth, rehearse
+from diagrams.playback import (
+    GREY,
+    RED,
+)
 from diagrams.showing import (
     add_launches,
     add_options,
@@ -28,11 +29,23 @@ from diagrams.showing import (
     show,
     write_figures,
 )
-from diagrams.tracks import flight_track, plan_track
-from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
+from diagrams.studies.figures import save_rehearsals_figure
+from diagrams.studies.rehearsal import (
+    Rehearsal,
+    load_truth,
+    rehearse,
+)
+from diagrams.tracks import (
+    flight_track,
+    plan_track,
+)
+from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
 from glider.sysid.pipeline import close_the_loop
 
 

@@ -26,16 +26,6 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from diagrams.funnel_estimate import (
-    describe_estimates,
-    estimate_figures,
-    save_estimate_figure,
-)
-from diagrams.funnel_figures import save_funnel_figure
-from diagrams.funnel_report import describe
-from diagrams.funnel_scene import show_funnel
-from diagrams.funnel_study import study_funnel
-from diagrams.rehearsal import load_truth, rehearse
 from diagrams.showing import (
     add_options,
     add_truth,
@@ -44,15 +34,31 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
+from diagrams.studies.funnel_estimate import (
+    describe_estimates,
+    estimate_figures,
+    save_estimate_figure,
+)
+from diagrams.studies.funnel_figures import save_funnel_figure
+from diagrams.studies.funnel_report import describe
+from diagrams.studies.funnel_scene import show_funnel
+from diagrams.studies.funnel_study import study_funnel
+from diagrams.studies.rehearsal import (
+    load_truth,
+    rehearse,
+)
 from glider.errors import InputError
-from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
+from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
 from glider.sysid.pipeline import close_the_loop
-from glider.verification.attack import attack_funnel
-from glider.verification.estimated import study_estimates
-from glider.verification.funnel import save_funnel
-from glider.verification.settings import FunnelSettings
+from glider.verification.funnel.funnel import save_funnel
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.trials.attack import attack_funnel
+from glider.verification.trials.estimated import study_estimates
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -23,7 +23,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from diagrams.playback import GREEN, GREY, RED, Track, stage_of
+from diagrams.playback import (
+    GREEN,
+    GREY,
+    RED,
+    Track,
+    stage_of,
+)
 from diagrams.showing import (
     add_options,
     check_folders,
@@ -32,19 +38,25 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
-from glider.model_file import GliderModel, save_model
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+)
+from glider.campaign.reader import load_campaign
 from glider.paths import models_path
-from glider.plots.coefficients import save_coefficients_figure
-from glider.sysid import refly
-from glider.sysid.campaign_reader import load_campaign
-from glider.sysid.coefficients import (
+from glider.physics.model import (
+    GliderModel,
+    save_model,
+)
+from glider.studies.coefficients import (
     COEFFICIENTS,
     ResidualModel,
     ResidualStudy,
     corrected_coefficients,
     learn_residuals,
 )
-from glider.sysid.flight_log import Campaign, Flight
+from glider.studies.plots.coefficients import save_coefficients_figure
+from glider.sysid import refly
 
 WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
 

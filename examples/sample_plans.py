@@ -20,9 +20,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from diagrams.playback import GREY, RED
-from diagrams.rehearsal import load_truth
-from diagrams.sampled import compare, histories, save_sampled_figure, spread
+from diagrams.playback import (
+    GREY,
+    RED,
+)
 from diagrams.showing import (
     add_launches,
     add_options,
@@ -33,14 +34,32 @@ from diagrams.showing import (
     whole_number,
     write_figures,
 )
-from diagrams.tracks import flight_track, plan_track
-from glider.model_file import GliderModel
-from glider.monte_carlo import LaunchSpread, draw_launches
-from glider.parameters import load_parameters
+from diagrams.studies.rehearsal import load_truth
+from diagrams.studies.sampled import (
+    compare,
+    histories,
+    save_sampled_figure,
+    spread,
+)
+from diagrams.tracks import (
+    flight_track,
+    plan_track,
+)
 from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.physics.parameters import load_parameters
 from glider.planning.problem import load_problem
-from glider.planning.sampling import SequenceCost, cem, flights_per_second, mppi
-from glider.plant import GliderPlant
+from glider.planning.sampling import (
+    SequenceCost,
+    cem,
+    flights_per_second,
+    mppi,
+)
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.systems.plant import GliderPlant
 
 SHOWN = (1, 10, 30, 100)  # Iterations whose sampled flights the figure shows.
 

@@ -18,9 +18,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from diagrams.showing import check_folders, run, whole_number, write_figures
-from glider.plots.regions import save_regions_figure
-from glider.verification.van_der_pol import (
+from diagrams.showing import (
+    check_folders,
+    run,
+    whole_number,
+    write_figures,
+)
+from glider.studies.plots.regions import save_regions_figure
+from glider.studies.van_der_pol import (
     area,
     boundary,
     certify,

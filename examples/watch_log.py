@@ -15,11 +15,22 @@ from pathlib import Path
 
 from rich.console import Console
 
-from diagrams.playback import GREEN, RED, Track, stage_of
-from diagrams.showing import add_options, check_folders, run, show, write_figures
-from glider.model_file import load_model
+from diagrams.playback import (
+    GREEN,
+    RED,
+    Track,
+    stage_of,
+)
+from diagrams.showing import (
+    add_options,
+    check_folders,
+    run,
+    show,
+    write_figures,
+)
+from glider.campaign.reader import load_campaign
+from glider.physics.model import load_model
 from glider.sysid import refly
-from glider.sysid.campaign_reader import load_campaign
 from glider.sysid.pipeline import close_the_loop
 
 

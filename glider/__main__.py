@@ -189,9 +189,9 @@ def _check_funnel(args: argparse.Namespace) -> int:
 
     if args.every < 1:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
-    from glider.verification.check import check_funnel
-    from glider.verification.funnel import load_funnel
-    from glider.verification.remainder_proof import (
+    from glider.verification.funnel.funnel import load_funnel
+    from glider.verification.proof.check import check_funnel
+    from glider.verification.proof.remainder_proof import (
         describe_proof,
         prove_remainder,
         remainder_status,

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from glider.__main__ import main
-from tests.campaigns import campaign_path
+from tests.helpers.campaigns import campaign_path
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def test_it_runs_and_writes_everything(done):
 
 
 def test_the_model_loads(done):
-    from glider.model_file import load_model
+    from glider.physics.model import load_model
 
     model = load_model(done[1] / "model.yaml")
     assert [e.kind.kind for e in model.effects] == ["attached_lift"]

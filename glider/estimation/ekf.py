@@ -17,13 +17,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.dynamics import compose
+from glider.compiled.kernel import (
+    Kernel,
+    compiled,
+)
 from glider.errors import InputError
-from glider.kernel import Kernel, compiled
-from glider.model_file import GliderModel
-from glider.parameters import PARAMETER_NAMES, parameter_vector
-from glider.plant import GliderPlant
-from glider.state import NUM_STATES, POSE_NAMES
+from glider.physics.compose import compose
+from glider.physics.model import GliderModel
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    parameter_vector,
+)
+from glider.physics.state import (
+    NUM_STATES,
+    POSE_NAMES,
+)
+from glider.systems.plant import GliderPlant
 
 STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""

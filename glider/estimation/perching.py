@@ -4,12 +4,29 @@ import dataclasses
 
 import numpy as np
 
-from glider.estimation.consistency import Consistency, assess
-from glider.estimation.ekf import Ekf, SlowState, make_ekf
-from glider.estimation.flights import draw_starts, fly_watched
-from glider.estimation.running import Belief, make_prior, run_ekf
-from glider.model_file import GliderModel
-from glider.tracking import TrackingPolicy, sample_policy
+from glider.control.policy import (
+    TrackingPolicy,
+    sample_policy,
+)
+from glider.estimation.consistency import (
+    Consistency,
+    assess,
+)
+from glider.estimation.ekf import (
+    Ekf,
+    SlowState,
+    make_ekf,
+)
+from glider.estimation.flights import (
+    draw_starts,
+    fly_watched,
+)
+from glider.estimation.running import (
+    Belief,
+    make_prior,
+    run_ekf,
+)
+from glider.physics.model import GliderModel
 
 CAPTURE_RATE = 120.0
 """Of motion capture [Hz]."""

@@ -8,8 +8,11 @@ from numpy.typing import ArrayLike
 
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
-from glider.plant import GliderPlant, initial_state
-from glider.state import NUM_STATES
+from glider.physics.state import NUM_STATES
+from glider.systems.plant import (
+    GliderPlant,
+    initial_state,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,12 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from glider.estimation.ekf import Ekf
-from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
+from glider.estimation.running import (
+    Belief,
+    check_belief,
+    predict_mean,
+    run_ekf,
+)
 
 
 class ExtendedKalmanFilter(LeafSystem):

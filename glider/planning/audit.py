@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.linearization import Dynamics
+from glider.planning.point_dynamics import Dynamics
 
 POINTS = 20
 """Points in each segment at which the path is looked at."""

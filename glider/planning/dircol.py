@@ -21,10 +21,20 @@ from pydrake.solvers import (
 from pydrake.systems.framework import LeafSystem
 
 from glider.errors import InputError
-from glider.linearization import Dynamics
-from glider.planning.audit import path_defect, segment_drift
-from glider.planning.guess import Guess, straight_line, swoop
-from glider.planning.plan import Attempt, Plan
+from glider.planning.audit import (
+    path_defect,
+    segment_drift,
+)
+from glider.planning.guess import (
+    Guess,
+    straight_line,
+    swoop,
+)
+from glider.planning.plan import (
+    Attempt,
+    Plan,
+)
+from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.transcription import (
     arrival_violations,
@@ -32,7 +42,7 @@ from glider.planning.transcription import (
     transcribe,
     violated,
 )
-from glider.plant import initial_state
+from glider.systems.plant import initial_state
 
 TOLERANCE = 1e-6
 """Of constraints and optimality, as the solvers scale them."""

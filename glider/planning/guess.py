@@ -7,7 +7,7 @@ from pydrake.systems.framework import LeafSystem
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.planning.problem import PerchingProblem
-from glider.plant import initial_state
+from glider.systems.plant import initial_state
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

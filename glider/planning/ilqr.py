@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from glider.compiled.kernel import compiled
 from glider.errors import InputError
-from glider.kernel import compiled
-from glider.parameters import parameter_vector
-from glider.plant import initial_state
-from glider.state import NUM_STATES
+from glider.physics.parameters import parameter_vector
+from glider.physics.state import NUM_STATES
+from glider.systems.plant import initial_state
 
 ITERATIONS = 500
 """A plan that still improves after so many has not converged."""
@@ -51,8 +51,8 @@ class GoalProblem:
 
     The defaults have the goal of the article's model-learning loop and a small cost of
     the way, so that there is one best flight; `article_problem` is the article's, whose
-    only cost of a step is the one that vanishes. Signs as in `glider.state`: nose up is
-    a negative pitch. The effects' own states weigh nothing but hold_state.
+    only cost of a step is the one that vanishes. Signs as in `glider.physics.state`:
+    nose up is a negative pitch. The effects' own states weigh nothing but hold_state.
     """
 
     launch: tuple[float, ...] = (-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)

@@ -8,8 +8,15 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_load_typed
 
-from glider.errors import MISPLACED, InputError, one_line
-from glider.state import NUM_STATES, STATE_NAMES
+from glider.errors import (
+    MISPLACED,
+    InputError,
+    one_line,
+)
+from glider.physics.state import (
+    NUM_STATES,
+    STATE_NAMES,
+)
 
 
 @dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
@@ -20,7 +27,7 @@ class PerchingProblem:
     subject to the glider's dynamics, its launch, the bounds below, and the
                travel and rate limits of the vehicle's elevator.
 
-    The defaults are the article's problem. Signs as in `glider.state`: a pitch
+    The defaults are the article's problem. Signs as in `glider.physics.state`: a pitch
     of -π/4 is nose up.
     """
 

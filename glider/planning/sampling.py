@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from glider.compiled.kernel import compiled
 from glider.errors import InputError
-from glider.kernel import compiled
-from glider.parameters import parameter_vector
+from glider.physics.parameters import parameter_vector
 from glider.planning.problem import PerchingProblem
 
 WORST = 1e300
@@ -75,7 +75,7 @@ class MppiSettings:
 
     @property
     def price(self) -> float:
-        """Weight of the likelihood ratio, see `glider.loops.sampling`."""
+        """Weight of the likelihood ratio, see `glider.compiled.sampling`."""
         return self.temperature / self.deviation**2 if self.likelihood_ratio else 0.0
 
 
@@ -182,7 +182,7 @@ class SequenceCost:
             start: (n,) state at launch.
             commands: (B, N) [rad/s].
             nominal: (N,) that the likelihood ratio is taken about [rad/s].
-            price: its weight, see `glider.loops.sampling`.
+            price: its weight, see `glider.compiled.sampling`.
         """
         return self._fly(start, commands, nominal, price, False)[0]
 

@@ -12,11 +12,11 @@ from pydrake.solvers import MathematicalProgramResult
 from pydrake.systems.framework import LeafSystem
 
 from glider.errors import InputError
-from glider.linearization import Dynamics
+from glider.physics.state import STATE_NAMES
 from glider.planning.guess import Guess
+from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.plant import initial_state
-from glider.state import STATE_NAMES
+from glider.systems.plant import initial_state
 
 
 def hermite_simpson(linearize, h, x0, x1, u0, u1):

@@ -3,8 +3,16 @@
 import dataclasses
 import math
 
-from glider.report.numbers import format_angle, format_gain, format_in, format_length
-from glider.sysid.result import MODELS, Result
+from glider.report.numbers import (
+    format_angle,
+    format_gain,
+    format_in,
+    format_length,
+)
+from glider.sysid.result import (
+    MODELS,
+    Result,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

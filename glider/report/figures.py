@@ -11,14 +11,32 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from glider.plots.axes import limit
-from glider.plots.bars import plot_errors, plot_evidence
-from glider.plots.flights import plot_distance, plot_paths, plot_pitch
-from glider.plots.residuals import plot_coefficient, plot_residual
-from glider.plots.style import LABELS, STYLE, VARIABLES
 from glider.report.error_table import baseline
 from glider.report.numbers import DIVERGED
-from glider.sysid.result import MODELS, ResidualTable, Result
+from glider.report.plots.axes import limit
+from glider.report.plots.bars import (
+    plot_errors,
+    plot_evidence,
+)
+from glider.report.plots.flights import (
+    plot_distance,
+    plot_paths,
+    plot_pitch,
+)
+from glider.report.plots.residuals import (
+    plot_coefficient,
+    plot_residual,
+)
+from glider.report.plots.style import (
+    LABELS,
+    STYLE,
+    VARIABLES,
+)
+from glider.sysid.result import (
+    MODELS,
+    ResidualTable,
+    Result,
+)
 
 MOST_FLIGHTS = 4
 _WIDTH = 10.0  # Of a figure [inch].

@@ -7,8 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from glider.errors import InputError
-from glider.model_file import save_model
-from glider.report.figures import FIGURES, make_figures
+from glider.physics.model import save_model
+from glider.report.figures import (
+    FIGURES,
+    make_figures,
+)
 from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.sysid.result import Result

@@ -3,7 +3,11 @@
 import math
 from typing import Any
 
-from glider.sysid.result import MODELS, Errors, Result
+from glider.sysid.result import (
+    MODELS,
+    Errors,
+    Result,
+)
 
 
 def to_json(result: Result) -> dict[str, Any]:

@@ -8,12 +8,33 @@ from collections.abc import Mapping
 
 import jinja2
 
-from glider.plots.style import COLORS, LABELS
-from glider.report.error_table import baseline, error_rows
-from glider.report.figures import DPI, MOST_FLIGHTS
-from glider.report.numbers import format_angle, format_length
-from glider.report.wording import effect_view, headline, left_words, notes_of, remarks
-from glider.sysid.result import MODELS, Result
+from glider.report.error_table import (
+    baseline,
+    error_rows,
+)
+from glider.report.figures import (
+    DPI,
+    MOST_FLIGHTS,
+)
+from glider.report.numbers import (
+    format_angle,
+    format_length,
+)
+from glider.report.plots.style import (
+    COLORS,
+    LABELS,
+)
+from glider.report.wording import (
+    effect_view,
+    headline,
+    left_words,
+    notes_of,
+    remarks,
+)
+from glider.sysid.result import (
+    MODELS,
+    Result,
+)
 
 _PAGE_DPI = 100  # A figure's dots an inch on a screen.
 
@@ -26,7 +47,7 @@ def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
         figures: name to PNG, as `make_figures` returns them.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider"),
+        loader=jinja2.PackageLoader("glider.report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

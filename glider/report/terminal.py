@@ -6,9 +6,13 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from glider.plots.style import LABELS
 from glider.report.error_table import error_rows
-from glider.report.numbers import MISSING, format_angle, format_length
+from glider.report.numbers import (
+    MISSING,
+    format_angle,
+    format_length,
+)
+from glider.report.plots.style import LABELS
 from glider.report.wording import (
     counted,
     effect_view,
@@ -17,7 +21,10 @@ from glider.report.wording import (
     notes_of,
     remarks,
 )
-from glider.sysid.result import MODELS, Result
+from glider.sysid.result import (
+    MODELS,
+    Result,
+)
 
 
 def print_summary(result: Result, console: Console) -> None:

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from glider.effects import KINDS
+from glider.physics.effects import KINDS
 from glider.report.error_table import baseline
 from glider.report.numbers import (
     DIVERGED,
@@ -12,7 +12,10 @@ from glider.report.numbers import (
     format_length,
     in_degrees,
 )
-from glider.sysid.result import FoundEffect, Result
+from glider.sysid.result import (
+    FoundEffect,
+    Result,
+)
 
 NOTHING_LEFT = 4.0
 """What a model leaves is noise below this many standard deviations of noise."""

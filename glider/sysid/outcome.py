@@ -4,17 +4,31 @@ import math
 
 import numpy as np
 
-from glider.effects import KINDS
-from glider.model_file import GliderModel
-from glider.sysid.explanation import Explanation
-from glider.sysid.flight_log import Campaign
-from glider.sysid.forecast import Forecast, beginning_rows
-from glider.sysid.layout import Layout
-from glider.sysid.result import MODELS, Estimate, FoundEffect, HeldOutFlight
-from glider.sysid.rollout_fit import Problem, fit_covariance
-from glider.sysid.signs import Signs
-from glider.sysid.tracing import SILENT
-from glider.sysid.vehicle import Vehicle, parameters_of
+from glider.campaign.logs import Campaign
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.sysid.fit.output_error import (
+    Problem,
+    fit_covariance,
+)
+from glider.sysid.fit.prediction import (
+    Forecast,
+    beginning_rows,
+)
+from glider.sysid.replay.theta import Layout
+from glider.sysid.replay.vehicle import (
+    Vehicle,
+    parameters_of,
+)
+from glider.sysid.result import (
+    MODELS,
+    Estimate,
+    FoundEffect,
+    HeldOutFlight,
+)
+from glider.sysid.search.beam_search import SILENT
+from glider.sysid.search.explanation import Explanation
+from glider.sysid.search.signs import Signs
 
 
 def verdict_of(found: Explanation, signs: Signs) -> str:

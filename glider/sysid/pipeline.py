@@ -16,25 +16,64 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.effects import EffectKind
+from glider.campaign.logs import (
+    Campaign,
+    split_flights,
+)
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.sysid.campaign_reader import load_campaign
-from glider.sysid.flight_log import Campaign, split_flights
-from glider.sysid.forecast import Forecast, measure_errors
-from glider.sysid.layout import OFFSET, Layout, layout_of
-from glider.sysid.linearization import fitted_start, linearize
-from glider.sysid.noise import Noise, measure_noise
-from glider.sysid.outcome import effects_of, flights_of, model_of, verdict_of
-from glider.sysid.record import Record, prepare
-from glider.sysid.residual import make_table
-from glider.sysid.result import Errors, ResidualTable, Result
-from glider.sysid.rollout_fit import Problem, fit, in_parallel
-from glider.sysid.search import Search
-from glider.sysid.signs import Signs, find_signs, turn_campaign
-from glider.sysid.vehicle import Vehicle, make_vehicle
-from glider.sysid.verdict import explain
-from glider.sysid.warm_up import warm_up
-from glider.sysid.whiteness import lack_of_fit
+from glider.physics.effects import EffectKind
+from glider.sysid.fit.output_error import (
+    Problem,
+    fit,
+    in_parallel,
+)
+from glider.sysid.fit.prediction import (
+    Forecast,
+    measure_errors,
+)
+from glider.sysid.fit.whiteness import lack_of_fit
+from glider.sysid.outcome import (
+    effects_of,
+    flights_of,
+    model_of,
+    verdict_of,
+)
+from glider.sysid.replay.noise import (
+    Noise,
+    measure_noise,
+)
+from glider.sysid.replay.record import (
+    Record,
+    prepare,
+)
+from glider.sysid.replay.residual import make_table
+from glider.sysid.replay.sensitivity import (
+    fitted_start,
+    linearize,
+)
+from glider.sysid.replay.theta import (
+    OFFSET,
+    Layout,
+    layout_of,
+)
+from glider.sysid.replay.vehicle import (
+    Vehicle,
+    make_vehicle,
+)
+from glider.sysid.replay.warm_up import warm_up
+from glider.sysid.result import (
+    Errors,
+    ResidualTable,
+    Result,
+)
+from glider.sysid.search.candidates import Search
+from glider.sysid.search.decision import explain
+from glider.sysid.search.signs import (
+    Signs,
+    find_signs,
+    turn_campaign,
+)
 
 Progress = Callable[[str], None]
 

@@ -6,21 +6,46 @@ from typing import Any
 
 import numpy as np
 
-from glider.dynamics import compose
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+)
 from glider.errors import InputError
-from glider.model_file import GliderModel
-from glider.parameters import PARAMETER_NAMES, GliderParameters
-from glider.sysid.flight_log import Campaign, Flight
-from glider.sysid.forecast import Forecast, foretell
-from glider.sysid.layout import OFFSET
-from glider.sysid.noise import measure_noise
-from glider.sysid.record import Record, prepare
-from glider.sysid.residual import flow_along
-from glider.sysid.rollout_fit import Problem
-from glider.sysid.signals import logged_elevator, node_signals
-from glider.sysid.signs import Signs, turn, turn_campaign
-from glider.sysid.simulate import layout_for, theta_of
-from glider.sysid.vehicle import make_vehicle, parameters_of
+from glider.physics.compose import compose
+from glider.physics.model import GliderModel
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    GliderParameters,
+)
+from glider.sysid.fit.output_error import Problem
+from glider.sysid.fit.prediction import (
+    Forecast,
+    foretell,
+)
+from glider.sysid.fit.simulate import (
+    layout_for,
+    theta_of,
+)
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.record import (
+    Record,
+    prepare,
+)
+from glider.sysid.replay.residual import flow_along
+from glider.sysid.replay.signals import (
+    logged_elevator,
+    node_signals,
+)
+from glider.sysid.replay.theta import OFFSET
+from glider.sysid.replay.vehicle import (
+    make_vehicle,
+    parameters_of,
+)
+from glider.sysid.search.signs import (
+    Signs,
+    turn,
+    turn_campaign,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,7 +101,7 @@ def refly(
     """Flies a logged flight again, each model from its own fitted launch.
 
     The launch is fitted on the flight's beginning, as for the errors on held-out
-    flights (`glider.sysid.forecast`); the elevator moves as its commands say.
+    flights (`glider.sysid.fit.prediction`); the elevator moves as its commands say.
 
     Args:
         campaign: all of it, for the noise is measured on all its flights.

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.effects import EffectKind
-from glider.model_file import GliderModel
+from glider.physics.effects import EffectKind
+from glider.physics.model import GliderModel
 
 MODELS = ("as_drawn", "refitted", "corrected")
 """The drawing; the flat plate with its own parameters refitted; with the effects."""

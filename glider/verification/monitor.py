@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from glider.verification.funnel import Funnel
+from glider.verification.funnel.funnel import Funnel
 
 
 class FunnelMonitor(LeafSystem):

@@ -11,14 +11,24 @@ import time
 import numpy as np
 
 from diagrams.closed_loop import closed_loop
-from diagrams.flying import simulate_flights
-from glider.control import policy_of, tracking_gains, tracking_regulator
-from glider.guided import AFTER, fly_closed_loop
-from glider.monte_carlo import LaunchSpread, draw_launches
-from glider.plant import GliderPlant
-from glider.riccati import compiled_policy
-from glider.tracking import sample_policy
-from tests.flights import DRAWING, PROBLEM, plan_of
+from diagrams.simulate import simulate_flights
+from glider.control.policy import sample_policy
+from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr_drake import (
+    policy_of,
+    tracking_gains,
+    tracking_regulator,
+)
+from glider.simulation.closed_loop import (
+    AFTER,
+    fly_closed_loop,
+)
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.systems.plant import GliderPlant
+from tests.helpers.flights import DRAWING, PROBLEM, plan_of
 
 
 def best_seconds(function, rounds=5):

@@ -11,11 +11,22 @@ import time
 import numpy as np
 from pydrake.autodiffutils import InitializeAutoDiff
 
-from glider.effects import LIBRARY, NO_FIELD, PROFILE_DRAG, SERVO_LAG
-from glider.kernel import compiled
-from glider.model_file import GliderModel
-from glider.parameters import GliderParameters, parameter_vector
-from glider.plant import GliderPlant, initial_state
+from glider.compiled.kernel import compiled
+from glider.physics.effects import (
+    LIBRARY,
+    NO_FIELD,
+    PROFILE_DRAG,
+    SERVO_LAG,
+)
+from glider.physics.model import GliderModel
+from glider.physics.parameters import (
+    GliderParameters,
+    parameter_vector,
+)
+from glider.systems.plant import (
+    GliderPlant,
+    initial_state,
+)
 
 STATE = np.array([-3.5, 0.1, -0.3, 0.1, 7.0, 0.0, 0.5])
 

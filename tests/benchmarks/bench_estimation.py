@@ -9,9 +9,12 @@ import os
 
 import numpy as np
 
-from diagrams.estimated import fly_on_estimate
+from diagrams.estimated_loop import fly_on_estimate
 from glider.estimation.ekf import make_ekf
-from glider.estimation.flights import draw_starts, fly_watched
+from glider.estimation.flights import (
+    draw_starts,
+    fly_watched,
+)
 from glider.estimation.perching import (
     CAPTURE_RATE,
     DRAWN,
@@ -19,10 +22,16 @@ from glider.estimation.perching import (
     launch_prior,
     perching_ekf,
 )
-from glider.estimation.running import predict_mean, run_ekf
-from glider.monte_carlo import LaunchSpread, draw_launches
+from glider.estimation.running import (
+    predict_mean,
+    run_ekf,
+)
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
 from tests.benchmarks.bench_control import best_seconds
-from tests.flights import DRAWING, PROBLEM, plan_of
+from tests.helpers.flights import DRAWING, PROBLEM, plan_of
 
 
 def main():

@@ -7,16 +7,19 @@ import time
 
 import numpy as np
 
-from glider.model_file import GliderModel
+from glider.control.tvlqr import compiled_policy
+from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.plant import GliderPlant
-from glider.riccati import compiled_policy
-from glider.verification.attack import attack_funnel
-from glider.verification.build import make_funnel
-from glider.verification.check import check_funnel
-from glider.verification.remainder_proof import prove_remainder, remainder_status
-from glider.verification.settings import FunnelSettings
+from glider.systems.plant import GliderPlant
+from glider.verification.funnel.build import make_funnel
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.proof.check import check_funnel
+from glider.verification.proof.remainder_proof import (
+    prove_remainder,
+    remainder_status,
+)
+from glider.verification.trials.attack import attack_funnel
 
 EVERY = 5
 """Of the times that the proof looks at."""

@@ -11,11 +11,18 @@ import time
 
 import numpy as np
 
-from glider.model_file import GliderModel, load_model
-from glider.parameters import load_parameters
 from glider.paths import models_path
-from glider.planning.ilqr import GoalProblem, article_problem, plan
-from glider.plant import GliderPlant
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+)
+from glider.physics.parameters import load_parameters
+from glider.planning.ilqr import (
+    GoalProblem,
+    article_problem,
+    plan,
+)
+from glider.systems.plant import GliderPlant
 
 
 def best_seconds(function, rounds=10):

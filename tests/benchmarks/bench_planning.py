@@ -11,12 +11,21 @@ import time
 import numpy as np
 from pydrake.solvers import SnoptSolver
 
-from glider.linearization import Dynamics
-from glider.planning.dircol import PlanningError, plan
-from glider.planning.guess import straight_line, swoop
+from glider.planning.dircol import (
+    PlanningError,
+    plan,
+)
+from glider.planning.guess import (
+    straight_line,
+    swoop,
+)
+from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.planning.transcription import to_guess, transcribe
-from glider.plant import GliderPlant
+from glider.planning.transcription import (
+    to_guess,
+    transcribe,
+)
+from glider.systems.plant import GliderPlant
 
 KNOTS = (25, 41)
 REPEATS = 3

@@ -10,16 +10,19 @@ import time
 
 import numpy as np
 
-from glider.sysid.basis_exercise import load_exercise
-from glider.sysid.basis_features import FEATURES, PAPER
-from glider.sysid.basis_model import (
+from glider.studies.basis.basis_exercise import load_exercise
+from glider.studies.basis.basis_features import (
+    FEATURES,
+    PAPER,
+)
+from glider.studies.basis.basis_model import (
     fit_basis,
     fly_again,
     plane_accelerations,
     sampled_features,
 )
-from glider.sysid.basis_refinement import refine
-from glider.sysid.regression import best_subsets
+from glider.studies.basis.basis_refinement import refine
+from glider.sysid.fit.regression import best_subsets
 
 
 def best_seconds(function, rounds=20):

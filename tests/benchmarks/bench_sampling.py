@@ -10,10 +10,13 @@ import time
 
 import numpy as np
 
-from glider.model_file import GliderModel
-from glider.mppi_controller import SETTINGS, replanning_cost
-from glider.parameters import load_parameters
+from glider.control.mppi import (
+    SETTINGS,
+    replanning_cost,
+)
 from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.physics.parameters import load_parameters
 from glider.planning.problem import load_problem
 from glider.planning.sampling import (
     CemSettings,
@@ -24,7 +27,7 @@ from glider.planning.sampling import (
     mppi,
     mppi_step,
 )
-from glider.plant import GliderPlant
+from glider.systems.plant import GliderPlant
 
 
 def seconds(function, rounds=5):

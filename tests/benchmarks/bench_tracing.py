@@ -15,17 +15,28 @@ import time
 
 import numpy as np
 
-from glider.effects import FIELD_TERMS, FIELD_VARIABLES, KINDS, Field
-from glider.model_file import GliderModel
-from glider.sysid.campaign_reader import load_campaign
-from glider.sysid.forecast import measure_errors
-from glider.sysid.noise import measure_noise
+from glider.campaign.reader import load_campaign
+from glider.physics.effects import (
+    FIELD_TERMS,
+    FIELD_VARIABLES,
+    KINDS,
+    Field,
+)
+from glider.physics.model import GliderModel
+from glider.sysid.fit.output_error import (
+    Problem,
+    fit,
+)
+from glider.sysid.fit.prediction import measure_errors
+from glider.sysid.fit.simulate import (
+    CampaignPlan,
+    simulate_campaign,
+)
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.record import prepare
-from glider.sysid.rollout_fit import Problem, fit
-from glider.sysid.simulate import CampaignPlan, simulate_campaign
-from glider.sysid.vehicle import make_vehicle
-from tests.campaigns import PRACTICE, campaign_path
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.record import prepare
+from glider.sysid.replay.vehicle import make_vehicle
+from tests.helpers.campaigns import PRACTICE, campaign_path
 
 TRUTH = {
     "still_air": None,

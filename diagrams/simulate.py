@@ -1,0 +1,202 @@
+"""Many flights of one diagram, which Drake need not build again."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.systems.analysis import (
+    ApplySimulatorConfig,
+    Simulator,
+    SimulatorConfig,
+)
+from pydrake.systems.framework import Context, Diagram
+
+from diagrams.parts import LONGEST
+from glider.campaign.logs import Flight
+from glider.errors import InputError
+from glider.physics.state import (
+    NUM_STATES,
+    POSE_NAMES,
+)
+from glider.simulation.miss import (
+    PERCH_RADIUS,
+    path_miss,
+)
+from glider.systems.plant import initial_state
+
+_CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SimulatedFlight:
+    """One flight of a diagram."""
+
+    times: np.ndarray
+    """(K,) of the integrator's steps [s]."""
+
+    states: np.ndarray
+    """(K, n) of the glider."""
+
+    rates: np.ndarray
+    """(K,) elevator rate that the servo gives the glider [rad/s]."""
+
+    forces: np.ndarray
+    """(K, 2) of wing and elevator along their normals [N]."""
+
+    miss: float
+    """Least distance of the center of mass from the wire [m]."""
+
+    log: Flight | None
+    """What motion capture and the commands' log hold, where there is one."""
+
+    @property
+    def perched(self) -> bool:
+        """Whether the wire was within reach."""
+        return self.miss < PERCH_RADIUS
+
+
+def simulate_flights(
+    diagram: Diagram,
+    starts: np.ndarray,
+    duration: float,
+    *,
+    wire: tuple[float, float] = (0.0, 0.0),
+    feedback_noise: np.ndarray | None = None,
+    capture_noise: np.ndarray | None = None,
+    accuracy: float = 1e-6,
+    progress: Callable[[str], None] | None = None,
+) -> list[SimulatedFlight]:
+    """Flies launches through one diagram of `open_loop` or `closed_loop`.
+
+    Each flight starts from the diagram's default context: Drake 1.51.1 loses
+    about 0.2 MB with every diagram that is built.
+
+    Args:
+        diagram: with "glider" and "state_log".
+        starts: (B, 7), the effects' own states at rest, or (B, n).
+        duration: of the flights [s]; the plan's and what it takes to pass the
+            wire, `glider.simulation.closed_loop.AFTER`. With noise at most
+            `diagrams.parts.LONGEST`.
+        wire: (x, z) [m].
+        feedback_noise: (B, H, m) one row for each command.
+        capture_noise: (B, R, 4) of pose and elevator, one row for each sample;
+            `draw_capture_noise` draws it.
+        accuracy: of the integrator.
+        progress: told which launch is flown.
+    """
+    starts = np.atleast_2d(np.asarray(starts, dtype=float))
+    simulator = Simulator(diagram)
+    config = SimulatorConfig(accuracy=accuracy, **_CONFIG)
+    tapes = {"feedback_noise": feedback_noise, "motion_capture": capture_noise}
+    for name, tape in tapes.items():
+        if tape is None:
+            continue
+        if not diagram.HasSubsystemNamed(name) or len(tape) != len(starts):
+            raise InputError(
+                f"Noise for '{name}' is given for {len(tape)} flights; a diagram "
+                f"with that system and one tape for each of {len(starts)} flights "
+                "are needed."
+            )
+        if duration > LONGEST:
+            raise InputError(
+                f"Noise for '{name}' lasts {LONGEST:g} s and the flights last "
+                f"{duration:g} s; at most {LONGEST:g} s are possible."
+            )
+    flights = []
+    for k, start in enumerate(starts):
+        if progress:
+            progress(f"launch {k + 1} of {len(starts)}")
+        ApplySimulatorConfig(config, simulator)  # No step size of the last flight.
+        context = simulator.get_mutable_context()
+        reset(diagram, context, start)
+        for name, tape in tapes.items():
+            if tape is not None:
+                system = diagram.GetSubsystemByName(name)
+                own = diagram.GetMutableSubsystemContext(system, context)
+                system.set_tape(own, tape[k])
+        simulator.Initialize()
+        simulator.AdvanceTo(duration)
+        flights.append(_collect(diagram, context, wire, f"flight_{k:03d}.csv"))
+    return flights
+
+
+def reset(diagram: Diagram, context: Context, start: np.ndarray) -> None:
+    """Puts a diagram's context at a launch, time 0, logs empty."""
+    diagram.SetDefaultContext(context)
+    context.SetTime(0.0)
+    glider = diagram.GetSubsystemByName("glider")
+    own = diagram.GetMutableSubsystemContext(glider, context)
+    own.SetContinuousState(initial_state(glider, start))
+    if diagram.HasSubsystemNamed("observer"):
+        observer = diagram.GetSubsystemByName("observer")
+        own = diagram.GetMutableSubsystemContext(observer, context)
+        own.SetContinuousState(observer.at_rest(start[:NUM_STATES]))
+    for system in diagram.GetSystems():
+        if system.get_name().endswith("_log"):
+            system.FindMutableLog(context).Clear()
+
+
+def draw_capture_noise(
+    rng: np.random.Generator,
+    flights: int,
+    rows: int,
+    *,
+    position: float = 0.0004,
+    pitch: float = 0.0025,
+    elevator: float = 0.005,
+) -> np.ndarray:
+    """Draws noise for motion capture, shape (flights, rows, 4).
+
+    The standard deviations are those of `glider.sysid.fit.simulate` [m, rad].
+    """
+    scale = [position, position, pitch, elevator]
+    return rng.normal(size=(flights, rows, len(scale))) * scale
+
+
+def _collect(
+    diagram: Diagram, context: Context, wire: tuple[float, float], name: str
+) -> SimulatedFlight:
+    times, states = _read(diagram, context, "state_log")
+    _, rates = _read(diagram, context, "rate_log")
+    _, forces = _read(diagram, context, "force_log")
+    log = None
+    if diagram.HasSubsystemNamed("capture_log"):
+        log = capture_of(diagram, context, name)
+    return SimulatedFlight(
+        times=times,
+        states=states,
+        rates=rates[:, 0],
+        forces=forces[:, :2],
+        miss=path_miss(times, states, np.array(wire)),
+        log=log,
+    )
+
+
+def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
+    """Returns the flight that motion capture has logged, for a campaign.
+
+    A new command shows in the first row after it was given, as in a real log.
+    The command is the one after the servo's limits: what the glider got.
+
+    Args:
+        diagram: with a motion capture.
+        context: after the flight.
+        name: of the flight's file, flight_*.csv.
+    """
+    times, capture = _read(diagram, context, "capture_log")
+    _, commands = _read(diagram, context, "command_log")
+    pose = len(POSE_NAMES)
+    return Flight(
+        name=name,
+        time=times,
+        pose=capture[:, :pose],
+        elevator=capture[:, pose],
+        command=commands[:, 0],
+    )
+
+
+def _read(
+    diagram: Diagram, context: Context, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    log = diagram.GetSubsystemByName(name).FindLog(context)
+    return log.sample_times().copy(), log.data().T.copy()

@@ -1,0 +1,131 @@
+"""Plans with one glider and flies another: what a model is worth in the air."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.closed_loop import closed_loop
+from diagrams.parts import tape_rows
+from diagrams.simulate import (
+    SimulatedFlight,
+    draw_capture_noise,
+    simulate_flights,
+)
+from glider.campaign.logs import (
+    Campaign,
+    campaign_of,
+)
+from glider.control.tvlqr_drake import tracking_regulator
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+)
+from glider.planning.dircol import (
+    Progress,
+    plan,
+)
+from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem
+from glider.simulation.closed_loop import AFTER
+from glider.systems.plant import GliderPlant
+
+COMMAND_RATE = 50.0
+"""Of the feedback's commands, held between [Hz]."""
+
+CAPTURE_RATE = 120.0
+"""Of motion capture [Hz]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rehearsal:
+    """Flights of a glider under the plan and the feedback of a model."""
+
+    plan: Plan
+    """Made with the model, as is the feedback."""
+
+    flights: list[SimulatedFlight]
+    """Of the true glider."""
+
+    campaign: Campaign
+    """Their logs, as motion capture has them."""
+
+    @property
+    def misses(self) -> list[float]:
+        """Least distance of each flight from the wire [m]."""
+        return [flight.miss for flight in self.flights]
+
+    @property
+    def perched(self) -> int:
+        """How many flights came within reach of the wire."""
+        return sum(flight.perched for flight in self.flights)
+
+
+def load_truth(name: str) -> GliderModel:
+    """Loads a glider with an effect: a model file, or one of models/truths by name.
+
+    Raises:
+        InputError: there is none of that name, or the file is no model.
+    """
+    if Path(name).suffix:
+        return load_model(Path(name))
+    known = sorted(path.stem for path in models_path("truths").glob("*.yaml"))
+    if name not in known:
+        raise InputError(
+            f"There is no truth '{name}'; a model file or one of {', '.join(known)} "
+            "is needed."
+        )
+    return load_model(models_path("truths", f"{name}.yaml"))
+
+
+def rehearse(
+    truth: GliderModel,
+    model: GliderModel,
+    problem: PerchingProblem,
+    starts: np.ndarray,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> Rehearsal:
+    """Plans and makes the feedback with a model, and flies the truth with both.
+
+    The feedback gets the rigid body's states as they are and runs the model's own
+    effect states beside; it commands at COMMAND_RATE. Motion capture adds noise.
+
+    Args:
+        truth: the glider that flies.
+        model: what is believed of it.
+        problem: what to fly.
+        starts: (B, 7) launch states.
+        rng: draws the noise of motion capture.
+        progress: told what is being done.
+
+    Raises:
+        PlanningError: where the model cannot do what the problem asks.
+    """
+    say = progress or (lambda text: None)
+    plant = GliderPlant(model)
+    planned = plan(plant, problem, progress=lambda text: say(f"plan: {text}"))
+    say("feedback along the plan")
+    regulator = tracking_regulator(plant, planned)
+    diagram = closed_loop(
+        truth,
+        regulator,
+        planned=model,
+        command_rate=COMMAND_RATE,
+        motion_capture=CAPTURE_RATE,
+    )
+    flights = simulate_flights(
+        diagram,
+        starts,
+        planned.duration + AFTER,
+        wire=(problem.wire[0], problem.wire[1]),
+        capture_noise=draw_capture_noise(rng, len(starts), tape_rows(CAPTURE_RATE)),
+        progress=lambda text: say(f"fly: {text}"),
+    )
+    logs = [flight.log for flight in flights if flight.log is not None]
+    campaign = campaign_of(
+        "rehearsal", truth.parameters, logs, CAPTURE_RATE, COMMAND_RATE
+    )
+    return Rehearsal(plan=planned, flights=flights, campaign=campaign)

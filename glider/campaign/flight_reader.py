@@ -1,0 +1,93 @@
+"""From one CSV file to a flight, once it is sure that it can be one.
+
+What cannot be SI, or cannot be a flight, is refused; a fault that an effect of
+the library models (a turned sign, an offset, a delay) must pass.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from glider.campaign.csv_table import Table
+from glider.campaign.logs import (
+    MAX_ANGLE,
+    POSE_COLUMNS,
+    SERVO_COLUMNS,
+    Campaign,
+    Flight,
+)
+from glider.errors import InputError
+
+_MIN_ROWS = 20
+_MIN_SPAN = 0.15  # [s]
+_MAX_STEP = 1.0  # Of a pose log [s].
+_MAX_SPEED = 60.0  # Median over a flight [m/s].
+_MAX_POSITION = 1000.0  # [m]
+_MAX_ELEVATOR_RATE = 100.0  # Where the limit is not known [rad/s].
+
+
+def make_flight(table: Table, campaign: Campaign) -> Flight:
+    wanted = POSE_COLUMNS
+    if campaign.elevator == "servo":
+        wanted += SERVO_COLUMNS
+    columns = {name: table.numbers(name) for name in wanted}
+    time = columns["time"]
+    late = np.diff(time, prepend=-math.inf) <= 0
+    table.refuse(late, "time", "it must be greater than in the row before.")
+    span = time[-1] - time[0] if len(time) else 0.0
+    if len(time) < _MIN_ROWS or span < _MIN_SPAN:
+        raise InputError(
+            f"{table.path}: too short, {len(time)} rows over {span:.3g} s of 'time'; "
+            f"at least {_MIN_ROWS} rows and {_MIN_SPAN} s are needed."
+        )
+    _check_units(table, columns, campaign)
+    pitch = np.unwrap(columns["pitch"])
+    return Flight(
+        name=table.path.name,
+        time=time,
+        pose=np.column_stack([columns["x"], columns["z"], pitch]),
+        elevator=columns.get("elevator"),
+        command=columns.get("elevator_rate_command"),
+    )
+
+
+def _check_units(
+    table: Table, columns: dict[str, np.ndarray], campaign: Campaign
+) -> None:
+    """Refuses what cannot be SI; a fault that an effect can model must pass."""
+    elevator_bound, rate_bound = MAX_ANGLE, _MAX_ELEVATOR_RATE
+    if campaign.elevator_limits is not None:  # Room for an elevator of turned sign.
+        lower, upper = campaign.elevator_limits
+        far = max(abs(lower), abs(upper)) + (upper - lower)
+        elevator_bound = min(far, MAX_ANGLE)
+    if campaign.elevator_rate_limit is not None:
+        rate_bound = 10 * campaign.elevator_rate_limit
+    for name, bound, unit, likely in (
+        ("x", _MAX_POSITION, "m", "millimeters"),
+        ("z", _MAX_POSITION, "m", "millimeters"),
+        ("pitch", MAX_ANGLE, "rad", "degrees; a tumble must be wrapped into ±pi"),
+        ("elevator", elevator_bound, "rad", "degrees"),
+        ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
+    ):
+        need = f"within ±{bound:.4g} {unit} is needed (this looks like {likely})."
+        if name in columns:
+            table.refuse(np.abs(columns[name]) > bound, name, need)
+    step_length = np.hypot(np.diff(columns["x"]), np.diff(columns["z"]))
+    speed = np.median(step_length / np.diff(columns["time"]))
+    if speed > _MAX_SPEED:
+        raise InputError(
+            f"{table.path}: columns 'x' and 'z' move at {speed:.4g} m/s (median); "
+            f"at most {_MAX_SPEED:g} is needed (this looks like millimeters)."
+        )
+
+
+def check_step(file: Path, time: np.ndarray, rate: float) -> None:
+    step = np.median(np.diff(time))
+    if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
+        slow = step >= _MAX_STEP or step * rate > 20
+        hint = " (this looks like milliseconds or a count of rows)" if slow else ""
+        raise InputError(
+            f"{file}: column 'time' has a median step of {step:.4g}{hint}; seconds "
+            f"are needed, about {1 / rate:.4g} for a pose_rate of {rate:.4g} Hz."
+        )

@@ -1,0 +1,115 @@
+"""What a campaign's logs hold, and their split by whole flights.
+
+A campaign is a folder with `campaign.yaml` and `flight_*.csv`, in SI units and the
+frame of `glider.physics.state`; `reader` reads it, `writer` writes it.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    GliderParameters,
+)
+
+POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
+SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
+
+MAX_ANGLE = 2 * math.pi
+"""Of an angle in a log: more would be degrees [rad]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Flight:
+    """One flight as it was logged, n rows."""
+
+    name: str  # Of the file, e.g. "flight_003.csv".
+    time: np.ndarray  # (n,) as logged, strictly increasing [s].
+    pose: np.ndarray  # (n, 3) x [m], z [m], pitch [rad].
+    elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
+    command: np.ndarray | None  # (n,) elevator_rate_command, held [rad/s].
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """The flights of one glider and what is known of it."""
+
+    name: str  # Of the folder.
+    path: Path
+    vehicle: dict[str, float]  # Those of PARAMETER_NAMES that are known.
+    elevator: str  # "servo", "fixed" (one unknown angle) or "fixed_per_flight".
+    elevator_limits: tuple[float, float] | None  # Trailing edge down, up [rad].
+    elevator_rate_limit: float | None  # [rad/s]
+    pose_rate: float  # [Hz]; 1 / the median step of all flights if not given.
+    command_rate: float | None  # [Hz]; None: commands change at rows.
+    flights: tuple[Flight, ...]  # Sorted by name.
+
+
+def campaign_of(
+    name: str,
+    drawing: GliderParameters,
+    flights: Sequence[Flight],
+    pose_rate: float,
+    command_rate: float,
+) -> Campaign:
+    """Returns flights of a glider with a servo as a campaign that knows its drawing.
+
+    Args:
+        name: of the campaign.
+        drawing: of the glider; what it lacks stays undeclared.
+        flights: in the order of their names.
+        pose_rate: of the logs [Hz].
+        command_rate: of the commands [Hz].
+    """
+    low, high = drawing.elevator_limits
+    return Campaign(
+        name=name,
+        path=Path(name),
+        vehicle={field: getattr(drawing, field) for field in PARAMETER_NAMES},
+        elevator="servo",
+        elevator_limits=(low, high),
+        elevator_rate_limit=drawing.elevator_rate_limit,
+        pose_rate=pose_rate,
+        command_rate=command_rate,
+        flights=tuple(flights),
+    )
+
+
+def split_flights(
+    campaign: Campaign, held_out_fraction: float, seed: int
+) -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
+    """Splits by whole flights; the same seed gives the same split.
+
+    Args:
+        campaign: of at least 3 flights.
+        held_out_fraction: in (0, 1); rounded to at least 1 flight held out and
+            at least 2 to fit.
+        seed: of the random choice.
+
+    Returns:
+        The flights to fit and the flights held out, each sorted by name.
+    """
+    count = len(campaign.flights)
+    if count < 3:
+        raise InputError(
+            f"{campaign.path}: a split into fitted and held-out flights "
+            f"needs at least 3 flights, found {count}."
+        )
+    if not 0 < held_out_fraction < 1:
+        raise InputError(
+            f"The held-out fraction is {held_out_fraction}; "
+            "a number between 0 and 1 is needed."
+        )
+    num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
+    order = np.random.default_rng(seed).permutation(count)
+    held_out, fit = order[:num_held_out], order[num_held_out:]
+    flights = sorted(campaign.flights, key=lambda flight: flight.name)
+    return (
+        tuple(flights[i] for i in sorted(fit)),
+        tuple(flights[i] for i in sorted(held_out)),
+    )

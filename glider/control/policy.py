@@ -1,0 +1,127 @@
+"""Weights of a tracking feedback, and the feedback as a table over time."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from glider.errors import InputError
+from glider.physics.state import NUM_STATES
+from glider.planning.plan import Plan
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrackingWeights:
+    """What to weigh in following a plan; the defaults are the article's.
+
+    minimize   ∫ (x̃ᵀ diag(state) x̃ + rate ũ²) dt + x̃(T)ᵀ diag(final) x̃(T)
+    with x̃, ũ the departures from the plan. The effects' own states weigh nothing.
+    """
+
+    state: tuple[float, ...] = (10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0)
+    """In the order of STATE_NAMES."""
+
+    rate: float = 0.1
+    """Of the elevator-rate command."""
+
+    final: tuple[float, ...] = (400.0, 400.0, 1 / 9, 1 / 9, 1.0, 1.0, 1 / 9)
+    """At the end of the plan, in the order of STATE_NAMES."""
+
+    def __post_init__(self):
+        """Raises InputError where Riccati's equation would have no solution."""
+        for name in ("state", "final"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            bad = values.shape != (NUM_STATES,) or not np.all(np.isfinite(values))
+            if bad or np.any(values < 0.0):
+                raise InputError(
+                    f"TrackingWeights: '{name}' is {getattr(self, name)}; "
+                    f"{NUM_STATES} finite numbers, none negative, are needed."
+                )
+        if not (math.isfinite(self.rate) and self.rate > 0.0):
+            raise InputError(
+                f"TrackingWeights: 'rate' is {self.rate}; a positive number is needed."
+            )
+
+
+def weight_matrix(diagonal: tuple[float, ...], num_states: int) -> np.ndarray:
+    """Returns a diagonal matrix (n, n), zero for the effects' own states."""
+    return np.diag(np.append(diagonal, np.zeros(num_states - len(diagonal))))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrackingPolicy:
+    """u = u₀ - K (x - x₀) - k₀ about a plan, and its cost-to-go.
+
+    Holds numbers only, so that a copy can go to another process.
+    """
+
+    plan: Plan
+    """x₀ and u₀."""
+
+    times: np.ndarray
+    """(M + 1,) from 0 to the end of the plan [s]."""
+
+    gains: np.ndarray
+    """(M + 1, n) K at the times."""
+
+    corrections: np.ndarray
+    """(M + 1,) k₀ at the times [rad/s]; what the plan lacks to be a flight."""
+
+    cost: np.ndarray
+    """(M + 1, n, n) S of the cost-to-go x̃ᵀ S x̃ + 2 x̃ᵀ s + (a number)."""
+
+    cost_slope: np.ndarray
+    """(M + 1, n) s."""
+
+
+def check_plan(plant: Any, plan: Plan) -> None:
+    """Raises InputError unless the plan has the states of the plant."""
+    if tuple(plan.state_names) != tuple(plant.state_names):
+        raise InputError(
+            f"The plan has the states {', '.join(plan.state_names)}; those of the "
+            f"plant, {', '.join(plant.state_names)}, are needed."
+        )
+
+
+def sample_policy(
+    policy: TrackingPolicy, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the policy as u = offset - gain x at some times.
+
+    After the plan's end its last values stay, as with Drake's regulator.
+
+    Args:
+        policy: the policy.
+        times: (J,) [s].
+
+    Returns:
+        offset (J,) [rad/s] and gain (J, n).
+    """
+    at = np.clip(times, 0.0, policy.plan.duration)
+    gain = CubicSpline(policy.times, policy.gains)(at)
+    correction = CubicSpline(policy.times, policy.corrections)(at)
+    nominal, _, inputs = sample_plan(policy.plan, at)
+    return inputs - correction + np.sum(gain * nominal, axis=1), gain
+
+
+def sample_plan(
+    plan: Plan, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns states (J, n), their slopes (J, n) and inputs (J,) at some times."""
+    path = CubicHermiteSpline(plan.times, plan.states, plan.slopes)
+    inputs = np.interp(times, plan.times, plan.inputs)
+    return path(times), path(times, 1), inputs
+
+
+def aligned_count(plan: Plan, step: float) -> int:
+    """Returns how many equal steps, none longer than `step`, a plan divides into.
+
+    A whole number for each interval between equally spaced knots, because the
+    plan has kinks there.
+    """
+    if not (math.isfinite(step) and step > 0.0):
+        raise InputError(f"The step is {step} s; a positive number is needed.")
+    intervals = len(plan.times) - 1
+    return intervals * math.ceil(plan.duration / (intervals * step) - 1e-9)

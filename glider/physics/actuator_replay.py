@@ -1,0 +1,94 @@
+"""The elevator's path under a tape of rate commands, solved exactly.
+
+This replays a log through the actuator of `glider.physics.effects.actuator`: a pure
+delay T and a first-order lag τ between held commands and the elevator's rate,
+    τ ṙ(t) = u(t - T) - r(t),   φ̇ = r,
+whose solution between two commands is a straight line and an exponential. The
+servo rests before the first command, and the elevator stops at its travel.
+"""
+
+import numpy as np
+
+
+def elevator_path(
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    delay: float = 0.0,
+    time_constant: float = 0.0,
+    start: float = 0.0,
+    limits: tuple[float, float] | None = None,
+) -> np.ndarray:
+    """Returns the elevator's angle at the query times [rad].
+
+    Args:
+        switch_times: (k,) when each command begins [s], increasing.
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        query: (m,) times, increasing or not [s].
+        delay: T [s].
+        time_constant: τ [s]; 0 for none.
+        start: angle before the first command [rad].
+        limits: travel of the elevator [rad], or None.
+    """
+    begin = switch_times + delay
+    tau = max(time_constant, 1e-9)
+    low, high = limits if limits is not None else (-np.inf, np.inf)
+    angles, rates = np.empty(len(begin)), np.empty(len(begin))
+    angle, rate = start, 0.0
+    for k in range(len(begin)):
+        if k > 0:
+            span = begin[k] - begin[k - 1]
+            decay = np.exp(-span / tau)
+            excess = rate - commands[k - 1]
+            angle += commands[k - 1] * span + excess * tau * (1.0 - decay)
+            angle = min(max(angle, low), high)
+            rate = commands[k - 1] + excess * decay
+        angles[k], rates[k] = angle, rate
+    index = np.searchsorted(begin, query, side="right") - 1
+    before = index < 0
+    index = np.maximum(index, 0)
+    span = np.maximum(query - begin[index], 0.0)
+    excess = rates[index] - commands[index]
+    path = angles[index] + commands[index] * span
+    path = path + excess * tau * (1.0 - np.exp(-span / tau))
+    return np.where(before, start, np.clip(path, low, high))
+
+
+def command_steps(
+    time: np.ndarray, command: np.ndarray, command_rate: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns when the commands of a log switched, and to what.
+
+    A log shows a new command in the first row after it was given: without more
+    knowledge, half a row before on the average. Where the commands come from a
+    clock, its phase is found from all the rows that changed, first trying a clock
+    that started with the log. Where its rate is not told, the whole number of Hz
+    next to the rate of changes is tried, and taken if it fits nearly all rows.
+
+    Args:
+        time: (n,) of the rows [s].
+        command: (n,) as logged [rad/s].
+        command_rate: of the clock [Hz], or None where it is not told.
+
+    Returns:
+        switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's
+        start.
+    """
+    rows = np.flatnonzero(np.diff(command)) + 1
+    commands = np.concatenate([command[:1], command[rows]])
+    after, before = time[rows], time[rows - 1]
+    switches = 0.5 * (before + after)
+    if command_rate is None and len(rows) > 10:
+        command_rate = max(round((len(rows) - 1) / (after[-1] - after[0])), 1)
+    if command_rate is not None and len(rows):
+        period = 1.0 / command_rate
+        slack = 1e-3 * period
+        phases = np.concatenate([[time[0]], np.sort(after % period)[::-1]])
+        for phase in phases:
+            ticks = phase + period * np.floor((after - phase + slack) / period)
+            if np.mean(ticks > before - slack) > 0.95:
+                nearest = phase + period * np.round((switches - phase) / period)
+                nearest = np.clip(nearest, before, after)
+                switches = np.where(ticks > before - slack, ticks, nearest)
+                break
+    return np.concatenate([time[:1], switches]), commands

@@ -1,0 +1,274 @@
+"""The chain of forces on the glider, written once, as pure functions of scalars.
+
+    command -> [actuator] -> [air] -> [geometry] -> [surface] -> forces
+            -> [wrench] -> [inertia] -> acceleration;  state -> [sensor] -> pose
+
+The functions named `*_terms` and `*_rates` are the places where effects enter.
+Here, on the drawing, they are zero; `glider.physics.compose.compose` puts in their
+place the sums over given effects, and `glider.compiled.kernel` compiles the same text.
+Frames and signs: `glider.physics.state`.
+"""
+
+from glider.physics.aerodynamics import (
+    airspeed,
+    plate_force,
+)
+from glider.physics.effects.effect import (
+    Flow,
+    Motion,
+)
+from glider.physics.trigonometry import (
+    cos,
+    sin,
+)
+
+
+def actuator_terms(rate, x, c):
+    """Elevator rate that the servo makes of a commanded one [rad/s]."""
+    return rate
+
+
+def actuator_rates(rate, x, c):
+    """Rates of the actuators' own states."""
+    return ()
+
+
+def air_terms(motion, x, c):
+    """Velocity of the air beyond the input wind, world (x, z) [m/s]."""
+    return 0.0, 0.0
+
+
+def geometry_terms(flow, x, c):
+    """Wing incidence [rad], wing shift [m], elevator trim [rad], downwash [m/s]."""
+    return 0.0, 0.0, 0.0, 0.0
+
+
+def surface_terms(flow, x, c):
+    """Added C_n of the wing, relative change of wing and of elevator force."""
+    return 0.0, 0.0, 0.0
+
+
+def wrench_terms(flow, x, c):
+    """Added world force (x, z) [N] and moment about +y [N m]."""
+    return 0.0, 0.0, 0.0
+
+
+def inertia_terms(flow, x, c):
+    """Relative change of mass and of inertia, added mass along the normal [kg]."""
+    return 0.0, 0.0, 0.0
+
+
+def sensor_terms(flow, x, c):
+    """Measured minus true pose (x, z, pitch) [m, m, rad]."""
+    return 0.0, 0.0, 0.0
+
+
+def residual_terms(flow, field):
+    """The residual field's air velocity (x, z) and its C_L, C_D, C_M."""
+    return 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+def effect_rates(flow, x, c):
+    """Rates of the states of effects that are not actuators."""
+    return ()
+
+
+def motion_of(t, x, rate):
+    """Returns the Motion of a state (7,) whose elevator turns at `rate`."""
+    pitch = x[2]
+    return Motion(
+        t, x[0], x[1], pitch, x[3], x[4], x[5], x[6], rate, sin(pitch), cos(pitch)
+    )
+
+
+def flow_of(motion, wind_x, wind_z, p):
+    """Returns the Flow that a glider in Motion meets in air of that velocity.
+
+    V = √(v_x² + v_z²), sin α = -(v·n)/V, cos α = (v·t)/V, with v the velocity
+    through the air, n = (sin θ, cos θ) and t = (cos θ, -sin θ).
+    """
+    air_x = motion.xdot - wind_x
+    air_z = motion.zdot - wind_z
+    speed = airspeed(air_x, air_z)
+    sin_alpha = -(air_x * motion.sin_pitch + air_z * motion.cos_pitch) / speed
+    cos_alpha = (air_x * motion.cos_pitch - air_z * motion.sin_pitch) / speed
+    return Flow(
+        motion.t,
+        motion.x,
+        motion.z,
+        motion.pitch,
+        motion.elevator,
+        motion.xdot,
+        motion.zdot,
+        motion.pitchdot,
+        motion.elevator_rate,
+        motion.sin_pitch,
+        motion.cos_pitch,
+        air_x,
+        air_z,
+        speed,
+        sin_alpha,
+        cos_alpha,
+        p[0],
+        p[1],
+        p[2],
+        p[3],
+        p[4],
+        p[5],
+        p[6],
+        p[7],
+        p[8],
+    )
+
+
+def turned(flow, angle):
+    """Returns sine and cosine of the pitch plus an angle."""
+    sine, cosine = sin(angle), cos(angle)
+    return (
+        flow.sin_pitch * cosine + flow.cos_pitch * sine,
+        flow.cos_pitch * cosine - flow.sin_pitch * sine,
+    )
+
+
+def wing_force(flow, plate, incidence, shift, normal, factor):
+    """Force of the wing along its normal [N] and its moment about +y [N m].
+
+    f = ½ ρ S_w V² (2 sin α + ΔC_n)(1 + factor) at the wing's center, which lies
+    l_w + shift ahead of the center of mass: M = -(l_w + shift) f cos(incidence).
+    `plate` is sine and cosine of the wing's angle.
+    """
+    offset = flow.wing_offset + shift
+    turning = offset * flow.pitchdot
+    force = plate_force(
+        flow.air_x - turning * flow.sin_pitch,
+        flow.air_z - turning * flow.cos_pitch,
+        plate[0],
+        plate[1],
+        flow.wing_area,
+        flow.air_density,
+    )
+    pressure = 0.5 * flow.air_density * flow.wing_area * flow.speed * flow.speed
+    force = (force + pressure * normal) * (1.0 + factor)
+    return force, -offset * force * cos(incidence)
+
+
+def elevator_force(flow, plate, deflection, downwash, factor):
+    """Force of the elevator along its normal [N] and its moment about +y [N m].
+
+    Its center lies l_h + l_e behind the center of mass and moves with
+    l_h θ̇ n(θ) + l_e (θ̇ + φ̇) n(e), e = θ + δ; M = (l_h cos δ + l_e) f with the
+    deflection δ. `plate` is sine and cosine of e.
+    """
+    along_body = flow.hinge_offset * flow.pitchdot + downwash
+    along_plate = flow.elevator_offset * (flow.pitchdot + flow.elevator_rate)
+    force = plate_force(
+        flow.air_x + along_body * flow.sin_pitch + along_plate * plate[0],
+        flow.air_z + along_body * flow.cos_pitch + along_plate * plate[1],
+        plate[0],
+        plate[1],
+        flow.elevator_area,
+        flow.air_density,
+    )
+    force = force * (1.0 + factor)
+    arm = flow.hinge_offset * cos(deflection) + flow.elevator_offset
+    return force, arm * force
+
+
+def meet_air(t, x, rate, wind_x, wind_z, p, c, field):
+    """Returns the Flow of a state and the residual field's terms in it."""
+    motion = motion_of(t, x, rate)
+    more_x, more_z = air_terms(motion, x, c)
+    flow = flow_of(motion, wind_x + more_x, wind_z + more_z, p)
+    terms = residual_terms(flow, field)
+    flow = flow_of(motion, wind_x + more_x + terms[0], wind_z + more_z + terms[1], p)
+    return flow, terms
+
+
+def wrench(flow, terms, x, c):
+    """Forces and moment on the glider without weight.
+
+    Returns:
+        wing force along its normal, elevator force along its normal [N], total
+        world force (x, z) [N], total moment about +y [N m], wing incidence and
+        elevator trim [rad].
+    """
+    incidence, shift, trim, downwash = geometry_terms(flow, x, c)
+    normal, wing_factor, elevator_factor = surface_terms(flow, x, c)
+    deflection = flow.elevator + trim
+    wing_plate, tail_plate = turned(flow, incidence), turned(flow, deflection)
+    wing, wing_moment = wing_force(
+        flow, wing_plate, incidence, shift, normal, wing_factor
+    )
+    tail, tail_moment = elevator_force(
+        flow, tail_plate, deflection, downwash, elevator_factor
+    )
+    force_x, force_z, moment = wrench_terms(flow, x, c)
+
+    # The learned residual: lift turns the velocity up, drag is against it.
+    pressure_area = 0.5 * flow.air_density * flow.speed * flow.wing_area
+    lift, drag, turn = terms[2], terms[3], terms[4]
+    force_x = force_x - pressure_area * (lift * flow.air_z + drag * flow.air_x)
+    force_z = force_z + pressure_area * (lift * flow.air_x - drag * flow.air_z)
+    moment = moment + pressure_area * flow.speed * turn
+
+    force_x = force_x + wing * wing_plate[0] + tail * tail_plate[0]
+    force_z = force_z + wing * wing_plate[1] + tail * tail_plate[1]
+    moment = moment + wing_moment + tail_moment
+    return wing, tail, force_x, force_z, moment, incidence, trim
+
+
+def accelerations(flow, terms, x, c):
+    """Returns (ẍ, z̈, θ̈) [m/s², rad/s²].
+
+    ((1 + μ) m I + m_a n nᵀ) a = F - (1 + μ) m g e_z with the added mass m_a along
+    the body's normal n, and (1 + ι) I θ̈ = M.
+    """
+    _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
+    mass_change, inertia_change, added_mass = inertia_terms(flow, x, c)
+    mass = flow.mass * (1.0 + mass_change)
+    x = force_x / mass
+    z = force_z / mass - flow.gravity
+    normal = x * flow.sin_pitch + z * flow.cos_pitch
+    carried = added_mass / (mass + added_mass) * normal
+    x = x - carried * flow.sin_pitch
+    z = z - carried * flow.cos_pitch
+    return x, z, moment / (flow.pitch_inertia * (1.0 + inertia_change))
+
+
+def derivatives(t, x, u, wind_x, wind_z, p, c, field):
+    """The dynamics: ẋ = f(t, x, u, w; p, c).
+
+    Args:
+        t: time [s]; only a field that depends on it uses it.
+        x: (7 + extra,): the states of glider.physics.state, then the effects' own.
+        u: commanded elevator rate [rad/s].
+        wind_x: velocity of the air, world x [m/s].
+        wind_z: the same, world z [m/s].
+        p: (9,) parameters in the order of PARAMETER_NAMES.
+        c: coefficients of the composed effects, one after the other.
+        field: the residual Field.
+
+    Returns:
+        ẋ as a tuple of 7 + extra scalars.
+    """
+    rate = actuator_terms(u, x, c)
+    flow, terms = meet_air(t, x, rate, wind_x, wind_z, p, c, field)
+    xdd, zdd, pitchdd = accelerations(flow, terms, x, c)
+    return (
+        flow.xdot,
+        flow.zdot,
+        flow.pitchdot,
+        rate,
+        xdd,
+        zdd,
+        pitchdd,
+        *actuator_rates(u, x, c),
+        *effect_rates(flow, x, c),
+    )
+
+
+def measure(x, p, c):
+    """Returns the pose (x, z, pitch) that the sensors show of a state."""
+    motion = motion_of(0.0, x, 0.0)
+    error_x, error_z, error_pitch = sensor_terms(flow_of(motion, 0.0, 0.0, p), x, c)
+    return x[0] + error_x, x[1] + error_z, x[2] + error_pitch

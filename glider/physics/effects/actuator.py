@@ -1,0 +1,92 @@
+"""Effects of the servo: what the elevator makes of a rate command.
+
+Their formulas take the incoming rate instead of a Flow and return the outgoing
+one. Replaying a log, `glider.physics.actuator_replay` solves the same equations
+exactly.
+"""
+
+from glider.physics.aerodynamics import scalar
+from glider.physics.effects.effect import (
+    Coefficient,
+    EffectKind,
+)
+
+
+@scalar
+def _servo_lag(rate, lagged, time_constant):
+    return lagged
+
+
+@scalar
+def _servo_lag_rate(rate, lagged, time_constant):
+    return (rate - lagged) / time_constant
+
+
+@scalar
+def _servo_lag_steady(rate, time_constant):
+    return rate
+
+
+@scalar
+def _command_delay(rate, first, second, delay):
+    return rate - 12.0 / delay * second
+
+
+@scalar
+def _command_delay_rate(rate, first, second, delay):
+    return second, rate - 12.0 / (delay * delay) * first - 6.0 / delay * second
+
+
+@scalar
+def _command_delay_steady(rate, delay):
+    return rate * delay * delay / 12.0, 0.0 * rate
+
+
+SERVO_LAG = EffectKind(
+    kind="servo_lag",
+    stage="actuator",
+    adds_to=(),
+    coefficients=(
+        Coefficient(
+            name="time_constant",
+            unit="s",
+            scale=0.03,
+            lower=0.0,
+            upper=0.5,
+            grid=(0.005, 0.03),
+        ),
+    ),
+    formula=_servo_lag,
+    words="a slow servo (first-order lag)",
+    depends_on=("elevator_rate", "elevator"),
+    states=("servo_rate",),
+    state_rate=_servo_lag_rate,
+    steady_state=_servo_lag_steady,
+)
+"""Servo lag: the elevator's rate follows the command, τ ṙ = u - r; the angle
+then follows the integrated command with the same lag."""
+
+COMMAND_DELAY = EffectKind(
+    kind="command_delay",
+    stage="actuator",
+    adds_to=(),
+    coefficients=(
+        Coefficient(
+            name="delay",
+            unit="s",
+            scale=0.025,
+            lower=0.0,
+            upper=0.3,
+            grid=(0.005, 0.025),
+        ),
+    ),
+    formula=_command_delay,
+    words="a delay between command and servo",
+    depends_on=("elevator_rate", "elevator"),
+    states=("delay_first", "delay_second"),
+    state_rate=_command_delay_rate,
+    steady_state=_command_delay_steady,
+)
+"""Command delay: r(t) = u(t - T). A plant needs finitely many states and takes
+the Padé approximant of order two,
+(1 - sT/2 + s²T²/12) / (1 + sT/2 + s²T²/12); a log is replayed exactly."""

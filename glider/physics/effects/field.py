@@ -1,0 +1,157 @@
+"""The residual field: Gaussian basis functions where no library effect fits.
+
+This is the article's learned residual of C_L, C_D and C_M (kind
+``rbf_residual``), generalised: it may depend on any of FIELD_VARIABLES, and it
+may also be a motion of the air that varies in space or time. The tracer carries
+what it cannot name (kind ``unexplained``) as such a field.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.physics.aerodynamics import (
+    angle_of_attack,
+    scalar,
+)
+
+FIELD_VARIABLES = (
+    "x",
+    "z",
+    "t",
+    "pitch",
+    "V",
+    "alpha",
+    "pitchdot",
+    "elevator",
+    "elevator_rate",
+)
+FIELD_TERMS = ("wind_x", "wind_z", "c_lift", "c_drag", "c_moment")
+
+
+class Field(NamedTuple):
+    """A sum of Gaussian basis functions, as arrays that numba takes.
+
+    term_k = Σ_m weights[m, k] exp(-½ Σ_d ((ξ_d - centers[m, d]) inverse_widths[m, d])²)
+
+    Attributes:
+        centers: (M, 9), in the order of FIELD_VARIABLES.
+        inverse_widths: (M, 9), zero where the function does not depend on the
+            variable; a row of zeros is a constant.
+        weights: (M, 5), in the order of FIELD_TERMS: air velocity [m/s], then
+            coefficients that refer to ½ ρ V² S_w (the moment without a chord [m]).
+    """
+
+    centers: np.ndarray
+    inverse_widths: np.ndarray
+    weights: np.ndarray
+
+
+NO_FIELD = Field(
+    np.zeros((0, len(FIELD_VARIABLES))),
+    np.zeros((0, len(FIELD_VARIABLES))),
+    np.zeros((0, len(FIELD_TERMS))),
+)
+
+
+@scalar
+def field_variables(flow):
+    """Returns the values of FIELD_VARIABLES in a flow."""
+    return (
+        flow.x,
+        flow.z,
+        flow.t + 0.0 * flow.speed,
+        flow.pitch,
+        flow.speed,
+        angle_of_attack(flow.sin_alpha, flow.cos_alpha),
+        flow.pitchdot,
+        flow.elevator,
+        flow.elevator_rate + 0.0 * flow.speed,
+    )
+
+
+@scalar
+def field_terms(flow, field):
+    """Returns the values of FIELD_TERMS in a flow."""
+    wind_x = wind_z = lift = drag = moment = 0.0 * flow.speed
+    if field.weights.shape[0] > 0:
+        variables = field_variables(flow)
+        for m in range(field.weights.shape[0]):
+            exponent = 0.0 * flow.speed
+            for d in range(len(variables)):
+                if field.inverse_widths[m, d] != 0.0:
+                    scaled = variables[d] - field.centers[m, d]
+                    scaled = scaled * field.inverse_widths[m, d]
+                    exponent = exponent - 0.5 * scaled * scaled
+            basis = np.exp(exponent)
+            wind_x = wind_x + basis * field.weights[m, 0]
+            wind_z = wind_z + basis * field.weights[m, 1]
+            lift = lift + basis * field.weights[m, 2]
+            drag = drag + basis * field.weights[m, 3]
+            moment = moment + basis * field.weights[m, 4]
+    return wind_x, wind_z, lift, drag, moment
+
+
+@dataclasses.dataclass(kw_only=True)
+class FieldData:
+    """A field as it stands in a model file: plain lists of numbers by name."""
+
+    kind: str = "rbf_residual"
+    """"rbf_residual" or "unexplained"."""
+
+    variables: list[str] = dataclasses.field(default_factory=list)
+    """Which of FIELD_VARIABLES it depends on."""
+
+    centers: list[list[float]] = dataclasses.field(default_factory=list)
+    """One row a basis function, one column a variable."""
+
+    widths: list[float] = dataclasses.field(default_factory=list)
+    """Standard deviation of the Gaussians in each variable."""
+
+    constant: bool = False
+    """Whether the last row of weights is of a constant."""
+
+    weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
+    """Name in FIELD_TERMS to one weight a basis function."""
+
+
+def make_field(data: FieldData) -> Field:
+    """Returns the arrays of a field; raises InputError where it is malformed."""
+    for names, known in (
+        (data.variables, FIELD_VARIABLES),
+        (data.weights, FIELD_TERMS),
+    ):
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise InputError(
+                f"field '{data.kind}': unknown name '{unknown[0]}'; "
+                f"one of {', '.join(known)} is needed."
+            )
+    if len(data.widths) != len(data.variables) or min(data.widths, default=1.0) <= 0:
+        raise InputError(
+            f"field '{data.kind}': widths is {data.widths}; one width > 0 for "
+            f"each of {', '.join(data.variables)} is needed."
+        )
+    count = len(data.centers) + data.constant
+    centers = np.zeros((count, len(FIELD_VARIABLES)))
+    inverse_widths = np.zeros_like(centers)
+    columns = [FIELD_VARIABLES.index(name) for name in data.variables]
+    for m, center in enumerate(data.centers):
+        if len(center) != len(columns):
+            raise InputError(
+                f"field '{data.kind}': center {m} has {len(center)} numbers; "
+                f"{len(columns)} are needed."
+            )
+        centers[m, columns] = center
+        inverse_widths[m, columns] = 1.0 / np.asarray(data.widths)
+    weights = np.zeros((count, len(FIELD_TERMS)))
+    for name, values in data.weights.items():
+        if len(values) != count:
+            raise InputError(
+                f"field '{data.kind}': '{name}' has {len(values)} weights; "
+                f"{count} are needed."
+            )
+        weights[:, FIELD_TERMS.index(name)] = values
+    return Field(centers, inverse_widths, weights)

@@ -1,0 +1,225 @@
+"""Effects on the surfaces' forces: coefficients that a flat plate lacks."""
+
+import numpy as np
+
+from glider.physics.aerodynamics import (
+    angle_of_attack,
+    gaussian,
+    scalar,
+)
+from glider.physics.effects.effect import (
+    Coefficient,
+    EffectKind,
+)
+
+REFERENCE_SPEED = 7.0
+"""Launch speed of the article's perch [m/s]."""
+
+_ROUNDING = 1e-6
+"""Rounds |α| at zero [rad²]."""
+
+
+@scalar
+def _attached_lift(flow, slope, stall_angle, fade):
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
+    beyond = np.sqrt(alpha * alpha + _ROUNDING) - stall_angle
+    attached = 0.5 - 0.5 * np.tanh(0.5 * beyond / fade)
+    return slope * flow.sin_alpha * attached
+
+
+@scalar
+def _dynamic_stall(flow, lagged, strength, time_constant):
+    return strength * (flow.sin_alpha - lagged)
+
+
+@scalar
+def _dynamic_stall_rate(flow, lagged, strength, time_constant):
+    return (flow.sin_alpha - lagged) / time_constant
+
+
+@scalar
+def _dynamic_stall_steady(flow, strength, time_constant):
+    return flow.sin_alpha
+
+
+@scalar
+def _airspeed_dependence(flow, gradient, reference_speed):
+    return gradient * (flow.speed / reference_speed - 1.0)
+
+
+@scalar
+def _ground_effect(flow, strength, height):
+    return strength * np.exp(-flow.z / height)
+
+
+@scalar
+def _tail_wake(flow, loss, angle, width):
+    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
+    return -loss * gaussian(alpha, angle, width)
+
+
+@scalar
+def _constant(flow, value):
+    return value
+
+
+ATTACHED_LIFT = EffectKind(
+    kind="attached_lift",
+    stage="surface",
+    adds_to=("wing_normal",),
+    coefficients=(
+        Coefficient(name="slope", unit="1/rad", scale=2.0, lower=-6.0, upper=12.0),
+        Coefficient(
+            name="stall_angle",
+            unit="rad",
+            default=0.26,
+            scale=0.03,
+            lower=0.05,
+            upper=0.8,
+            grid=(0.15, 0.26, 0.4),
+        ),
+        Coefficient(
+            name="fade",
+            unit="rad",
+            default=0.04,
+            scale=0.01,
+            lower=0.008,
+            upper=0.3,
+            grid=(0.04,),
+        ),
+    ),
+    formula=_attached_lift,
+    words="attached flow: extra lift slope below stall",
+    depends_on=("alpha", "V"),
+)
+"""Attached lift: C_n grows by slope · sin α below the stall angle.
+
+ΔC_n = slope sin α / (1 + exp((|α| - stall_angle) / fade)), written with tanh. A
+thin airfoil has the slope 2π against the plate's 2 (Anderson, Fundamentals of
+Aerodynamics).
+"""
+
+DYNAMIC_STALL = EffectKind(
+    kind="dynamic_stall",
+    stage="surface",
+    adds_to=("wing_normal",),
+    coefficients=(
+        Coefficient(name="strength", unit="-", scale=1.0, lower=-5.0, upper=20.0),
+        Coefficient(
+            name="time_constant",
+            unit="s",
+            default=0.08,
+            scale=0.02,
+            lower=0.012,
+            upper=1.0,
+            grid=(0.03, 0.08, 0.2),
+        ),
+    ),
+    formula=_dynamic_stall,
+    words="dynamic stall: lift that lags a changing angle of attack",
+    depends_on=("alphadot", "V"),
+    states=("lagged_sin_alpha",),
+    state_rate=_dynamic_stall_rate,
+    steady_state=_dynamic_stall_steady,
+)
+"""Dynamic stall: ΔC_n = strength (sin α - s), with τ ṡ = sin α - s.
+
+The normal force runs ahead of (strength > 0) or behind (strength < 0) its
+steady value while α changes: the first-order hysteresis of Goman and Khrabrov
+(J. Aircraft 31, 1994), linear in the lag.
+"""
+
+AIRSPEED_DEPENDENCE = EffectKind(
+    kind="airspeed_dependence",
+    stage="surface",
+    adds_to=("wing_factor",),
+    coefficients=(
+        Coefficient(name="gradient", unit="-", scale=0.3, lower=-3.0, upper=3.0),
+        Coefficient(
+            name="reference_speed",
+            unit="m/s",
+            default=REFERENCE_SPEED,
+            scale=1.0,
+            lower=1.0,
+            upper=30.0,
+            grid=(REFERENCE_SPEED,),
+        ),
+    ),
+    formula=_airspeed_dependence,
+    words="a wing coefficient that changes with airspeed (Reynolds number)",
+    depends_on=("V",),
+)
+"""Airspeed dependence: the wing's force grows by gradient (V/V_ref - 1)."""
+
+GROUND_EFFECT = EffectKind(
+    kind="ground_effect",
+    stage="surface",
+    adds_to=("wing_factor",),
+    coefficients=(
+        Coefficient(name="strength", unit="-", scale=0.02, lower=-3.0, upper=3.0),
+        Coefficient(
+            name="height",
+            unit="m",
+            default=0.5,
+            scale=0.1,
+            lower=0.05,
+            upper=10.0,
+            grid=(0.2, 0.5, 1.2),
+        ),
+    ),
+    formula=_ground_effect,
+    words="ground effect: more wing force the lower it flies",
+    depends_on=("z", "alpha"),
+)
+"""Ground effect: the wing's force grows by strength · exp(-z / height).
+
+`strength` is the gain at z = 0 (the height of the perch): where the floor lies
+does not show apart from it. Exponential in height after Staufenbiel and
+Schlichting (J. Aircraft 25, 1988).
+"""
+
+TAIL_WAKE = EffectKind(
+    kind="tail_wake",
+    stage="surface",
+    adds_to=("elevator_factor",),
+    coefficients=(
+        Coefficient(name="loss", unit="-", scale=0.4, lower=0.0, upper=1.0),
+        Coefficient(
+            name="angle",
+            unit="rad",
+            default=0.5,
+            scale=0.05,
+            lower=0.0,
+            upper=2.0,
+            grid=(0.2, 0.4, 0.7, 1.1),
+        ),
+        Coefficient(
+            name="width",
+            unit="rad",
+            default=0.2,
+            scale=0.04,
+            lower=0.03,
+            upper=1.5,
+            grid=(0.1, 0.25),
+        ),
+    ),
+    formula=_tail_wake,
+    words="the tail in the wing's wake at some angles of attack",
+    depends_on=("alpha", "elevator"),
+)
+"""Tail wake: the elevator's force falls by loss · exp(-(α - angle)²/(2 width²)),
+while the separated wake of the wing washes over the tail (deep stall; Etkin and
+Reid, Dynamics of Flight)."""
+
+ELEVATOR_AREA = EffectKind(
+    kind="elevator_area",
+    stage="surface",
+    adds_to=("elevator_factor",),
+    coefficients=(
+        Coefficient(name="change", unit="-", scale=0.2, lower=-0.95, upper=5.0),
+    ),
+    formula=_constant,
+    words="an effective elevator area off the drawing's",
+    depends_on=("elevator", "V"),
+)
+"""Elevator area: its force is (1 + change) times the drawing's."""

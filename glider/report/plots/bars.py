@@ -1,0 +1,146 @@
+"""Evidence and errors as bars."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from glider.report.plots.axes import log_scale
+from glider.report.plots.style import (
+    COLORS,
+    LABELS,
+)
+
+_PICKED = "#0072B2"
+_CONFUSED = "#8CC3E6"
+_OTHER = "#B5B5B5"
+
+
+def plot_evidence(
+    ax: Axes,
+    evidence: Mapping[str, float],
+    picked: Sequence[str] = (),
+    confused: Sequence[str] = (),
+) -> None:
+    """Draws each candidate's evidence as a bar, the strongest on top.
+
+    Args:
+        ax: to draw into.
+        evidence: candidate to log-likelihood gained [nats], NaN where it has none.
+        picked: candidates that the model took.
+        confused: candidates that the data cannot tell from those.
+    """
+    names = sorted(evidence, key=lambda k: _or_lowest(evidence[k]), reverse=True)
+    colors = [
+        _PICKED if n in picked else _CONFUSED if n in confused else _OTHER
+        for n in names
+    ]
+    values = np.array([evidence[n] for n in names], dtype=float)
+    bars = np.where(np.isfinite(values), values, 0.0)
+    rows = np.arange(len(names))
+    ax.barh(rows, bars, height=0.72, color=colors)
+    ax.axvline(0.0, color="#444444", lw=0.8)
+    ax.set_xscale("symlog", linthresh=10.0, linscale=0.6)
+    for row, (name, value) in enumerate(zip(names, values, strict=True)):
+        text = f"{value:,.0f}" if abs(value) >= 10.0 else f"{value:.1f}"
+        ax.annotate(
+            text if math.isfinite(value) else "none",
+            (max(bars[row], 0.0), row),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+            fontweight="bold" if name in picked else "normal",
+        )
+    ax.set_yticks(rows, [n.replace("_", " ") for n in names])
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    top = max(bars.max(initial=0.0), 100.0)
+    bottom = bars.min(initial=0.0)
+    ax.set_xlim(bottom * 2.0 if bottom < 0.0 else 0.0, top * 4.0)
+    ticks = [10.0**p for p in range(1, math.ceil(math.log10(top)) + 1)]
+    below = [-(10.0**p) for p in range(1, 9) if 10.0**p <= -bottom]
+    step = math.ceil(len(ticks) / 6)
+    ax.set_xticks(
+        [*below[-1:], 0.0, *ticks[::step]],
+        [f"{t:,.0f}" for t in (*below[-1:], 0.0, *ticks[::step])],
+    )
+    ax.minorticks_off()
+    ax.grid(False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("evidence when tried alone [nats], linear below 10")
+    for color, label in (
+        (_PICKED, "in the corrected model"),
+        (_CONFUSED, "cannot be told from it"),
+        (_OTHER, "not taken"),
+    ):
+        if color in colors:
+            ax.barh(0, 0, color=color, label=label)
+    ax.legend(loc="lower right")
+
+
+def plot_errors(
+    ax: Axes,
+    names: Sequence[str],
+    values: Mapping[str, Sequence[float]],
+    noise: float = math.nan,
+) -> None:
+    """Draws errors of the models as groups of bars on a log scale.
+
+    Args:
+        ax: to draw into.
+        names: of the errors, which have one unit.
+        values: model to one error a name; NaN leaves a gap.
+        noise: of the measurement in that unit, a dotted line; NaN for none.
+    """
+    finite = [v for row in values.values() for v in row if math.isfinite(v) and v > 0]
+    floor = 10.0 ** math.floor(math.log10(min([*finite, *_positive(noise)], default=1)))
+    floor *= 0.5
+    width = 0.8 / max(len(values), 1)
+    for i, (model, row) in enumerate(values.items()):
+        places = np.arange(len(names)) + (i - (len(values) - 1) / 2) * width
+        heights = np.array([v if math.isfinite(v) and v > 0 else floor for v in row])
+        ax.bar(
+            places,
+            heights - floor,
+            0.92 * width,
+            bottom=floor,
+            color=COLORS[model],
+            label=LABELS[model],
+        )
+        for place, height, value in zip(places, heights, row, strict=True):
+            ax.annotate(
+                _short(value),
+                (place, height),
+                xytext=(0, 2),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=8,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+            )
+    if _positive(noise):
+        ax.axhline(noise, color="k", lw=0.9, ls=":")
+    log_scale(ax)
+    ax.set_ylim(floor, 4.0 * max(finite, default=1.0))
+    ax.set_xticks(np.arange(len(names)), names)
+    ax.set_xlim(-0.6, len(names) - 0.4)
+    ax.tick_params(axis="x", length=0)
+    ax.grid(False, axis="x")
+
+
+def _short(value):
+    """Returns two digits, without an exponent while that stays short."""
+    if not math.isfinite(value):
+        return "–"
+    if 100.0 <= value < 1e5:
+        return f"{value:.0f}"
+    return f"{value:#.2g}".removesuffix(".")
+
+
+def _or_lowest(value):
+    return value if math.isfinite(value) else -math.inf
+
+
+def _positive(value):
+    return [value] if math.isfinite(value) and value > 0.0 else []

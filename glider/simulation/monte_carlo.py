@@ -1,0 +1,179 @@
+"""Monte-Carlo over launches: how often does a glider perch?
+
+A sweep runs through joblib: whoever calls it chooses the workers, up to a
+cluster. With Dask (the extra `cluster`):
+
+    with Client(address), joblib.parallel_config(backend="dask"):
+        results = sweep(cases, flights=100_000, seed=0)
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import joblib
+import numpy as np
+
+from glider.control.policy import TrackingPolicy
+from glider.errors import InputError
+from glider.physics.model import GliderModel
+from glider.physics.state import (
+    NUM_STATES,
+    STATE_NAMES,
+)
+from glider.planning.problem import PerchingProblem
+from glider.simulation.closed_loop import (
+    AFTER,
+    STEP,
+    Flights,
+    fly_closed_loop,
+    make_clock,
+)
+
+CHUNK = 2500
+"""Flights in one task of a sweep. Another number means other random draws."""
+
+_Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+_VELOCITY = [STATE_NAMES.index("xdot"), STATE_NAMES.index("zdot")]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LaunchSpread:
+    """One standard deviation of what a launcher gets wrong; normal distributions."""
+
+    height: float = 0.04
+    """[m]."""
+
+    speed: float = 0.1
+    """Along the launch velocity [m/s]."""
+
+    pitch: float = 0.02
+    """[rad]."""
+
+    def __post_init__(self):
+        """Raises InputError where a deviation cannot be."""
+        for name, value in dataclasses.asdict(self).items():
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(
+                    f"LaunchSpread: '{name}' is {value}; a finite number, not "
+                    "negative, is needed."
+                )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Case:
+    """One row of a sweep: a glider, its feedback and how it is launched."""
+
+    name: str
+    """To tell it from the others."""
+
+    model: GliderModel
+    """The glider that is flown."""
+
+    policy: TrackingPolicy
+    """The feedback."""
+
+    problem: PerchingProblem
+    """Launch and wire."""
+
+    spread: LaunchSpread = LaunchSpread()
+    """Of the launches."""
+
+    command_rate: float | None = None
+    """As in `fly_closed_loop` [Hz]."""
+
+    feedback_noise: tuple[float, ...] = (0.0,) * NUM_STATES
+    """Standard deviation of the measured STATE_NAMES; needs a command rate."""
+
+    step: float = STEP
+    """As in `fly_closed_loop` [s]."""
+
+    after: float = AFTER
+    """As in `fly_closed_loop` [s]."""
+
+
+def draw_launches(
+    problem: PerchingProblem,
+    spread: LaunchSpread,
+    count: int,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Draws launch states, shape (count, 7)."""
+    if count < 1:
+        raise InputError(f"draw_launches: {count} launches; at least 1 is needed.")
+    errors = rng.normal(size=(count, 3)) * [spread.height, spread.speed, spread.pitch]
+    starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
+    velocity = starts[:, _VELOCITY]
+    along = velocity / np.linalg.norm(velocity[0])
+    starts[:, _Z] += errors[:, 0]
+    starts[:, _VELOCITY] += errors[:, 1:2] * along
+    starts[:, _PITCH] += errors[:, 2]
+    return starts
+
+
+def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
+    """Draws and flies launches of a case."""
+    starts = draw_launches(case.problem, case.spread, flights, rng)
+    noise = None
+    if any(case.feedback_noise):
+        clock = make_clock(case.policy, case.command_rate, case.step, case.after)
+        states = case.policy.gains.shape[1]
+        noise = np.zeros((flights, clock.commands, states))
+        drawn = rng.normal(size=(flights, clock.commands, NUM_STATES))
+        noise[:, :, :NUM_STATES] = drawn * case.feedback_noise
+        if clock.hold == 0:
+            raise InputError(
+                f"Case '{case.name}': feedback noise needs a command rate."
+            )
+    return fly_closed_loop(
+        case.model,
+        case.policy,
+        starts,
+        wire=(case.problem.wire[0], case.problem.wire[1]),
+        command_rate=case.command_rate,
+        noise=noise,
+        step=case.step,
+        after=case.after,
+    )
+
+
+def sweep(cases: Sequence[Case], flights: int, seed: int) -> list[Flights]:
+    """Flies many launches of each case, in chunks that workers share.
+
+    The result depends on the seed alone, not on the workers. All cases get the
+    same launches, so that their differences are not those of luck.
+
+    Args:
+        cases: what to fly.
+        flights: launches of each.
+        seed: of the launches and the noise.
+
+    Returns:
+        The flights of each case, without paths.
+    """
+    if flights < 1:
+        raise InputError(f"sweep: {flights} flights; at least one is needed.")
+    counts = [min(CHUNK, flights - first) for first in range(0, flights, CHUNK)]
+    seeds = np.random.SeedSequence(seed).spawn(len(counts))
+    tasks = [
+        joblib.delayed(_fly_chunk)(case, count, seed)
+        for case in cases
+        for count, seed in zip(counts, seeds, strict=True)
+    ]
+    done = joblib.Parallel()(tasks)
+    return [
+        _joined(done[k * len(counts) : (k + 1) * len(counts)])
+        for k in range(len(cases))
+    ]
+
+
+def _fly_chunk(case: Case, flights: int, seed: np.random.SeedSequence) -> Flights:
+    return fly_case(case, flights, np.random.default_rng(seed))
+
+
+def _joined(chunks: list[Flights]) -> Flights:
+    return Flights(
+        times=chunks[0].times,
+        miss=np.concatenate([chunk.miss for chunk in chunks]),
+        ends=np.concatenate([chunk.ends for chunk in chunks]),
+    )

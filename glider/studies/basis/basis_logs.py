@@ -1,0 +1,87 @@
+"""The identification exercise as logs, for the tracer to look at."""
+
+import numpy as np
+
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+    campaign_of,
+)
+from glider.studies.basis.basis_exercise import (
+    Exercise,
+    fly_tapes,
+)
+from glider.studies.basis.basis_features import angle_sign
+from glider.studies.basis.basis_model import SampledFlights
+from glider.sysid.fit.simulate import (
+    FINE,
+    CampaignPlan,
+)
+
+
+def exercise_campaign(exercise: Exercise, angles: str) -> Campaign:
+    """Returns the exercise's data as a campaign, without noise.
+
+    A campaign's angles are nose down. Who takes the exercise's numbers for nose up
+    turns them round on the way into the log: so the published exercise's fault looks
+    in a log.
+
+    Args:
+        exercise: the flights.
+        angles: what their numbers are taken for, a key of `basis_features.ANGLES`.
+    """
+    flights = exercise.flights
+    nothing = np.zeros((*flights.states.shape[:2], 4))
+    return _campaign(exercise, flights, angles, nothing)
+
+
+def filmed_campaign(
+    exercise: Exercise, angles: str, rng: np.random.Generator
+) -> Campaign:
+    """Returns the exercise's launches and tapes as cameras would log them.
+
+    They are flown by fine Runge-Kutta steps, where the exercise takes Euler steps of
+    a hundredth of a second that part from the glider by centimetres, and measured
+    with the noise of `simulate.CampaignPlan`.
+
+    Args:
+        exercise: the flights.
+        angles: as in `exercise_campaign`.
+        rng: of the noise.
+    """
+    given = exercise.flights
+    fine = fly_tapes(
+        exercise.drawing,
+        given.states[:, 0].copy(),
+        given.rates.repeat(FINE, axis=1),
+        given.step / FINE,
+        order=4,
+    )
+    flights = SampledFlights(
+        states=fine.states[:, ::FINE], rates=given.rates, step=given.step
+    )
+    plan = CampaignPlan()
+    place, angle = plan.noise_position, plan.noise_pitch
+    level = [place, place, angle, plan.noise_elevator]
+    noise = rng.normal(size=(*flights.states.shape[:2], 4)) * level
+    return _campaign(exercise, flights, angles, noise)
+
+
+def _campaign(
+    exercise: Exercise, flights: SampledFlights, angles: str, noise: np.ndarray
+) -> Campaign:
+    sign = -angle_sign(angles)
+    measured = (flights.states[:, :, :4] + noise) * [1.0, 1.0, sign, sign]
+    commands = sign * np.concatenate([flights.rates, flights.rates[:, -1:]], axis=1)
+    logs = [
+        Flight(
+            name=f"flight_{i:03d}.csv",
+            time=flights.step * np.arange(len(seen)),
+            pose=seen[:, :3],
+            elevator=seen[:, 3],
+            command=command,
+        )
+        for i, (seen, command) in enumerate(zip(measured, commands, strict=True))
+    ]
+    rate = 1.0 / flights.step
+    return campaign_of("identification", exercise.drawing, logs, rate, rate)

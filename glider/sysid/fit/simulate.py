@@ -1,0 +1,182 @@
+"""Simulated campaigns with a known truth, to test the pipeline on.
+
+Flights are launched, commanded, flown finely, measured with noise and logged in
+the format of real ones.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+    campaign_of,
+)
+from glider.physics.actuator_replay import elevator_path
+from glider.physics.effects import LIBRARY
+from glider.physics.model import GliderModel
+from glider.sysid.replay.nodes import sensed
+from glider.sysid.replay.theta import (
+    OFFSET,
+    Layout,
+    layout_of,
+)
+
+FINE = 10
+"""Integration steps between two rows of the log."""
+
+
+@dataclasses.dataclass(kw_only=True)
+class CampaignPlan:
+    """How to fly and measure a simulated campaign."""
+
+    flights: int = 40
+    """Number of launches."""
+
+    duration: float = 0.86
+    """Of each flight [s]."""
+
+    pose_rate: float = 120.0
+    """Motion capture [Hz]."""
+
+    command_rate: float = 50.0
+    """Elevator-rate commands [Hz]."""
+
+    noise_position: float = 0.0004
+    """Standard deviation of measured x and z [m]."""
+
+    noise_pitch: float = 0.0025
+    """Of measured pitch [rad]."""
+
+    noise_elevator: float = 0.005
+    """Of measured elevator [rad]."""
+
+    launch: tuple[float, ...] = (-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
+    """Mean launch state."""
+
+    launch_spread: tuple[float, ...] = (0.05, 0.12, 0.06, 0.0, 0.3, 0.2, 0.3)
+    """Standard deviation of the launch states."""
+
+
+def layout_for(model: GliderModel) -> Layout:
+    """Returns the layout of the library and of a model's own effects."""
+    return layout_of(tuple(e.kind for e in model.effects if e.kind not in LIBRARY))
+
+
+def theta_of(model: GliderModel) -> np.ndarray:
+    """Returns a model's numbers as its layout has them."""
+    layout = layout_for(model)
+    theta = layout.default_theta(model.parameters)
+    for effect in model.effects:
+        if effect.kind.kind != "angle_sign":
+            theta[list(layout.slots_of(effect.kind.kind))] = effect.values
+    return theta
+
+
+def simulate_campaign(
+    model: GliderModel,
+    plan: CampaignPlan,
+    rng: np.random.Generator,
+    name: str = "simulated",
+) -> Campaign:
+    """Flies and logs a campaign of a glider whose truth is `model`.
+
+    The campaign's vehicle is the model's drawing: its effects stay undeclared.
+    """
+    flights = tuple(
+        _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
+    )
+    return campaign_of(
+        name, model.parameters, flights, plan.pose_rate, plan.command_rate
+    )
+
+
+def random_commands(
+    count: int,
+    period: float,
+    limits: tuple[float, float],
+    rate_limit: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Returns a wandering tape of elevator rates that keeps inside the travel."""
+    low, high = limits
+    middle, half = 0.5 * (low + high), 0.4 * (high - low)
+    tape = np.empty(count)
+    rate, angle = rng.normal(0.0, 4.0), 0.0
+    for k in range(count):
+        if rng.random() < 0.1:
+            rate = rng.normal(0.0, 7.0)
+        rate = 0.9 * rate + rng.normal(0.0, 1.5)
+        pull = -12.0 * max(abs(angle - middle) - 0.7 * half, 0.0)
+        rate += pull * np.sign(angle - middle)
+        tape[k] = np.clip(rate, -0.9 * rate_limit, 0.9 * rate_limit)
+        if not low < angle + tape[k] * period < high:
+            tape[k] = 0.0
+        angle += tape[k] * period
+    return tape
+
+
+def _fly(
+    model: GliderModel, plan: CampaignPlan, rng: np.random.Generator, name: str
+) -> Flight:
+    layout, theta = layout_for(model), theta_of(model)
+    low, high = model.parameters.elevator_limits
+    rows = round(plan.duration * plan.pose_rate) + 1
+    time = np.arange(rows) / plan.pose_rate
+    switches = np.arange(int(plan.duration * plan.command_rate) + 1) / plan.command_rate
+    commands = random_commands(
+        len(switches),
+        1.0 / plan.command_rate,
+        (low, high),
+        model.parameters.elevator_rate_limit,
+        rng,
+    )
+
+    def path(query: np.ndarray) -> np.ndarray:
+        return elevator_path(
+            switches,
+            commands,
+            query,
+            delay=theta[layout.index["command_delay", "delay"]],
+            time_constant=theta[layout.index["servo_lag", "time_constant"]],
+            limits=(low, high),
+        )
+
+    latency = float(theta[layout.index["pose_latency", "latency"]])
+    fine_rate = plan.pose_rate * FINE
+    before = int(np.ceil(max(latency, 0.0) * fine_rate))
+    fine = np.arange(-before, (rows - 1) * FINE + 1) / fine_rate
+    start = np.zeros(layout.num_states)
+    start[:7] = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
+    here, middle = path(fine), path(0.5 * (fine[1:] + fine[:-1]))
+    rate = np.diff(here) * fine_rate
+    start[OFFSET] = here[0]
+    start[7:] = layout.steady_states(fine[0], start, rate[0], theta)
+    start[OFFSET] = 0.0
+    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
+    states = np.empty((len(fine), layout.num_states))
+    layout.kernel.log_rollout(
+        fine,
+        start,
+        elevator,
+        rate,
+        layout.dynamics(theta),
+        model.residual_field,
+        states,
+    )
+    shown = sensed(layout, states, theta)
+    pose = np.stack(
+        [np.interp(time - latency, fine, column) for column in shown.T], axis=1
+    )
+    level = [plan.noise_position, plan.noise_position, plan.noise_pitch]
+    pose = pose + rng.normal(size=pose.shape) * level
+    measured = path(time) + rng.normal(size=rows) * plan.noise_elevator
+    latest = np.searchsorted(switches, time + 1e-9, side="right") - 1
+    command = commands[latest]
+    for effect in model.effects:
+        if effect.kind.kind == "angle_sign":
+            signs = effect.to_dict()
+            pose[:, 2] *= signs["pitch"]
+            measured, command = measured * signs["elevator"], command * signs["command"]
+    return Flight(name=name, time=time, pose=pose, elevator=measured, command=command)

@@ -1,0 +1,77 @@
+"""States along a flight as a model sees them: what its sensors tell apart undone."""
+
+import numpy as np
+
+from glider.physics.effects import (
+    NO_FIELD,
+    Field,
+)
+from glider.physics.state import NUM_STATES
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.signals import (
+    logged_elevator,
+    pose_signals,
+)
+from glider.sysid.replay.theta import (
+    OFFSET,
+    Layout,
+)
+
+
+def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
+    nothing = np.zeros(0, dtype=np.int64)
+    pose = np.empty((len(nodes), 3))
+    layout.kernel.log_measure(
+        nodes,
+        layout.dynamics(theta),
+        nothing,
+        layout.scale,
+        pose,
+        np.empty((len(nodes), 3, nodes.shape[1])),
+        np.empty((len(nodes), 3, 0)),
+    )
+    return pose
+
+
+def true_nodes(
+    record: Record, theta: np.ndarray, field: Field = NO_FIELD
+) -> np.ndarray:
+    """Returns the smoothed states as a model sees them, (n, num_states).
+
+    The model's sensor effects are undone, and the effects' own states follow from
+    their equations along the flight, at rest where it begins.
+    """
+    layout = record.layout
+    nodes = record.nodes.copy()
+    if np.any(theta[list(layout.sensor_slots)]):
+        step = 1e-4
+        later = nodes.copy()
+        later[:, :3] += step * nodes[:, 4:7]
+        for states in (nodes, later):
+            shown = states[:, :3].copy()
+            for _ in range(6):
+                states[:, :3] += shown - sensed(layout, states, theta)
+        nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
+    if record.flight.elevator is not None:
+        path = logged_elevator(record, theta)
+        nodes[:, OFFSET] = np.mean(record.flight.elevator - path)
+    nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
+    layout.kernel.log_extras(
+        record.time,
+        nodes,
+        *pose_signals(record, theta),
+        layout.dynamics(theta),
+        field,
+    )
+    return nodes
+
+
+def launch_steady_states(
+    record: Record, theta: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Returns the effects' own states at rest at a flight's first row."""
+    elevator, rate = pose_signals(record, theta)
+    state = start.copy()
+    state[OFFSET] += elevator[0, 0]
+    return record.layout.steady_states(record.time[0], state, rate[0], theta)

@@ -1,0 +1,64 @@
+"""How noisy a campaign's channels are, and what smooths them."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+)
+from glider.physics.actuator_replay import (
+    command_steps,
+    elevator_path,
+)
+from glider.sysid.replay.smoothing import (
+    Smoothing,
+    estimate_noise,
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Standard deviation of the measurements, and what smooths them.
+
+    Attributes:
+        position: of x and z [m].
+        pitch: [rad].
+        elevator: [rad]; 0 without a servo.
+        smoothing: of the channels x, z, pitch.
+    """
+
+    position: float
+    pitch: float
+    elevator: float
+    smoothing: tuple[Smoothing, ...]
+
+
+def measure_noise(campaign: Campaign) -> Noise:
+    """Finds the noise of a campaign's channels from all its flights."""
+    times = [f.time for f in campaign.flights]
+    smoothing = estimate_noise(times, [f.pose for f in campaign.flights])
+    position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
+    elevator = 0.0
+    if campaign.elevator == "servo":
+        errors = [_elevator_error(f, campaign.command_rate) for f in campaign.flights]
+        elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
+    return Noise(
+        position=max(position, _LEAST_POSITION),
+        pitch=max(smoothing[2].noise, _LEAST_ANGLE),
+        elevator=max(elevator, _LEAST_ANGLE),
+        smoothing=smoothing,
+    )
+
+
+_LEAST_POSITION = 1e-6
+_LEAST_ANGLE = 1e-5
+"""No log is better than this [m, rad]; a computed column has no noise at all."""
+
+
+def _elevator_error(flight: Flight, command_rate: float | None) -> np.ndarray:
+    """Logged elevator minus the integrated commands [rad]."""
+    assert flight.command is not None and flight.elevator is not None
+    switches, commands = command_steps(flight.time, flight.command, command_rate)
+    return flight.elevator - elevator_path(switches, commands, flight.time)

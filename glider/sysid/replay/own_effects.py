@@ -1,0 +1,139 @@
+"""Whether a user's own kinds of effects can be traced beside the library's.
+
+A fault in a formula would otherwise show as an error of the compiler, or as a
+drawing that flies wrongly.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numba
+import numpy as np
+
+from glider.errors import InputError
+from glider.physics.compose import compose
+from glider.physics.effects import (
+    KINDS,
+    STAGES,
+    EffectKind,
+)
+from glider.physics.parameters import (
+    GliderParameters,
+    parameter_vector,
+)
+
+_RESERVED = ("parameters", "rbf_residual", "unexplained")
+
+_TRIAL_STATE = (-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
+_TRIAL_RATE = 1.0
+"""A state of glider.physics.state and an elevator rate in which formulas are tried."""
+
+
+def check_own_effects(own: Sequence[EffectKind]) -> None:
+    """Raises InputError about the first kind that cannot be used."""
+    names = [e.kind if isinstance(e, EffectKind) else "" for e in own]
+    for effect, name in zip(own, names, strict=True):
+        if not isinstance(effect, EffectKind):
+            raise InputError(
+                f"own effects: found a {type(effect).__name__}; "
+                "an EffectKind is needed."
+            )
+        if name in KINDS or name in _RESERVED or names.count(name) > 1:
+            raise InputError(
+                f"own effect '{name}': the name is taken; a new one is needed."
+            )
+        _check_shape(effect)
+        _check_formulas(effect)
+
+
+def _check_shape(effect: EffectKind) -> None:
+    where = f"own effect '{effect.kind}'"
+    stages = [stage for stage in STAGES if stage != "actuator"]
+    if effect.stage not in stages:
+        raise InputError(
+            f"{where}: stage is '{effect.stage}'; one of {', '.join(stages)} is needed."
+        )
+    terms = STAGES[effect.stage]
+    if not effect.adds_to or not set(effect.adds_to) <= set(terms):
+        raise InputError(
+            f"{where}: adds_to is {effect.adds_to}; out of {', '.join(terms)} is "
+            f"needed at stage {effect.stage}."
+        )
+    names = [c.name for c in effect.coefficients]
+    if len(set(names)) < len(names) or all(c.is_shape for c in effect.coefficients):
+        raise InputError(
+            f"{where}: its coefficients are {', '.join(names) or 'none'}; different "
+            "names are needed, and one without a grid, which is the effect's size."
+        )
+    functions = (effect.state_rate, effect.steady_state)
+    if any((f is not None) != bool(effect.states) for f in functions):
+        raise InputError(
+            f"{where}: states, state_rate and steady_state are needed together."
+        )
+    if effect.state_scales and len(effect.state_scales) != len(effect.states):
+        raise InputError(
+            f"{where}: state_scales has {len(effect.state_scales)} numbers; one for "
+            f"each of the {len(effect.states)} states is needed."
+        )
+
+
+def _check_formulas(effect: EffectKind) -> None:
+    """Tries the formulas, plain and compiled, with the default coefficients."""
+    drawing = compose()
+    p = parameter_vector(GliderParameters())
+    motion = drawing.motion_of(0.1, _TRIAL_STATE, _TRIAL_RATE)
+    flow = drawing.flow_of(motion, 0.0, 0.0, p)
+    values = effect().values
+    states: tuple[float, ...] = ()
+    if effect.steady_state is not None and effect.state_rate is not None:
+        count, steady = len(effect.states), effect.steady_state
+        states = _tried(effect, "steady_state", steady, count, flow, values)
+        rate_at = (*states, *values)
+        _tried(effect, "state_rate", effect.state_rate, count, flow, rate_at)
+    # Off rest, for at rest an effect with a state may do nothing at any size.
+    states = tuple(s + 0.1 for s in states)
+    first = motion if effect.stage == "air" else flow
+    added = _tried(
+        effect,
+        "formula",
+        effect.formula,
+        len(effect.adds_to),
+        first,
+        (*states, *values),
+    )
+    if any(added):
+        raise InputError(
+            f"own effect '{effect.kind}': with its defaults the formula returns "
+            f"{', '.join(f'{a:g}' for a in added)}; defaults that do nothing are "
+            "needed."
+        )
+
+
+def _tried(
+    effect: EffectKind,
+    name: str,
+    function: Callable,
+    count: int,
+    flow: tuple,
+    values: tuple[float, ...],
+) -> tuple[float, ...]:
+    """Returns a formula's results as a tuple, once they are what they must be."""
+    where = f"own effect '{effect.kind}': its {name}"
+    for form in (function, numba.njit(function)):
+        try:
+            result = form(flow, *values)
+        except Exception as error:  # Whatever a user's function may raise.
+            first = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            what = "fails" if form is function else "does not compile"
+            raise InputError(
+                f"{where} {what} ({first.rstrip('.')}); arithmetic and the functions "
+                "sin, cos, sqrt, exp and tanh of numpy are needed."
+            ) from None
+    numbers = result if isinstance(result, tuple) else (result,)
+    shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count
+    if not shaped or not all(math.isfinite(x) for x in np.ravel(numbers)):
+        raise InputError(
+            f"{where} returns {result}; {count} finite number"
+            f"{'s, as a tuple, are' if count > 1 else ' is'} needed."
+        )
+    return tuple(float(x) for x in numbers)

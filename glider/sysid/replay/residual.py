@@ -1,0 +1,114 @@
+"""The residual: measured minus modelled acceleration, and the coefficients behind it.
+
+Accelerations are compared along the wing, normal to it and in pitch; the
+coefficients C_L, C_D, C_M refer to ½ρV²S_w (the moment without a chord) and come
+with the variables that they may depend on: the article's data set.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.physics.effects import (
+    FIELD_VARIABLES,
+    NO_FIELD,
+    Field,
+)
+from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.signals import node_signals
+from glider.sysid.replay.theta import OFFSET
+from glider.sysid.result import ResidualTable
+
+_EDGE = 3
+"""Rows at both ends of a flight where an acceleration is not known well."""
+
+
+def flow_along(
+    record: Record, theta: np.ndarray, field: Field, trim: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
+
+    The flow's columns are those of `glider.compiled.replay.log_flow`.
+    """
+    nodes = true_nodes(record, theta).copy()
+    nodes[:, OFFSET] = trim
+    elevator, rate = node_signals(record, theta)
+    values = np.empty((len(record.time), 9))
+    dynamics = record.layout.dynamics(theta)
+    record.layout.kernel.log_flow(
+        record.time, nodes, elevator, rate, dynamics, field, values
+    )
+    return nodes, values
+
+
+def make_table(
+    records: Sequence[Record],
+    theta: np.ndarray,
+    trims: Sequence[float],
+    field: Field = NO_FIELD,
+) -> ResidualTable:
+    """Stacks the residual of flights.
+
+    Args:
+        records: the flights.
+        theta: the model.
+        trims: elevator offset of each flight [rad].
+        field: the model's residual field.
+    """
+    index = records[0].layout.index
+    mass, area = (
+        theta[index["parameters", "mass"]],
+        theta[index["parameters", "wing_area"]],
+    )
+    inertia = theta[index["parameters", "pitch_inertia"]]
+    density = theta[index["parameters", "air_density"]]
+    gravity = theta[index["parameters", "gravity"]]
+    rows: dict[str, list[np.ndarray]] = {}
+
+    def put(name: str, values: np.ndarray) -> None:
+        rows.setdefault(name, []).append(values[_EDGE:-_EDGE])
+
+    for record, trim in zip(records, trims, strict=True):
+        nodes, flow = flow_along(record, theta, field, trim)
+        _, rate = node_signals(record, theta)
+        speed, sin_alpha, cos_alpha, air_x, air_z = flow[:, :5].T
+        alpha = np.unwrap(np.arctan2(sin_alpha, cos_alpha))
+        variables = {
+            "x": nodes[:, 0],
+            "z": nodes[:, 1],
+            "t": record.time,
+            "pitch": nodes[:, 2],
+            "V": speed,
+            "alpha": alpha,
+            "pitchdot": nodes[:, 6],
+            "elevator": flow[:, 8],
+            "elevator_rate": rate,
+            "alphadot": np.gradient(alpha, record.time),
+        }
+        for name in (*FIELD_VARIABLES, "alphadot"):
+            put(name, variables[name])
+        sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
+        error = record.acceleration - flow[:, 5:8]
+        put("tangential", error[:, 0] * cosine - error[:, 1] * sine)
+        put("normal", error[:, 0] * sine + error[:, 1] * cosine)
+        put("angular", error[:, 2])
+        pressure = 0.5 * density * speed**2 * area
+        for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
+            force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
+            lift = (force_z * air_x - force_x * air_z) / speed
+            drag = -(force_x * air_x + force_z * air_z) / speed
+            put(f"c_lift {label}", lift / pressure)
+            put(f"c_drag {label}", drag / pressure)
+            put(f"c_moment {label}", inertia * a[:, 2] / pressure)
+
+    stacked = {name: np.concatenate(parts) for name, parts in rows.items()}
+    names = ("c_lift", "c_drag", "c_moment")
+    return ResidualTable(
+        variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
+        residual=np.stack(
+            [stacked[name] for name in ("tangential", "normal", "angular")], axis=1
+        ),
+        coefficients={name: stacked[f"{name} measured"] for name in names},
+        modelled={name: stacked[f"{name} modelled"] for name in names},
+    )

@@ -1,0 +1,215 @@
+"""A log's errors against a model, linear in the launch state and in the model.
+
+Each interval between two rows is flown from the smoothed state (multiple
+shooting), so that what comes out is the output-error problem of the whole
+flight, linearised about the measurement instead of about a wrong model. In that
+form a model's error, and each coefficient's signature in it, stay linear even
+where free rollouts have long parted from the flight.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from glider.physics.effects import (
+    NO_FIELD,
+    Field,
+)
+from glider.physics.state import NUM_STATES
+from glider.sysid.replay.nodes import (
+    launch_steady_states,
+    true_nodes,
+)
+from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.signals import (
+    logged_elevator,
+    pose_signals,
+)
+from glider.sysid.replay.theta import OFFSET
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Linearized:
+    """A flight's errors against a model, linear in launch state and theta.
+
+    error = residual - by_start δstart - by_theta δtheta, all divided by the
+    noise's standard deviation, so that under the true model the errors are
+    independent with variance one.
+
+    Attributes:
+        residual: (rows,): x, z, pitch row by row, then the elevator, then the
+            prior of the launch state.
+        by_start: (rows, num_states).
+        by_theta: (rows, m).
+        start: (num_states,) launch state that δstart is counted from.
+    """
+
+    residual: np.ndarray
+    by_start: np.ndarray
+    by_theta: np.ndarray
+    start: np.ndarray
+
+
+def linearize(
+    record: Record,
+    theta: np.ndarray,
+    free: tuple[int, ...],
+    noise: Noise,
+    *,
+    field: Field = NO_FIELD,
+    nodes: np.ndarray | None = None,
+    forcing: np.ndarray | None = None,
+    trim_is_known: bool = True,
+) -> Linearized:
+    """Compares a flight with a model; see the module's docstring.
+
+    Args:
+        record: the flight.
+        theta: the model, as `layout` has it.
+        free: indices into theta of the columns wanted.
+        noise: of the campaign.
+        field: a residual field.
+        nodes: (n, num_states) other linearisation points than the smoothed states.
+        forcing: (n - 1, num_states, k) further columns: how each of k unnamed
+            coefficients moves the end of each interval.
+        trim_is_known: whether an elevator without a servo stands at zero in every
+            flight (its angle is then `elevator_trim`), not at an own unknown angle.
+    """
+    points = true_nodes(record, theta, field) if nodes is None else nodes
+    if nodes is None and not (record.has_servo or trim_is_known):
+        points = points.copy()
+        points[:, OFFSET] = own_trim(record, theta, noise, field, points)
+    n, dim = points.shape
+    layout = record.layout
+    loops = layout.kernel
+    in_kernel = np.array([i for i in free if i < layout.num_compiled], dtype=np.int64)
+    in_signal = [i for i in free if i >= layout.num_compiled]
+    if [*in_kernel, *in_signal] != list(free):
+        raise ValueError(f"free must name the signals' slots last: {free}")
+    dynamics = layout.dynamics(theta).copy()
+    scale = layout.scale
+
+    ends = np.empty((n - 1, dim))
+    by_x = np.empty((n - 1, dim, dim))
+    by_kernel = np.empty((n - 1, dim, len(in_kernel)))
+    loops.log_shoot(
+        record.time, points, *pose_signals(record, theta), dynamics, in_kernel,
+        scale, field, ends, by_x, by_kernel,
+    )  # fmt: skip
+    columns = [by_kernel]
+    for i in in_signal:
+        moved = theta.copy()
+        moved[i] += _SIGNAL_STEP
+        others = np.empty((n - 1, dim))
+        loops.log_advance(
+            record.time, points, *pose_signals(record, moved), dynamics, field, others
+        )
+        columns.append(((others - ends) / _SIGNAL_STEP)[:, :, None])
+    if forcing is not None:
+        columns.append(forcing)
+    inputs = np.concatenate([*columns, (ends - points[1:])[:, :, None]], axis=2)
+    states = np.empty((n, dim, dim + inputs.shape[2]))
+    loops.log_propagate(by_x, inputs, states)
+
+    pose = np.empty((n, 3))
+    pose_by_x = np.empty((n, 3, dim))
+    pose_by_kernel = np.empty((n, 3, len(in_kernel)))
+    loops.log_measure(
+        points, dynamics, in_kernel, scale, pose, pose_by_x, pose_by_kernel
+    )
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        rows = pose_by_x @ states
+        rows[:, :, dim : dim + len(in_kernel)] += pose_by_kernel
+        rows[:, :, -1] = record.flight.pose - pose - rows[:, :, -1]
+        rows /= np.array([noise.position, noise.position, noise.pitch])[:, None]
+    blocks = [rows.reshape(3 * n, -1)]
+    if record.has_servo:
+        table = np.zeros((n, rows.shape[2]))
+        path = logged_elevator(record, theta)
+        for j, i in enumerate(in_signal, start=dim + len(in_kernel)):
+            moved = theta.copy()
+            moved[i] += _SIGNAL_STEP
+            table[:, j] = (logged_elevator(record, moved) - path) / _SIGNAL_STEP
+        table[:, OFFSET] = 1.0
+        table[:, -1] = record.flight.elevator - path - points[:, OFFSET]
+        blocks.append(table / noise.elevator)
+    is_known = trim_is_known and not record.has_servo
+    blocks.append(_launch_prior(record, theta, points[0], is_known, rows.shape[2]))
+    table = np.vstack(blocks)
+    return Linearized(
+        residual=table[:, -1],
+        by_start=table[:, :dim],
+        by_theta=table[:, dim:-1],
+        start=points[0].copy(),
+    )
+
+
+def _launch_prior(
+    record: Record, theta: np.ndarray, start: np.ndarray, is_known: bool, width: int
+) -> np.ndarray:
+    """Returns the rows that hold the elevator's offset and the effects' own states.
+
+    The offset lies about zero, the states about their values at rest.
+    """
+    spread = _PRIOR_KNOWN if is_known else 1.0
+    rest = launch_steady_states(record, theta, start)
+    spreads = _PRIOR_EXTRA * record.layout.state_scale
+    rows = np.zeros((1 + len(rest), width))
+    rows[0, OFFSET], rows[0, -1] = 1.0 / spread, -start[OFFSET] / spread
+    rows[1:, NUM_STATES : len(start)] = np.diag(1.0 / spreads)
+    rows[1:, -1] = (rest - start[NUM_STATES:]) / spreads
+    return rows
+
+
+DIVERGED = 1e12
+"""Errors beyond this, in standard deviations, mean that the model blew up."""
+
+
+def fitted_start(errors: Linearized) -> np.ndarray:
+    """Returns the change of the launch state that makes the errors least.
+
+    A model that blew up gives no change.
+    """
+    largest = max(np.abs(errors.by_start).max(), np.abs(errors.residual).max())
+    if not largest < DIVERGED:
+        return np.zeros(errors.by_start.shape[1])
+    scale = 1.0 / np.linalg.norm(errors.by_start, axis=0)
+    scaled = errors.by_start * scale
+    gram = scaled.T @ scaled + 1e-13 * np.eye(len(scale))
+    return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
+
+
+def own_trim(
+    record: Record, theta: np.ndarray, noise: Noise, field: Field, nodes: np.ndarray
+) -> float:
+    """Returns the elevator angle of a flight without a servo [rad].
+
+    It can be large, so the flight is linearised about it, not about zero.
+    """
+    trim = 0.0
+    for _ in range(3):
+        points = nodes.copy()
+        points[:, OFFSET] = trim
+        errors = linearize(
+            record, theta, (), noise, field=field, nodes=points, trim_is_known=False
+        )
+        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
+        trim = float(np.clip(trim + change, -1.2, 1.2))
+        if not np.isfinite(trim):
+            return 0.0
+        if abs(change) < 1e-3:
+            break
+    return trim
+
+
+_SIGNAL_STEP = 1e-5
+"""Finite-difference step of delays and time constants [s]."""
+
+_PRIOR_EXTRA = 0.05
+"""Spread of effects' own states at launch about their steady values, in their
+own scales."""
+
+_PRIOR_KNOWN = 1e-6
+"""Spread of an elevator that stands where it is known to stand [rad]."""

@@ -1,0 +1,177 @@
+"""What the numbers of a model mean: the layout of its vector theta.
+
+While flights are fitted, a model is one vector theta: the drawing's parameters,
+then the coefficients of every effect that the compiled dynamics hold (the whole
+library's and a user's own; at their defaults they do nothing), and last those of
+the effects on the log's signals, which are replayed instead.
+"""
+
+import dataclasses
+import functools
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.compiled.kernel import (
+    Kernel,
+    compiled,
+)
+from glider.physics.compose import compose
+from glider.physics.effects import (
+    KINDS,
+    LIBRARY,
+    EffectKind,
+)
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    GliderParameters,
+    parameter_vector,
+)
+from glider.physics.state import NUM_STATES
+from glider.sysid.replay.own_effects import check_own_effects
+
+SIGNAL_KINDS = ("servo_lag", "command_delay", "pose_latency")
+"""Effects on the clocks and paths of the log's signals, replayed exactly."""
+
+OFFSET = 3
+"""Where a log is flown, x[OFFSET] is the elevator's constant offset from its
+replayed path."""
+
+_COMPILING = threading.Lock()
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Layout:
+    """What each entry of theta and of a flown state is; see the module.
+
+    Attributes:
+        own: a user's own kinds of effects, beside the library's.
+        kinds: name to kind, of both.
+        compiled_kinds: the effects that the compiled dynamics hold.
+        slots: what each entry of theta is: (kind, coefficient), where the kind
+            of the drawing is "parameters".
+        index: the other way round.
+        num_compiled: entries of theta that the compiled dynamics take, the first.
+        num_states: of the compiled dynamics: 7, then the effects' own.
+        lower: the smallest physical theta.
+        upper: the largest.
+        scale: typical sizes of theta's entries.
+        state_scale: typical sizes of the effects' own states.
+        sensor_slots: indices into theta of the compiled sensor effects.
+        at_rest: steady state and coefficients' place of each effect with states.
+    """
+
+    own: tuple[EffectKind, ...]
+    kinds: dict[str, EffectKind]
+    compiled_kinds: tuple[EffectKind, ...]
+    slots: tuple[tuple[str, str], ...]
+    index: dict[tuple[str, str], int]
+    num_compiled: int
+    num_states: int
+    lower: np.ndarray
+    upper: np.ndarray
+    scale: np.ndarray
+    state_scale: np.ndarray
+    sensor_slots: tuple[int, ...]
+    at_rest: tuple[tuple[Callable, slice], ...]
+
+    @functools.cached_property
+    def kernel(self) -> Kernel:
+        """The compiled loops over the dynamics with all these effects."""
+        with _COMPILING:  # Threads that meet here share one.
+            return compiled(self.compiled_kinds, True)
+
+    def slots_of(self, kind: str) -> tuple[int, ...]:
+        """Returns where a kind's coefficients lie in theta."""
+        return tuple(i for i, (k, _) in enumerate(self.slots) if k == kind)
+
+    def default_theta(self, parameters: GliderParameters) -> np.ndarray:
+        """Returns theta of the drawing: its parameters, effects that do nothing."""
+        coefficients = [
+            c.default
+            for e in (*self.compiled_kinds, *(KINDS[k] for k in SIGNAL_KINDS))
+            for c in e.coefficients
+        ]
+        return np.concatenate([parameter_vector(parameters), coefficients])
+
+    def dynamics(self, theta: np.ndarray) -> np.ndarray:
+        """Returns the part of theta that the compiled dynamics take."""
+        return theta[: self.num_compiled]
+
+    def steady_states(
+        self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
+    ) -> np.ndarray:
+        """Returns the effects' own states at rest in still air.
+
+        Args:
+            time: [s].
+            state: (7 or more,) of `physics.state`, the elevator's true angle included.
+            rate: of the elevator [rad/s].
+            theta: the model.
+        """
+        drawing = compose()
+        motion = drawing.motion_of(time, state.tolist(), rate)
+        parameters = theta[: len(PARAMETER_NAMES)].tolist()
+        flow = drawing.flow_of(motion, 0.0, 0.0, parameters)
+        rest: list[float] = []
+        for steady, own in self.at_rest:
+            values = steady(flow, *theta[own].tolist())
+            rest.extend(values if isinstance(values, tuple) else (values,))
+        return np.array(rest)
+
+
+@functools.cache
+def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
+    """Returns the layout of the library and of a user's own kinds.
+
+    Raises:
+        InputError: an own kind cannot be used.
+    """
+    check_own_effects(own)
+    kinds = {**KINDS, **{e.kind: e for e in own}}
+    held = tuple(
+        e for e in (*LIBRARY, *own) if e.kind not in (*SIGNAL_KINDS, "angle_sign")
+    )
+    in_theta = (*held, *(KINDS[k] for k in SIGNAL_KINDS))
+    slots = (
+        *(("parameters", name) for name in PARAMETER_NAMES),
+        *((e.kind, c.name) for e in in_theta for c in e.coefficients),
+    )
+    bounds = [
+        (-0.1, 0.1, 0.01) if name == "wing_offset" else (1e-6, 1e4, 0.01)
+        for name in PARAMETER_NAMES
+    ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
+    lower, upper, scale = np.array(bounds).T.copy()
+    sizes = [len(e.coefficients) for e in held]
+    starts = np.cumsum([len(PARAMETER_NAMES), *sizes]).tolist()
+    state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
+    return Layout(
+        own=own,
+        kinds=kinds,
+        compiled_kinds=held,
+        slots=slots,
+        index={slot: i for i, slot in enumerate(slots)},
+        num_compiled=starts[-1],
+        num_states=NUM_STATES + len(state_scale),
+        lower=lower,
+        upper=upper,
+        scale=scale,
+        state_scale=np.array(state_scale),
+        sensor_slots=tuple(
+            i
+            for i, (kind, _) in enumerate(slots)
+            if kind in kinds
+            and kinds[kind].stage == "sensor"
+            and kind not in SIGNAL_KINDS
+        ),
+        at_rest=tuple(
+            (e.steady_state, slice(start, start + len(e.coefficients)))
+            for e, start in zip(held, starts[:-1], strict=True)
+            if e.steady_state is not None
+        ),
+    )
+
+
+LIBRARY_LAYOUT = layout_of()
+"""Where there is no effect of a user's own."""

@@ -1,0 +1,141 @@
+"""From what a campaign tells of its vehicle to a model's unknowns.
+
+What is known of a vehicle is taken from the drawing; what is not is fitted with
+the effects. Without a mass, an area or an inertia, forces show only per mass: the
+mass is then set to 1 kg, and areas and inertia are per kilogram.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from glider.campaign.logs import Campaign
+from glider.physics.parameters import (
+    PARAMETER_NAMES,
+    GliderParameters,
+)
+from glider.sysid.replay.theta import (
+    LIBRARY_LAYOUT,
+    SIGNAL_KINDS,
+    Layout,
+)
+
+_PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
+"""Parameters that forces and moments show only per mass."""
+
+OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
+"""Parameters of a flat-plate glider that flights can tell, given its mass."""
+
+_CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
+"""Parameters that are taken from the default drawing where they are not told:
+they only scale the others."""
+
+
+_OFFSET_SPREAD = 0.03
+"""How far an unknown wing's center of pressure may lie from the center of mass
+[m]; unknown areas and inertia may be off the default glider's by half."""
+
+PRIOR_SCALES = 4.0
+"""Spread of effects' coefficients beforehand, in their scales, where there is no
+drawing to hold them against."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """A campaign's vehicle as the fits see it.
+
+    Attributes:
+        layout: of theta.
+        theta: the drawing, unknown entries at a start value.
+        nuisance: indices into theta that are unknown and fitted with everything.
+        own: indices of the flat plate's own parameters, for the refitted plate.
+        kinds: effects that these logs could show.
+        trim_is_known: False where the elevator stands elsewhere in each flight.
+        is_known: whether the drawing is complete, the elevator's angle included.
+        prior: mean and spread of theta before any flight, for what is unknown.
+        notes: what was assumed, for the report.
+    """
+
+    layout: Layout
+    theta: np.ndarray
+    nuisance: tuple[int, ...]
+    own: tuple[int, ...]
+    kinds: tuple[str, ...]
+    trim_is_known: bool
+    is_known: bool
+    prior: tuple[np.ndarray, np.ndarray] | None
+    notes: tuple[str, ...]
+
+
+def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
+    """Sorts a campaign's vehicle into known and unknown."""
+    index = layout.index
+    known = dict(campaign.vehicle)
+    notes = []
+    drawing: dict[str, Any] = dataclasses.asdict(GliderParameters())
+    has_scale = any(name in known for name in _PER_MASS)
+    if "mass" not in known and not has_scale:
+        for name in _PER_MASS:
+            drawing[name] /= drawing["mass"]
+        drawing["mass"] = 1.0
+        notes.append(
+            "No mass or area is told: the mass is set to 1 kg, "
+            "so areas and inertia are per kg."
+        )
+    for name in _CONVENTIONAL:
+        if name not in known:
+            notes.append(f"'{name}' is not told: {drawing[name]:g} is assumed.")
+    if campaign.elevator_limits is not None:
+        drawing["elevator_limits"] = list(campaign.elevator_limits)
+    if campaign.elevator_rate_limit is not None:
+        drawing["elevator_rate_limit"] = campaign.elevator_rate_limit
+    parameters = GliderParameters(**{**drawing, **known})
+
+    unknown = [name for name in OWN if name not in known]
+    if "mass" not in known and has_scale:
+        unknown.append("mass")
+    nuisance = [index["parameters", name] for name in unknown]
+    dropped = {"angle_sign"}
+    if campaign.elevator != "servo":
+        dropped |= set(SIGNAL_KINDS) | {"elevator_trim"}
+    if campaign.elevator == "fixed":
+        nuisance.append(index["elevator_trim", "angle"])
+    if "mass" not in known or "wing_area" in unknown:
+        dropped.add("mass")
+    if "pitch_inertia" in unknown:
+        dropped.add("inertia")
+    if "elevator_area" in unknown:
+        dropped.add("elevator_area")
+    theta = layout.default_theta(parameters)
+    prior = None
+    if unknown:
+        spread = PRIOR_SCALES * layout.scale
+        for name in unknown:
+            i = index["parameters", name]
+            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else 0.5 * theta[i]
+        prior = theta.copy(), spread
+    return Vehicle(
+        layout=layout,
+        theta=theta,
+        prior=prior,
+        nuisance=tuple(sorted(nuisance)),
+        own=tuple(sorted({*nuisance, *(index["parameters", name] for name in OWN)})),
+        kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
+        trim_is_known=campaign.elevator != "fixed_per_flight",
+        is_known="mass" in known and not unknown and campaign.elevator != "fixed",
+        notes=tuple(notes),
+    )
+
+
+def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
+    """Returns theta's parameters as a drawing, with the campaign's limits."""
+    limits: dict[str, Any] = {}
+    if campaign.elevator_limits is not None:
+        limits["elevator_limits"] = list(campaign.elevator_limits)
+    if campaign.elevator_rate_limit is not None:
+        limits["elevator_rate_limit"] = campaign.elevator_rate_limit
+    values: dict[str, Any] = {
+        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
+    }
+    return GliderParameters(**values, **limits)

@@ -1,0 +1,129 @@
+"""Is an angle logged with the other sign? The first question to a new log."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+)
+from glider.sysid.fit.output_error import (
+    Problem,
+    fit,
+)
+from glider.sysid.replay.noise import (
+    Noise,
+    measure_noise,
+)
+from glider.sysid.replay.record import prepare
+from glider.sysid.replay.vehicle import Vehicle
+
+ADVANTAGE = 5.0
+"""Factor by which the error must fall before a sign is called wrong."""
+
+FLIGHTS = 6
+"""Flights to ask; a wrong sign shows in any."""
+
+COMPANIONS = ("profile_drag", "pitch_offset")
+"""Effects that are fitted under any signs: what nearly every glider has, lest its
+lack look like a wrong sign."""
+
+_WITH_SERVO = (
+    (-1, 1, 1),
+    (1, -1, -1),
+    (-1, -1, -1),
+    (1, -1, 1),
+    (1, 1, -1),
+    (-1, -1, 1),
+    (-1, 1, -1),
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Signs:
+    """The signs of the logged pitch, elevator and command, and how sure they are.
+
+    Attributes:
+        pitch: +1, or -1 where the log has the other sign.
+        elevator: alike.
+        command: alike.
+        evidence: log-likelihood gained by them [nats].
+        share: of the error that they take away.
+    """
+
+    pitch: int = 1
+    elevator: int = 1
+    command: int = 1
+    evidence: float = 0.0
+    share: float = 0.0
+
+    @property
+    def are_right(self) -> bool:
+        """Whether nothing is to be turned."""
+        return (self.pitch, self.elevator, self.command) == (1, 1, 1)
+
+
+def turn(flight: Flight, signs: Signs) -> Flight:
+    """Returns the flight with wrong signs undone."""
+    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
+    if flight.elevator is None or flight.command is None:
+        return dataclasses.replace(flight, pose=pose)
+    return dataclasses.replace(
+        flight,
+        pose=pose,
+        elevator=flight.elevator * signs.elevator,
+        command=flight.command * signs.command,
+    )
+
+
+def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
+    """Returns the campaign with wrong signs undone."""
+    flights = tuple(turn(f, signs) for f in campaign.flights)
+    return dataclasses.replace(campaign, flights=flights)
+
+
+def find_signs(
+    campaign: Campaign, flights: Sequence[Flight], noise: Noise, vehicle: Vehicle
+) -> Signs:
+    """Compares the ways in which the angles may have been logged.
+
+    A wrong sign turns forces round: no small effect of the library comes near.
+    So the best set of signs must beat the logged one by `ADVANTAGE`, each with
+    `COMPANIONS` fitted.
+    """
+    few = tuple(flights[:FLIGHTS])
+    options = _WITH_SERVO if campaign.elevator == "servo" else ((-1, 1, 1),)
+    logged = _cost(campaign, few, noise, vehicle, Signs())
+    best, lowest = Signs(), logged
+    for pitch, elevator, command in options:
+        signs = Signs(pitch=pitch, elevator=elevator, command=command)
+        error = _cost(campaign, few, noise, vehicle, signs)
+        if error < lowest:
+            best, lowest = signs, error
+    if best.are_right or lowest * ADVANTAGE > logged:
+        return Signs()
+    rows = sum(4 * len(f.time) for f in few)
+    return dataclasses.replace(
+        best,
+        evidence=float(0.5 * (logged - lowest) / max(lowest / rows, 1.0)),
+        share=float(1.0 - lowest / logged),
+    )
+
+
+def _cost(
+    campaign: Campaign,
+    flights: tuple[Flight, ...],
+    noise: Noise,
+    vehicle: Vehicle,
+    signs: Signs,
+) -> float:
+    turned = tuple(turn(f, signs) for f in flights)
+    if campaign.elevator == "servo":  # Its noise depends on the signs.
+        noise = measure_noise(dataclasses.replace(campaign, flights=turned))
+    records = prepare(turned, campaign, noise, vehicle.layout)
+    problem = Problem(records=records, noise=noise, trim_is_known=vehicle.trim_is_known)
+    companions = [i for kind in COMPANIONS for i in vehicle.layout.slots_of(kind)]
+    free = tuple(sorted({*vehicle.nuisance, *companions}))
+    return fit(problem, vehicle.theta, free, iterations=8).cost

@@ -1,0 +1,72 @@
+"""The servo of the elevator as a Drake System."""
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from glider.physics.parameters import GliderParameters
+from glider.physics.servo import limited_rate
+from glider.physics.state import (
+    NUM_STATES,
+    STATE_NAMES,
+)
+
+_ELEVATOR = STATE_NAMES.index("elevator")
+
+
+@TemplateSystem.define("ElevatorServo_", T_list=[float, AutoDiffXd])
+def ElevatorServo_(T):
+    class Impl(LeafSystem_[T]):
+        """A servo that keeps its rate limit and slows down before its stops.
+
+        command -> [               ]
+        state ---> [ ElevatorServo ] -> elevator_rate
+
+        See `limited_rate` for the formula. Where the glider's own actuator lags
+        (effect servo_lag), the elevator can overshoot a stop by what the lag
+        still moves it.
+
+        Args:
+            parameters: whose elevator_limits and elevator_rate_limit to keep.
+            num_states: width of `state`; its elevator angle is used.
+        """
+
+        def _construct(self, parameters=None, num_states=NUM_STATES, converter=None):
+            LeafSystem_[T].__init__(self, converter)
+            self.set_name("servo")
+            parameters = GliderParameters() if parameters is None else parameters
+            self._low, self._high = parameters.elevator_limits
+            self._rate_limit = parameters.elevator_rate_limit
+            self._command = self.DeclareVectorInputPort("command", 1)
+            self._state = self.DeclareVectorInputPort("state", num_states)
+            self.DeclareVectorOutputPort(
+                "elevator_rate",
+                1,
+                self._calc_rate,
+                {
+                    self.input_port_ticket(self._command.get_index()),
+                    self.input_port_ticket(self._state.get_index()),
+                },
+            )
+
+        def _construct_copy(self, other, converter=None):
+            parameters = GliderParameters(
+                elevator_limits=[other._low, other._high],
+                elevator_rate_limit=other._rate_limit,
+            )
+            Impl._construct(self, parameters, other._state.size(), converter=converter)
+
+        def _calc_rate(self, context, output):
+            command = self._command.Eval(context)[0]
+            elevator = self._state.Eval(context)[_ELEVATOR]
+            rate = limited_rate(
+                command, elevator, self._low, self._high, self._rate_limit
+            )
+            # A limit alone is a float; the sum is a T.
+            output.SetFromVector(np.array([rate + 0.0 * elevator]))
+
+    return Impl
+
+
+ElevatorServo = ElevatorServo_[None]  # The float instantiation.

@@ -1,0 +1,212 @@
+"""Truncated Taylor polynomials in several variables, as a kind of number.
+
+A Jet goes through `glider.physics.compose` like a float does and
+comes out as the Taylor polynomial of the result: the one source of physics, expanded
+to any order. Coefficients may be arrays over many expansion points, so that one pass
+through the physics expands it along a whole flight.
+"""
+
+import functools
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from glider.verification.dynamics.arithmetic import Number
+
+
+class Monomials:
+    """The monomials of some variables up to a degree, and their products.
+
+    Attributes:
+        exponents: (M, n) by degree, then in the order of combinations.
+        degrees: (M,).
+    """
+
+    def __init__(self, num_variables: int, degree: int):
+        """Lists them and prepares their multiplication table."""
+        self.num_variables, self.degree = num_variables, degree
+        rows = [exponents_of(num_variables, d) for d in range(degree + 1)]
+        self.exponents = np.concatenate(rows)
+        self.degrees = self.exponents.sum(axis=1)
+        place = {tuple(e): k for k, e in enumerate(self.exponents)}
+        pairs = [
+            (place[tuple(self.exponents[i] + self.exponents[j])], i, j)
+            for i in range(len(place))
+            for j in range(len(place))
+            if self.degrees[i] + self.degrees[j] <= degree
+        ]
+        table = np.array(sorted(pairs))
+        self.left, self.right = table[:, 1], table[:, 2]
+        # Every monomial is a product, by 1 if by nothing else: none is missing.
+        self.starts = np.flatnonzero(np.diff(table[:, 0], prepend=-1))
+        # And every one of degree 1 or more is a variable times a lower one.
+        self._factor = np.argmax(self.exponents > 0, axis=1)
+        unit = np.eye(num_variables, dtype=int)
+        self._lower = np.array(
+            [0] + [place[tuple(e - unit[i])] for e, i in self._rows()]
+        )
+
+    def _rows(self):
+        return zip(self.exponents[1:], self._factor[1:], strict=True)
+
+    def values(self, points: np.ndarray) -> np.ndarray:
+        """Returns the monomials' values (B, M) at points (B, n)."""
+        values = np.ones((len(self.degrees), len(points)))
+        for degree in range(1, self.degree + 1):
+            here = self.of_degree(degree)
+            values[here] = values[self._lower[here]] * points.T[self._factor[here]]
+        return values.T
+
+    def of_degree(self, degree: int) -> slice:
+        """Returns where the monomials of one degree are."""
+        return slice(*np.searchsorted(self.degrees, [degree, degree + 1]))
+
+
+def exponents_of(num_variables: int, degree: int) -> np.ndarray:
+    """Returns the exponents (M, n) of all monomials of exactly this degree."""
+    choices = itertools.combinations_with_replacement(range(num_variables), degree)
+    rows = [np.bincount(c, minlength=num_variables) for c in choices]
+    return np.array(rows, dtype=int).reshape(-1, num_variables)
+
+
+@functools.lru_cache(maxsize=16)
+def monomials(num_variables: int, degree: int) -> Monomials:
+    """Returns the table of these monomials, made once."""
+    return Monomials(num_variables, degree)
+
+
+class Jet(Number):
+    """A truncated Taylor polynomial.
+
+    Its coefficients may be arrays, one number for each expansion point; plain numbers
+    and arrays like that join in.
+
+    Attributes:
+        table: its Monomials.
+        coefficients: (M, ...) of the monomials.
+    """
+
+    def __init__(self, table: Monomials, coefficients: np.ndarray):
+        """Takes what `Jet` holds."""
+        self.table, self.coefficients = table, coefficients
+
+    def plus(self, other: Any) -> "Jet":
+        """Returns the sum with a jet of the same table or a plain number."""
+        if isinstance(other, Jet):
+            return Jet(self.table, self.coefficients + other.coefficients)
+        coefficients = self.coefficients.copy()
+        coefficients[0] += other
+        return Jet(self.table, coefficients)
+
+    def times(self, other: Any) -> "Jet":
+        """Returns the product with a jet of the same table or a plain number."""
+        if not isinstance(other, Jet):
+            return Jet(self.table, self.coefficients * other)
+        table = self.table
+        products = self.coefficients[table.left] * other.coefficients[table.right]
+        return Jet(table, np.add.reduceat(products, table.starts, axis=0))
+
+    def of(self, function: np.ufunc) -> "Jet":
+        """Returns a function of this jet."""
+        terms = SERIES[function](self.coefficients[0], self.table.degree)
+        change = Jet(self.table, self.coefficients.copy())
+        change.coefficients[0] = 0.0
+        total = _constant(self, terms[-1])
+        for term in terms[-2::-1]:
+            total = total.times(change).plus(term)
+        return total
+
+
+def variables(values: np.ndarray, degree: int) -> list[Jet]:
+    """Returns the jets of x_i = values[i] + (variable i).
+
+    Args:
+        values: (n, ...) where to expand.
+        degree: of the truncation.
+    """
+    values = np.asarray(values, dtype=float)
+    table = monomials(len(values), degree)
+    jets = []
+    for i, value in enumerate(values):
+        coefficients = np.zeros((len(table.degrees), *value.shape))
+        coefficients[0] = value
+        coefficients[1 + i] = 1.0
+        jets.append(Jet(table, coefficients))
+    return jets
+
+
+def coefficients_of(value: object, like: Jet) -> np.ndarray:
+    """Returns the coefficients of a jet, or of a number as a constant jet."""
+    if isinstance(value, Jet):
+        return value.coefficients
+    return _constant(like, np.asarray(value, dtype=float)).coefficients
+
+
+def _constant(like, value):
+    coefficients = np.zeros_like(like.coefficients)
+    coefficients[0] = value
+    return Jet(like.table, coefficients)
+
+
+def _reciprocal(a, degree):
+    return [(-1.0) ** k / a ** (k + 1) for k in range(degree + 1)]
+
+
+def _sqrt(a, degree):
+    terms = [np.sqrt(a)]
+    for k in range(1, degree + 1):
+        terms.append(terms[-1] * (1.5 - k) / (k * a))
+    return terms
+
+
+def _exp(a, degree):
+    terms = [np.exp(a)]
+    for k in range(1, degree + 1):
+        terms.append(terms[-1] / k)
+    return terms
+
+
+def _turning(first, second):
+    """Returns the series of sin or cos, given the function and its derivative."""
+
+    def series(a, degree):
+        cycle = [first(a), second(a), -first(a), -second(a)]
+        terms, factorial = [], 1.0
+        for k in range(degree + 1):
+            factorial *= max(k, 1)
+            terms.append(cycle[k % 4] / factorial)
+        return terms
+
+    return series
+
+
+def _tanh(a, degree):
+    """From y' = 1 - y²."""
+    terms = [np.tanh(a)]
+    for k in range(degree):
+        square = sum(terms[i] * terms[k - i] for i in range(k + 1))
+        terms.append(((1.0 if k == 0 else 0.0) - square) / (k + 1))
+    return terms
+
+
+def _arctan(a, degree):
+    """From (1 + a² + 2 a h + h²) y' = 1."""
+    slope = [1.0 / (1.0 + a * a)]
+    for k in range(1, degree):
+        before = slope[k - 2] if k > 1 else 0.0
+        slope.append(-(2.0 * a * slope[k - 1] + before) * slope[0])
+    return [np.arctan(a), *(s / (k + 1) for k, s in enumerate(slope[:degree]))]
+
+
+SERIES: dict[np.ufunc, Callable[[np.ndarray, int], list]] = {
+    np.reciprocal: _reciprocal,
+    np.sqrt: _sqrt,
+    np.exp: _exp,
+    np.sin: _turning(np.sin, np.cos),
+    np.cos: _turning(np.cos, lambda a: -np.sin(a)),
+    np.tanh: _tanh,
+    np.arctan: _arctan,
+}
+"""The Taylor coefficients of a function at values, up to a degree."""

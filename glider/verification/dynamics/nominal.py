@@ -1,0 +1,102 @@
+"""A flight to build a funnel about: the feedback's own flight along its plan.
+
+A plan by collocation is no exact flight between its knots, so that the error from it
+would never rest at zero. The nominal is what the glider flies under the plan's feedback
+from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from glider.control.policy import (
+    TrackingPolicy,
+    aligned_count,
+    check_plan,
+    sample_policy,
+)
+from glider.errors import InputError
+from glider.physics.model import GliderModel
+from glider.physics.servo import limited_rate
+from glider.physics.state import STATE_NAMES
+from glider.simulation.closed_loop import fly_closed_loop
+from glider.systems.plant import (
+    GliderPlant,
+    is_time_varying,
+)
+
+FLIGHT_STEP = 0.0005
+"""Of the integration [s]."""
+
+_ELEVATOR = STATE_NAMES.index("elevator")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Nominal:
+    """A flight of a glider under u = u₀ - K (x - x₀), at some times."""
+
+    model: GliderModel
+    """The glider."""
+
+    state_names: tuple[str, ...]
+    """STATE_NAMES, then the effects' own states."""
+
+    times: np.ndarray
+    """(T,) from 0 [s]."""
+
+    states: np.ndarray
+    """(T, n) x₀."""
+
+    inputs: np.ndarray
+    """(T,) u₀ [rad/s]."""
+
+    gains: np.ndarray
+    """(T, n) K."""
+
+
+def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:
+    """Flies the feedback from its plan's launch.
+
+    Args:
+        model: the glider that the plan is for.
+        policy: the feedback.
+        step: longest step between the times [s].
+
+    Raises:
+        InputError: the plan is for another glider, the flight needs its servo at a
+            limit, or the glider's dynamics vary with time.
+    """
+    plant = GliderPlant(model)
+    plan = policy.plan
+    check_plan(plant, plan)
+    if is_time_varying(plant.model):
+        raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
+    count = aligned_count(plan, step)
+    fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
+    fine = count * -(-fine // count)
+    flight = fly_closed_loop(
+        plant.model,
+        policy,
+        plan.states[:1],
+        step=plan.duration / fine * (1.0 + 1e-9),
+        after=0.0,
+        keep_paths=True,
+    )
+    assert flight.paths is not None
+    states = flight.paths[0][:: fine // count]
+    times = np.linspace(0.0, plan.duration, count + 1)
+    offset, gains = sample_policy(policy, times)
+    inputs = offset - np.sum(gains * states, axis=1)
+    low, high = plant.model.parameters.elevator_limits
+    limit = plant.model.parameters.elevator_rate_limit
+    for u, x in zip(inputs, states, strict=True):
+        if limited_rate(u, x[_ELEVATOR], low, high, limit) != u:
+            raise InputError("The plan needs its servo at a limit: no funnel about it.")
+    return Nominal(
+        model=plant.model,
+        state_names=tuple(plant.state_names),
+        times=times,
+        states=states,
+        inputs=inputs,
+        gains=gains,
+    )

@@ -1,0 +1,167 @@
+"""The shape of a funnel, backward from its goal: a flow of sums of squares.
+
+For the set {eᵀ S e <= 1}, with S = L Lᵀ,
+    -Ṡ = F₁ᵀ S + S F₁ + L N Lᵀ,
+    N = argmin tr(W N)  such that  zᵀ N z - c₃ - c₄ - zᵀ D z is a sum of squares on
+    |z| = 1,  W = Lᵀ Σ L:
+the least growth of S, in the sense of Σ, for which no deviation leaves. N is computed
+every few steps and goes on in a straight line between. A servo limit that the set
+would break cuts it down.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.limits import (
+    keep_bounds,
+    servo_bounds,
+)
+from glider.verification.funnel.remainder import (
+    remainder_form,
+    remainder_weights,
+    sample_remainder,
+)
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.sos.forms import (
+    higher_forms,
+    linear_part,
+)
+from glider.verification.sos.programs import (
+    SOLVERS,
+    least_growth,
+)
+from glider.verification.sos.solving import (
+    SolverError,
+    solve_apart,
+)
+
+NOISE = 1e-9
+"""A sampled remainder below this is rounding [rad/s², m/s²]."""
+
+
+AHEAD = 0.3
+"""By which share N may change at most until it is computed anew."""
+
+
+class ShapeFlow:
+    """Steps the set backward along a nominal flight."""
+
+    def __init__(
+        self,
+        nominal: Nominal,
+        coefficients: np.ndarray,
+        settings: FunnelSettings,
+        directions: np.ndarray,
+    ):
+        """Takes what the flow depends on.
+
+        Args:
+            nominal: the flight.
+            coefficients: (T, n, M) of `expand`.
+            settings: goal, sizes and steps.
+            directions: (B, n) where the remainder is sampled.
+        """
+        self._nominal, self._coefficients = nominal, coefficients
+        self._settings, self._directions = settings, directions
+        self._bounds = servo_bounds(nominal)
+        self._sizes = settings.size_axes(nominal.states.shape[1])
+
+    def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
+        """Returns S at all times, (T, n, n).
+
+        Args:
+            progress: called with the share that is done.
+
+        Raises:
+            SolverError: no solver gave a usable answer.
+        """
+        times = self._nominal.times
+        n = len(self._sizes)
+        last = len(times) - 1
+        hold = max(1, round(self._settings.hold / (times[1] - times[0])))
+        S = self._cut(np.diag(1.0 / self._settings.goal_axes(n) ** 2), last)
+        shapes = np.zeros((last + 1, n, n))
+        shapes[last] = S
+        before, growth, slope = None, np.zeros((n, n)), np.zeros((n, n))
+        for k in range(last, 0, -1):
+            since = (last - k) % hold
+            if since == 0:
+                before, growth = growth if k < last else None, self._growth(S, k)
+                slope = 0.0 * growth if before is None else (growth - before) / hold
+                # A straight line is a guess: it may not take over.
+                size = hold * np.linalg.norm(slope)
+                slope *= min(1.0, AHEAD * np.linalg.norm(growth) / max(size, 1e-300))
+                if progress:
+                    progress((last - k) / last)
+            S = self._step(S, k, growth + since * slope, slope)
+            S = shapes[k - 1] = self._cut(S, k - 1)
+        return shapes
+
+    def _cut(self, S, k):
+        directions, bounds = self._bounds
+        return keep_bounds(S, directions[k], bounds[k])
+
+    def _growth(self, S, k):
+        """Returns N + D at a time."""
+        cubic, quartic = higher_forms(S, self._coefficients[k])
+        L = np.linalg.cholesky(S)
+        weight = L.T @ np.diag(self._sizes**2) @ L
+        growth = solve_growth(cubic, quartic, weight)
+        if self._settings.remainder > 0.0:
+            beta = sample_remainder(
+                self._nominal,
+                self._coefficients,
+                S[None],
+                self._directions,
+                np.array([k]),
+            )
+            growth = growth + disturbance(S[None], beta, self._settings, self._sizes)[0]
+        return growth
+
+    def _step(self, S, k, growth, slope):
+        """Returns S one time earlier, by a Runge-Kutta step."""
+        step = self._nominal.times[k] - self._nominal.times[k - 1]
+        first = linear_part(self._coefficients[k])
+        second = linear_part(self._coefficients[k - 1])
+
+        def rate(S, share):
+            L = np.linalg.cholesky(S)
+            product = S @ ((1.0 - share) * first + share * second)
+            return product + product.T + L @ (growth + share * slope) @ L.T
+
+        k1 = rate(S, 0.0)
+        k2 = rate(S + 0.5 * step * k1, 0.5)
+        k3 = rate(S + 0.5 * step * k2, 0.5)
+        k4 = rate(S + step * k3, 1.0)
+        S = S + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        if not np.all(np.isfinite(S)):
+            raise SolverError(f"The funnel vanishes at {self._nominal.times[k]:.3f} s.")
+        return 0.5 * (S + S.T)
+
+
+def solve_growth(
+    cubic: np.ndarray, quartic: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
+    """Returns the least growth, by the first solver that succeeds.
+
+    Raises:
+        SolverError: none did.
+    """
+    for solver in SOLVERS:
+        [(success, growth)] = solve_apart(
+            least_growth, [(cubic, quartic, weight, solver)]
+        )
+        if success and np.all(np.isfinite(growth)):
+            return growth
+    raise SolverError("No solver shaped the funnel; the goal may be too wide.")
+
+
+def disturbance(S, beta, settings, sizes):
+    """Returns D (T, n, n) of sampled remainders beta (T, n), inflated as settings say.
+
+    What is rounding counts as zero.
+    """
+    beta = settings.remainder * np.where(beta > NOISE, beta, 0.0)
+    return remainder_form(S, beta, remainder_weights(S, beta, sizes))

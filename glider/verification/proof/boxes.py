@@ -1,0 +1,159 @@
+"""Polynomials on boxes of a ball: what they are there, and how large at most.
+
+A box is w = center + half v with |v_i| <= 1, the ball |w| <= RADIUS.
+"""
+
+import functools
+import math
+
+import numpy as np
+
+from glider.verification.dynamics.jets import Monomials
+from glider.verification.dynamics.taylor_models import (
+    ROUNDING,
+    WIDER,
+    TaylorModel,
+    compiled,
+)
+
+RADIUS = 1.0 + 1e-8
+"""A little above 1: deviations are brought to the ball with rounding."""
+
+LINEAR = 0.2
+"""How much less a box suffers from a slope, that the ball bounds, than from what is
+curved."""
+
+
+def row_on_boxes(table, row, center, half):
+    """Returns the model of row · (center + half v), up to rounding."""
+    m, boxes = center.shape
+    coefficients = np.zeros((len(table.degrees), boxes))
+    coefficients[0] = row @ center
+    coefficients[1 : m + 1] = row[:, None] * half
+    rest = ROUNDING * (np.abs(row) @ (np.abs(center) + half))
+    return TaylorModel(table, coefficients, rest)
+
+
+def shifted(table, polynomial, center, half):
+    """Returns the model of a polynomial (M,) in w = center + half v."""
+    coefficients, sizes = _shift(
+        polynomial,
+        table.values(center.T).T,
+        table.values(half.T).T,
+        table.left,
+        table.right,
+        _binomials(table),
+    )
+    return TaylorModel(table, coefficients, ROUNDING * sizes * WIDER)
+
+
+@functools.lru_cache(maxsize=16)
+def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
+    """Returns for each product in the table where it goes and how often it occurs.
+
+    w^(i+j) has Π_k binomial(i_k + j_k, i_k) terms v^i (center)^j.
+    """
+    counts = np.diff(table.starts, append=len(table.left))
+    where = np.repeat(np.arange(len(table.starts)), counts)
+    pairs = zip(table.exponents[where], table.exponents[table.left], strict=True)
+    times = [math.prod(map(math.comb, whole, part)) for whole, part in pairs]
+    return where, np.array(times, dtype=float)
+
+
+@compiled
+def _shift(polynomial, centers, halves, left, right, binomials):
+    where, times = binomials
+    shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
+    for p in range(len(left)):
+        factor = polynomial[where[p]] * times[p]
+        for box in range(centers.shape[1]):
+            part = factor * centers[right[p], box] * halves[left[p], box]
+            shifted[left[p], box] += part
+            sizes[box] += abs(part)
+    return shifted, sizes
+
+
+def bound_in_ball(coefficients, rest, center, half, exponents):
+    """Returns bounds of |p(v) ± rest| over |v_i| <= 1, |center + half v| <= RADIUS.
+
+    For any λ >= 0 the maximum of p in the ball is at most that of
+        p(v) + λ (RADIUS² - |center + half v|²)
+    over the box; there, what is mixed in v or cubic counts by its size, and the rest is
+    a sum of quadratic functions of one v_i each. λ is the best of a few.
+    """
+    # Numba keeps compiled code when a constant of another module changes: arguments.
+    constants = RADIUS * RADIUS, ROUNDING, WIDER
+    return _bound_in_ball(coefficients, rest, center, half, exponents, constants)
+
+
+@compiled
+def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
+    square_radius, rounding, wider = constants
+    count, boxes = coefficients.shape
+    m = len(center)
+    square = np.zeros(count, dtype=np.int64)
+    for k in range(1 + m, count):
+        for i in range(m):
+            if exponents[k, i] == 2 and exponents[k].sum() == 2:
+                square[k] = 1 + i
+    bounds = np.empty(boxes)
+    linear, curved = np.empty(m), np.empty(m)
+    tries = np.empty(m + 2)
+    for box in range(boxes):
+        mixed = rest[box]
+        for k in range(1 + m, count):
+            if square[k]:
+                curved[square[k] - 1] = coefficients[k, box]
+            else:
+                mixed += abs(coefficients[k, box])
+        known = mixed
+        for k in range(1 + m):
+            known += abs(coefficients[k, box])
+        if not np.isfinite(known):  # min and max would drop a NaN.
+            bounds[box] = np.inf
+            continue
+        room = square_radius
+        for i in range(m):
+            room -= center[i, box] ** 2
+        worst = 0.0
+        for sign in (1.0, -1.0):
+            across, along = 0.0, 1e-300
+            for i in range(m):
+                linear[i] = sign * coefficients[1 + i, box]
+                pull = 2.0 * center[i, box] * half[i, box]
+                tries[i] = linear[i] / pull if pull != 0.0 else 0.0
+                across += linear[i] * pull
+                along += pull * pull
+            tries[m], tries[m + 1] = 0.0, across / along
+            least = np.inf
+            for weight in tries:
+                if not weight >= 0.0:
+                    continue
+                value = weight * room
+                size = weight * (abs(room) + square_radius)
+                for i in range(m):
+                    first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
+                    second = sign * curved[i] - weight * half[i, box] ** 2
+                    if second < 0.0 and abs(first) < -2.0 * second:
+                        value += first * first / (-4.0 * second)
+                    else:
+                        value += second + abs(first)
+                    size += abs(linear[i]) + abs(curved[i]) + 4.0 * weight
+                value += rounding * size
+                least = min(least, value)
+            worst = max(worst, sign * coefficients[0, box] + least)
+        bounds[box] = (worst + mixed) * wider
+    return bounds
+
+
+def blame_of(rest, rate):
+    """Returns how much each v_i makes a bound large, (m, B): a guide for splitting."""
+    exponents, degrees = rest.table.exponents, rest.table.degrees
+    sizes = np.abs(rest.coefficients)
+    m = exponents.shape[1]
+    own = exponents[degrees >= 2].T @ sizes[degrees >= 2]
+    # What is beyond the degree varies as the highest degree does.
+    top = degrees == rest.table.degree
+    highest = exponents[top].T @ np.abs(rate.coefficients[top])
+    total = np.maximum(highest.sum(axis=0), 1e-300)
+    return own + LINEAR * sizes[1 : m + 1] + highest / total * rest.rest

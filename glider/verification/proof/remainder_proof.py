@@ -1,0 +1,197 @@
+"""A proof that the Taylor remainder is no larger than a funnel says.
+
+The ball of deviations is covered with boxes; on each, Taylor models enclose R. A box on
+which the bound is too large is halved, until all are good or there are too many.
+"""
+
+import dataclasses
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.nominal import Nominal
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.boxes import RADIUS
+from glider.verification.proof.enclosure import make_rest
+
+BOXES = 400_000
+"""At one time, until the search gives up."""
+
+BATCH = 256
+"""Boxes that are bounded at once; more do not fit the cache."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Search:
+    """What became of a proof at one time."""
+
+    proven: bool
+    """|R_k| <= β_k on the whole set."""
+
+    boxes: int
+    """That were bounded."""
+
+    share: float
+    """The largest |R_k| / β_k that was seen; above 1 there is nothing to prove."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RemainderProof:
+    """What became of the proof of a funnel's remainder."""
+
+    times: np.ndarray
+    """(N,) that were tried [s]."""
+
+    searches: tuple[Search, ...]
+    """One for each time."""
+
+    @property
+    def until(self) -> float | None:
+        """The last time before which nothing is left unproven; None for no time [s]."""
+        last = None
+        for time, search in zip(self.times, self.searches, strict=True):
+            if not search.proven:
+                break
+            last = float(time)
+        return last
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is proven at all times that were tried."""
+        return all(search.proven for search in self.searches)
+
+    @property
+    def boxes(self) -> int:
+        """Counts the boxes of all times."""
+        return sum(search.boxes for search in self.searches)
+
+
+def remainder_status(funnel: Funnel, proof: RemainderProof | None = None) -> str:
+    """Returns how a funnel's remainder is known.
+
+    "none" where it bears none, else "sampled", or with a proof of it "rigorous until
+    t=0.8795", the last time before which nothing that was tried is left unproven, and
+    "at 3 of 201 times" if these were not all.
+    """
+    if not funnel.beta.any():
+        return "none"
+    if proof is None or proof.until is None:
+        return "sampled"
+    status, count = f"rigorous until t={proof.until:.4f}", len(funnel.nominal.times)
+    tried = len(proof.times)
+    return status if tried == count else f"{status} at {tried} of {count} times"
+
+
+def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
+    """Returns a sentence about a proof."""
+    if not funnel.beta.any():
+        return "The certificate bears no remainder: it is of the polynomials alone."
+    if proof.complete:
+        return (
+            f"The remainder is proven: at all {len(proof.times)} times it is no larger "
+            f"than the certificate bears, on {proof.boxes:,} boxes."
+        )
+    count = sum(search.proven for search in proof.searches)
+    largest = max(search.share for search in proof.searches)
+    until = "at no time" if proof.until is None else f"until {proof.until:.4f} s"
+    words = (
+        f"The remainder is proven {until}, and at {count} of {len(proof.times)} times"
+    )
+    if not np.isfinite(largest):
+        return f"{words} in all; at some, the certificate bears none."
+    return f"{words} in all; up to {largest:.2f} times what it bears was seen."
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
+def prove_remainder(
+    funnel: Funnel,
+    every: int = 1,
+    budget: int = BOXES,
+    progress: Callable[[float], None] | None = None,
+) -> RemainderProof:
+    """Tries to prove that the remainder is within the funnel's β at its times.
+
+    Args:
+        funnel: the funnel.
+        every: look at every so many times only, the first and last included.
+        budget: boxes at one time, until the search gives up.
+        progress: called with the share that is done.
+    """
+    nominal, coefficients = funnel.nominal, expand(funnel.nominal)
+    last = len(nominal.times) - 1
+    at = sorted({*range(0, last + 1, every), last})
+
+    def search(k):
+        return search_at(nominal, k, coefficients, funnel.S[k], funnel.beta[k], budget)
+
+    searches = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for found in pool.map(search, at):
+            searches.append(found)
+            if progress:
+                progress(len(searches) / len(at))
+    return RemainderProof(times=nominal.times[at], searches=tuple(searches))
+
+
+def search_at(
+    nominal: Nominal,
+    at: int,
+    coefficients: np.ndarray,
+    S: np.ndarray,
+    beta: np.ndarray,
+    budget: int = BOXES,
+) -> Search:
+    """Tries to prove that |R_k| <= β_k over {eᵀ S e <= 1} at one time.
+
+    Args:
+        nominal: the flight.
+        at: index of the time.
+        coefficients: (T, n, M) of `expand`.
+        S: (n, n).
+        beta: (n,).
+        budget: boxes, until the search gives up.
+    """
+    rest = make_rest(nominal, at, coefficients, S)
+    limits = beta[rest.rows, None]
+    with np.errstate(divide="ignore"):
+        share = float((rest.largest / limits[:, 0]).max(initial=0.0))
+    m = rest.T.shape[1]
+    center, half = np.zeros((m, 1)), np.full((m, 1), RADIUS)
+    boxes = 0
+    while share <= 1.0 and center.shape[1] > 0 and boxes < budget:
+        here, size = center[:, -BATCH:], half[:, -BATCH:]
+        center, half = center[:, :-BATCH], half[:, :-BATCH]
+        boxes += here.shape[1]
+        bounds, reached, blame = rest.bounds(here, size)
+        share = max(share, float(np.nan_to_num(reached / limits, nan=0.0).max()))
+        bad = ~(bounds <= limits)
+        split = bad.any(axis=0)
+        # Each rate that is not yet bounded has its say in the axis.
+        blame = np.where(bad[:, None], blame / limits[:, None], 0.0).sum(axis=0)
+        halves = halve(here[:, split], size[:, split], blame[:, split])
+        center = np.concatenate([center, halves[0]], axis=1)
+        half = np.concatenate([half, halves[1]], axis=1)
+    proven = share <= 1.0 and center.shape[1] == 0
+    return Search(proven=proven, boxes=boxes, share=share)
+
+
+def halve(center, half, blame):
+    """Returns both halves of boxes along an axis each, without what misses the ball."""
+    # Where nothing is known yet, the widest.
+    axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
+    boxes = np.arange(len(axis))
+    half = half.copy()
+    half[axis, boxes] *= 0.5
+    step = np.zeros_like(half)
+    step[axis, boxes] = half[axis, boxes]
+    # A little wider, so that rounding leaves no gap between them.
+    half[axis, boxes] += 1e-15
+    center = np.concatenate([center - step, center + step], axis=1)
+    half = np.concatenate([half, half], axis=1)
+    nearest = np.maximum(np.abs(center) - half, 0.0)
+    touches = np.sum(nearest**2, axis=0) <= RADIUS**2 * (1.0 + 1e-12)
+    return center[:, touches], half[:, touches]

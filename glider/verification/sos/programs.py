@@ -1,0 +1,117 @@
+"""The semidefinite programs of a funnel, from coefficients, through Drake.
+
+A least λ such that λᵀ r(z) - p(z) is a sum of squares on the sphere is found as a
+problem of moments, its dual: with m the moments of z up to degree 4,
+    maximize  pᵀ m   subject to   rows m = targets,  E[b bᵀ](m) ⪰ 0,
+whose multipliers are λ and the Gram matrix. That has 294 unknowns instead of 658 and
+takes two thirds of the time. A plain function of arrays, so that
+`glider.verification.sos.solving` can run it in another process.
+"""
+
+import dataclasses
+
+import numpy as np
+from pydrake.solvers import (
+    ClarabelSolver,
+    MathematicalProgram,
+    ScsSolver,
+    SolverOptions,
+)
+
+from glider.verification.sos.sphere import sphere
+
+SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
+
+TOLERANCE = 1e-4
+"""Of Clarabel: below the margins of a funnel. Its own, 1e-8, takes half as long again,
+and nobody relies on either."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Moments:
+    """What a program returns."""
+
+    success: bool
+    """What the solver says of itself; nobody relies on it."""
+
+    multipliers: np.ndarray
+    """(K,) λ."""
+
+    gram: np.ndarray
+    """(E,) lower triangle, column by column."""
+
+
+def solve_moments(
+    polynomial: np.ndarray, rows: np.ndarray, targets: np.ndarray, n: int, solver: str
+) -> Moments:
+    """Solves the problem of moments above.
+
+    Args:
+        polynomial: p, odd coefficients then even.
+        rows: (K, C) of the equations, in the same coefficients.
+        targets: (K,).
+        n: the dimension.
+        solver: a key of SOLVERS.
+    """
+    tables = sphere(n)
+    program = MathematicalProgram()
+    moments = program.NewContinuousVariables(tables.map.shape[0])
+    equations = program.AddLinearEqualityConstraint(rows, targets, moments)
+    share = np.where(tables.rows == tables.columns, 1.0, 2.0)
+    matrices = [np.zeros((tables.size, tables.size))]
+    matrices += list(tables.matrix(tables.map / share))
+    positive = program.AddLinearMatrixInequalityConstraint(matrices, moments)
+    program.AddLinearCost(-polynomial, 0.0, moments)
+    options = SolverOptions()
+    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+        options.SetOption(ClarabelSolver.id(), name, TOLERANCE)
+    result = SOLVERS[solver]().Solve(program, None, options)
+    return Moments(
+        success=result.is_success(),
+        multipliers=-np.asarray(result.GetDualSolution(equations), dtype=float),
+        gram=np.asarray(result.GetDualSolution(positive), dtype=float),
+    )
+
+
+def least_growth(
+    cubic: np.ndarray, quartic: np.ndarray, weight: np.ndarray, solver: str = "clarabel"
+) -> tuple[bool, np.ndarray]:
+    """Minimizes tr(W N) so that zᵀ N z - c₃ - c₄ is a sum of squares on the sphere.
+
+    Args:
+        cubic: (C₃,) of c₃.
+        quartic: (C₄,) of c₄.
+        weight: (n, n) W, positive definite.
+        solver: a key of SOLVERS.
+
+    Returns:
+        whether the solver succeeded, and N.
+    """
+    n = len(weight)
+    low = np.tril_indices(n)
+    lift = sphere(n).lift[:, low[0], low[1]].T
+    rows = np.hstack([np.zeros((len(lift), len(cubic))), lift])
+    polynomial = np.concatenate([cubic, quartic])
+    solved = solve_moments(polynomial, rows, weight[low], n, solver)
+    # A multiplier of E[z_i z_j |z|²] counts twice in N off the diagonal.
+    N = np.zeros((n, n))
+    N[low] = solved.multipliers
+    return solved.success, 0.5 * (N + N.T)
+
+
+def largest_margin(
+    coefficients: np.ndarray, n: int, solver: str = "clarabel"
+) -> tuple[bool, float, np.ndarray]:
+    """Maximizes γ so that p - γ is a sum of squares on the sphere.
+
+    Args:
+        coefficients: of p, odd then even, as `Sphere.coefficients` gives them.
+        n: the dimension.
+        solver: a key of SOLVERS.
+
+    Returns:
+        whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
+    """
+    rows = sphere(n).constant[None, :]
+    solved = solve_moments(-coefficients, rows, np.ones(1), n, solver)
+    return solved.success, -float(solved.multipliers[0]), solved.gram

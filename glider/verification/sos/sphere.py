@@ -1,0 +1,123 @@
+"""Polynomials of degree 2 to 4 on the unit sphere, and their Gram matrices.
+
+On |z| = 1 such a polynomial is the sum of an even form of degree 4, its quadratic part
+times |z|² included, and an odd form of degree 3. It is a sum of squares there if
+    p(z) = b(z)ᵀ Q b(z),  b = (z, √w z⊗z),  Q ⪰ 0,
+with w = 1 for squares and 2 for mixed products, so that |z⊗z| = |z|². No multiplier is
+needed: the sphere is in the arithmetic. With 7 variables, Q has 35 rows.
+"""
+
+import functools
+
+import numpy as np
+
+from glider.verification.dynamics.jets import exponents_of
+
+
+class Sphere:
+    """Index tables of the sphere in some dimension.
+
+    Attributes:
+        n: the dimension.
+        size: rows of a Gram matrix, n + n (n + 1) / 2.
+        rows, columns: of the entries of a Gram matrix's lower triangle, column by
+            column as Drake stacks them, (E,).
+        even: (C₄, E) coefficients of degree 4 from those entries.
+        odd: (C₃, E) coefficients of degree 3.
+        lift: (C₄, n, n) coefficients of (zᵀ N z) |z|² from N.
+    """
+
+    def __init__(self, n: int):
+        """Makes the tables."""
+        self.n = n
+        self.cubic = [tuple(e) for e in exponents_of(n, 3)]
+        self.quartic = [tuple(e) for e in exponents_of(n, 4)]
+        self._place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
+        unit = np.eye(n, dtype=int)
+        pairs = [(i, j) for i in range(n) for j in range(i, n)]
+        self.basis = np.array([*unit, *(unit[i] + unit[j] for i, j in pairs)])
+        self.scales = np.array(
+            [1.0] * n + [1.0 if i == j else np.sqrt(2.0) for i, j in pairs]
+        )
+        self.size = len(self.basis)
+        self.columns, self.rows = np.triu_indices(self.size)
+        self.lift = np.zeros((len(self.quartic), n, n))
+        for i in range(n):
+            for j in range(n):
+                for k in range(n):
+                    self.lift[self._index(unit[i] + unit[j] + 2 * unit[k]), i, j] += 1.0
+        self.even = np.zeros((len(self.quartic), len(self.rows)))
+        self.odd = np.zeros((len(self.cubic), len(self.rows)))
+        for entry, (r, c) in enumerate(zip(self.rows, self.columns, strict=True)):
+            weight = self.scales[r] * self.scales[c] * (1.0 if r == c else 2.0)
+            exponents = self.basis[r] + self.basis[c]
+            if r < n:
+                self.even[:, entry] = weight * self.lift[:, r, c]
+            elif c < n:
+                self.odd[self._index(exponents), entry] = weight
+            else:
+                self.even[self._index(exponents), entry] = weight
+
+    def _index(self, exponents: np.ndarray) -> int:
+        index = self._place[tuple(int(e) for e in exponents)]
+        return index if index < len(self.cubic) else index - len(self.cubic)
+
+    @functools.cached_property
+    def map(self) -> np.ndarray:
+        """Coefficients (odd, then even) from the entries of a Gram matrix."""
+        return np.vstack([self.odd, self.even])
+
+    @functools.cached_property
+    def constant(self) -> np.ndarray:
+        """Coefficients of 1 = |z|⁴."""
+        one = np.einsum("cii->c", self.lift)
+        return np.concatenate([np.zeros(len(self.cubic)), one])
+
+    @functools.cached_property
+    def correction(self) -> np.ndarray:
+        """The least change of a Gram matrix's entries for a change of coefficients."""
+        weight = np.where(self.rows == self.columns, 1.0, 2.0)
+        scaled = self.map / weight
+        return scaled.T @ np.linalg.inv(scaled @ self.map.T)
+
+    def matrix(self, entries: np.ndarray) -> np.ndarray:
+        """Returns the symmetric matrices (..., s, s) of lower triangles (..., E)."""
+        full = np.zeros((*entries.shape[:-1], self.size, self.size))
+        full[..., self.rows, self.columns] = entries
+        full[..., self.columns, self.rows] = entries
+        return full
+
+    def entries(self, matrix: np.ndarray) -> np.ndarray:
+        """Returns the lower triangles (..., E) of symmetric matrices (..., s, s)."""
+        return matrix[..., self.rows, self.columns]
+
+    def coefficients(
+        self, quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray
+    ) -> np.ndarray:
+        """Returns coefficients (odd, then even) of zᵀ N z + cubic + quartic.
+
+        Args:
+            quadratic: (..., n, n) N.
+            cubic: (..., C₃).
+            quartic: (..., C₄).
+        """
+        even = quartic + np.einsum("cij,...ij->...c", self.lift, quadratic)
+        return np.concatenate([cubic, even], axis=-1)
+
+    def values(self, coefficients: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Returns the polynomials' values (...) at points z (..., n) of the sphere."""
+        return np.einsum("...c,...c->...", coefficients, self._powers(z))
+
+    def _powers(self, z):
+        exponents = np.array(self.cubic + self.quartic)
+        powers = np.ones((*z.shape[:-1], len(exponents)))
+        for i in range(self.n):
+            table = z[..., i, None] ** np.arange(5)
+            powers *= table[..., exponents[:, i]]
+        return powers
+
+
+@functools.lru_cache(maxsize=8)
+def sphere(n: int) -> Sphere:
+    """Returns the tables of a dimension, made once."""
+    return Sphere(n)

@@ -1,0 +1,232 @@
+"""How much estimation error a funnel bears.
+
+A funnel is proved for a feedback of the true state. Here the same feedback gets what
+an extended Kalman filter makes of motion capture, and launches from inside the inlet
+may leave. An estimate's error e is measured as the funnel measures a deviation,
+√(eᵀ S e): 1 is as far as the boundary. Nothing here is proved: launches and noise are
+random, and no escape in 300 flights still allows one in a hundred.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from glider.control.policy import sample_policy
+from glider.errors import InputError
+from glider.estimation.ekf import (
+    Ekf,
+    make_ekf,
+)
+from glider.estimation.flights import fly_watched
+from glider.estimation.perching import (
+    CAPTURE_RATE,
+    CAPTURE_STD,
+    PROCESS,
+)
+from glider.physics.servo import limited_rate
+from glider.physics.state import STATE_NAMES
+from glider.simulation.closed_loop import AFTER
+from glider.simulation.miss import (
+    PERCH_RADIUS,
+    least_distance,
+)
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.trials.attack import (
+    draw_inside,
+    funnel_policy,
+)
+
+NOISES = (0.0001, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02)
+"""Standard deviations of a measured position [m]; angles in proportion."""
+
+UNKNOWN = (0.1, 0.2, 0.5, 1.0)
+"""Shares of a launch's deviation that the filter does not know."""
+
+TICKS = 4
+"""Predictions to a sample of motion capture: the feedback follows each."""
+
+_ELEVATOR = STATE_NAMES.index("elevator")
+
+_limited_rates = np.vectorize(limited_rate, otypes=[float])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EstimatedFlights:
+    """What became of launches from inside a funnel, flown on an estimate."""
+
+    noise: float
+    """Standard deviation of a measured position [m]."""
+
+    unknown: float
+    """Share of the launch's deviation that the filter did not know."""
+
+    times: np.ndarray
+    """(K + 1,) from the launch to the funnel's end [s]."""
+
+    levels: np.ndarray
+    """(B, K + 1) V of the true state; 1 is the boundary."""
+
+    believed: np.ndarray
+    """(B, K + 1) V of the estimate."""
+
+    errors: np.ndarray
+    """(B, K + 1) √(eᵀ S e) of the estimate's error."""
+
+    miss: np.ndarray
+    """(B,) least distance of the center of mass from the wire [m]."""
+
+    @property
+    def escaped(self) -> np.ndarray:
+        """(B,) whether the true state left the funnel."""
+        return ~(self.levels.max(axis=1) <= 1.0)  # NaN is an escape.
+
+    @property
+    def believed_escaped(self) -> np.ndarray:
+        """(B,) whether the estimate left it."""
+        return ~(self.believed.max(axis=1) <= 1.0)
+
+    @property
+    def perched(self) -> np.ndarray:
+        """(B,) whether the wire was within reach."""
+        return self.miss < PERCH_RADIUS
+
+
+def study_estimates(
+    funnel: Funnel,
+    flights: int,
+    rng: np.random.Generator,
+    *,
+    noises: Sequence[float] = NOISES,
+    unknown: Sequence[float] = UNKNOWN,
+    progress: Callable[[str], None] | None = None,
+) -> list[EstimatedFlights]:
+    """Flies the same launches with the same noise, scaled, at each level.
+
+    Args:
+        funnel: whose feedback flies its own glider.
+        flights: launches, uniform in the inlet.
+        rng: draws launches and noise.
+        noises: standard deviations of a measured position, increasing [m].
+        unknown: shares, see `fly_estimated`.
+        progress: told which level is flown.
+
+    Returns:
+        One for each share and noise, the noises of a share in a row.
+    """
+    starts = draw_inside(funnel, flights, rng)
+    samples = math.ceil((funnel.nominal.times[-1] + AFTER) * CAPTURE_RATE)
+    draws = rng.normal(size=(flights, samples, len(CAPTURE_STD)))
+    found = []
+    for share in unknown:
+        for noise in noises:
+            if progress:
+                progress(f"on the estimate, noise {1e3 * noise:g} mm")
+            found.append(fly_estimated(funnel, starts, noise, share, draws))
+    return found
+
+
+def fly_estimated(
+    funnel: Funnel,
+    starts: np.ndarray,
+    noise: float,
+    unknown: float,
+    draws: np.ndarray,
+) -> EstimatedFlights:
+    """Flies launches with the funnel's feedback on a filter's estimate.
+
+    The loop of `diagrams.estimated_loop`, with the command held between the
+    filter's predictions, TICKS of them to a sample of motion capture. The filter's
+    process noise is PROCESS; the glider meets no gusts.
+
+    Args:
+        funnel: whose feedback flies its own glider.
+        starts: (B, n) launches.
+        noise: standard deviation of a measured position [m]; the angles' are in
+            proportion, as in CAPTURE_STD.
+        unknown: from 0 to 1. The filter starts with this share of the launch's
+            deviation from the plan unknown: at 0 from the launch itself, at 1 from
+            the plan's. Its covariance is that of launches uniform in the inlet,
+            S⁻¹ / (n + 2), times the share squared.
+        draws: (B, K, 4) standard normal, scaled by the noise; of the samples until
+            AFTER the funnel's end, one period after launch and so on.
+
+    Raises:
+        InputError: the noise or the share is out of range.
+    """
+    if not (math.isfinite(noise) and noise > 0.0 and 0.0 <= unknown <= 1.0):
+        raise InputError(
+            f"fly_estimated: the noise is {noise} m and the unknown share {unknown}; "
+            "a positive number and one from 0 to 1 are needed."
+        )
+    std = np.array(CAPTURE_STD) * (noise / CAPTURE_STD[0])
+    rate = TICKS * CAPTURE_RATE
+    model = funnel.nominal.model
+    ekf = make_ekf(model, rate=rate, process=PROCESS, noise=std**2)
+    steps = TICKS * draws.shape[1]
+    offset, gain = sample_policy(funnel_policy(funnel), np.arange(steps) / rate)
+    limits = (*model.parameters.elevator_limits, model.parameters.elevator_rate_limit)
+
+    batch, n = starts.shape
+    states = np.empty((steps + 1, batch, n))
+    means = np.empty((steps + 1, batch, n))
+    measured = np.full((steps, batch, 1, len(std)), np.nan)
+    states[0] = starts
+    means[0] = starts - unknown * (starts - funnel.center(0.0))
+    spread = unknown**2 / (n + 2) * np.linalg.inv(funnel.shape(0.0))
+    covariances = np.broadcast_to(spread, (batch, n, n))
+    for k in range(steps):
+        command = offset[k] - means[k] @ gain[k]
+        flown = fly_watched(ekf, states[k], command[:, None, None], is_shaken=False)
+        states[k + 1] = flown.states[:, 1]
+        if (k + 1) % TICKS == 0:
+            measured[k] = flown.measured + draws[:, [k // TICKS]] * std
+        rates = _limited_rates(command, means[k, :, _ELEVATOR], *limits)
+        means[k + 1], covariances = _filter(
+            ekf, k / rate, means[k], covariances, rates, measured[k]
+        )
+
+    times = np.arange(steps + 1) / rate
+    kept = times <= funnel.nominal.times[-1]
+    truth, estimate = (np.swapaxes(a[kept], 0, 1) for a in (states, means))
+    times = times[kept]
+    errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
+    wire = np.zeros(2)
+    return EstimatedFlights(
+        noise=noise,
+        unknown=unknown,
+        times=times,
+        levels=funnel.level(times, truth),
+        believed=funnel.level(times, estimate),
+        errors=errors,
+        miss=np.array([least_distance(states[:, b, :2], wire) for b in range(batch)]),
+    )
+
+
+def _filter(
+    ekf: Ekf,
+    time: float,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    rates: np.ndarray,
+    measured: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Advances B beliefs, (B, n) and (B, n, n), by one prediction and its sample."""
+    batch, n = mean.shape
+    rows = measured.shape[-1]
+    means, covariances = np.empty((batch, 2, n)), np.empty((batch, 2, n, n))
+    means[:, 0], covariances[:, 0] = mean, covariance
+    ekf.kernel.ekf_run(
+        *ekf.loop_arguments(time),
+        ekf.process * ekf.period,
+        ekf.noise,
+        rates[:, None, None],
+        measured,
+        means,
+        covariances,
+        np.empty((batch, 1, rows)),
+        np.empty((batch, 1, rows, rows)),
+        np.empty((batch, 1)),
+    )
+    return means[:, 1], covariances[:, 1]

@@ -1,0 +1,475 @@
+"""Campaign folders: what is read, what is refused and how flights are split."""
+
+import dataclasses
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glider.campaign.logs import (
+    POSE_COLUMNS,
+    SERVO_COLUMNS,
+    Campaign,
+    Flight,
+    split_flights,
+)
+from glider.campaign.reader import load_campaign
+from glider.campaign.writer import (
+    save_campaign,
+    save_flight,
+)
+from glider.errors import InputError
+
+VEHICLE = {"mass": 0.08, "wing_area": 0.0885, "hinge_offset": 0.27, "gravity": 9.81}
+LIMITS = (-0.4463, 0.9473)
+NAMES = tuple(f"flight_{i:03d}.csv" for i in range(4))
+
+
+def make_flight(name="flight_000.csv", *, time=None, servo=True):
+    """A smooth glide with a moving elevator; 60 rows at 100 Hz by default."""
+    t = np.arange(60) / 100 if time is None else np.asarray(time)
+    s = t - t[0]
+    return Flight(
+        name=name,
+        time=t,
+        pose=np.column_stack([7 * s - 3.5, 0.1 - s**2, -0.5 * s]),
+        elevator=0.3 * np.sin(5 * s) if servo else None,
+        command=np.where(np.floor(50 * s) % 2, -6.5, 1.25) if servo else None,
+    )
+
+
+def make_campaign(flights, **changes):
+    """A campaign with a partly known vehicle."""
+    campaign = Campaign(
+        name="folder",
+        path=Path("folder"),
+        vehicle=VEHICLE,
+        elevator="servo",
+        elevator_limits=LIMITS,
+        elevator_rate_limit=13.0,
+        pose_rate=100.0,
+        command_rate=50.0,
+        flights=tuple(flights),
+    )
+    return dataclasses.replace(campaign, **changes)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A good campaign of four flights, on disk, to be spoilt."""
+    path = tmp_path / "folder"
+    save_campaign(path, make_campaign([make_flight(name) for name in NAMES]))
+    (path / "index.csv").write_text(
+        "file,grade,remark\n"
+        'flight_000.csv,A,"long, straight"\nflight_001,B,\nflight_003.csv,A,\n'
+        "flight_009.csv,D,\n"
+    )
+    return path
+
+
+def refusal(path, **choice):
+    """Returns the message, which must be a single line."""
+    with pytest.raises(InputError) as info:
+        load_campaign(path, **choice)
+    message = str(info.value)
+    assert "\n" not in message
+    return message
+
+
+# Ways to spoil a flight: each takes and returns the lines of the file.
+
+
+def cell(row, column, text):
+    """Puts text into a cell; row is the line of the file, the header is 1."""
+
+    def spoil(lines):
+        cells = lines[row - 1].split(",")
+        cells[lines[0].split(",").index(column)] = text
+        return [*lines[: row - 1], ",".join(cells), *lines[row:]]
+
+    return spoil
+
+
+def scaled(column, factor):
+    """Writes a whole column in another unit."""
+
+    def spoil(lines):
+        index = lines[0].split(",").index(column)
+        rows = [line.split(",") for line in lines[1:]]
+        for row in rows:
+            row[index] = f"{float(row[index]) * factor:.9g}"
+        return [lines[0], *(",".join(row) for row in rows)]
+
+    return spoil
+
+
+def header(old, new):
+    """Edits the header."""
+    return lambda lines: [lines[0].replace(old, new), *lines[1:]]
+
+
+DEGREES = 180 / math.pi
+
+SPOILT_FLIGHTS = {
+    "empty file": (lambda lines: [], ["row 1", "header"]),
+    "blank header": (lambda lines: ["", *lines[1:]], ["row 1", "header"]),
+    "no header": (lambda lines: lines[1:], ["row 1", "header"]),
+    "semicolons": (
+        lambda lines: [line.replace(",", ";") for line in lines],
+        ["'time' is missing", "time;x;z"],
+    ),
+    "duplicated column": (header("pitch", "z"), ["'z'", "2 times"]),
+    "short row": (
+        lambda lines: [*lines[:9], "0.09,1,2", *lines[10:]],
+        ["row 10", "3 cells", "6 are needed"],
+    ),
+    "lone quote": (cell(10, "elevator_rate_command", '"1'), ["row 10: unexpected end"]),
+    "text": (cell(7, "pitch", "nose"), ["'pitch'", "row 7", "'nose'", "number"]),
+    "nan": (cell(8, "x", "nan"), ["'x'", "row 8", "'nan'", "finite"]),
+    "inf": (cell(2, "elevator", "-inf"), ["'elevator'", "row 2", "'-inf'", "finite"]),
+    "empty cell": (cell(61, "z", " "), ["'z'", "row 61", "''", "finite"]),
+    "underscore": (cell(9, "x", "1_0"), ["'x'", "row 9", "'1_0'", "number"]),
+    "empty row": (
+        lambda lines: [*lines[:9], ",,,,,", *lines[10:]],
+        ["'time'", "row 10", "number"],
+    ),
+    "time repeated": (cell(13, "time", "0.1"), ["'time'", "row 13", "'0.1'"]),
+    "time goes back": (cell(20, "time", "0.01"), ["'time'", "row 20", "'0.01'"]),
+    "milliseconds": (scaled("time", 1000), ["'time'", "step of 10 ", "milliseconds"]),
+    "wrong pose_rate": (scaled("time", 4), ["'time'", "0.04;", "0.01 ", "pose_rate"]),
+    "minutes": (scaled("time", 0.3), ["'time'", "0.003;", "seconds", "pose_rate"]),
+    "pitch in degrees": (scaled("pitch", DEGREES), ["'pitch'", "row 24", "degrees"]),
+    "elevator in degrees": (
+        scaled("elevator", DEGREES),
+        ["'elevator'", "row 5", "2.341 rad", "degrees"],
+    ),
+    "command in degrees": (
+        scaled("elevator_rate_command", DEGREES),
+        ["'elevator_rate_command'", "row 4", "degrees per second"],
+    ),
+    "millimeters": (scaled("x", 1000), ["'x'", "row 2", "'-3500'", "millimeters"]),
+    "speed": (scaled("x", 50), ["'x'", "350 m/s", "60", "millimeters"]),
+    "few rows": (lambda lines: lines[:20], ["too short", "19 rows", "20 rows"]),
+    "no rows": (lambda lines: lines[:1], ["too short", "0 rows"]),
+    "short time": (scaled("time", 0.2), ["too short", "0.118 s", "0.15 s"]),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT_FLIGHTS)
+def test_spoilt_flight_is_refused(folder, case):
+    """The message names the file, the column, the row, the value, the need."""
+    spoil, words = SPOILT_FLIGHTS[case]
+    file = folder / "flight_000.csv"
+    file.write_text("\n".join(spoil(file.read_text().splitlines())))
+    message = refusal(folder, flights=["flight_000"])
+    for word in (str(file), *words):
+        assert word in message
+
+
+@pytest.mark.parametrize("column", (*POSE_COLUMNS, *SERVO_COLUMNS))
+def test_missing_column_is_refused(folder, column):
+    for file in folder.glob("flight_*.csv"):
+        file.write_text(file.read_text().replace(f"{column}", "other", 1))
+    message = refusal(folder)
+    assert "flight_000.csv: column" in message
+    assert f"'{column}' is missing" in message
+
+
+@pytest.mark.parametrize(
+    "content", [b"\x89PNG\r\n\x1a\n\xff\x00", b"\x00" * 999, "t\n".encode("utf-16")]
+)
+@pytest.mark.parametrize("name", ["flight_000.csv", "campaign.yaml"])
+def test_binary_file_is_refused(folder, name, content):
+    (folder / name).write_bytes(content)
+    message = refusal(folder, flights=["flight_000"])
+    assert str(folder / name) in message
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_flights_of_different_columns_are_refused(folder, first):
+    """Whichever of the two lacks the column, both files are named."""
+    name = NAMES[0] if first else NAMES[2]
+    save_flight(folder / name, make_flight(servo=False))
+    message = refusal(folder)
+    other = NAMES[1] if first else NAMES[0]
+    assert f"{name}: column 'elevator' is missing, which {other} has" in message
+
+
+def test_unused_column_of_one_flight_is_refused(folder):
+    file = folder / NAMES[1]
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([lines[0] + ",yaw", *(f"{v},0" for v in lines[1:])]))
+    message = refusal(folder)
+    for word in (*NAMES[:2], "'yaw'"):
+        assert word in message
+
+
+def edited(**changes):
+    """Changes top-level fields; "vehicle__mass" is a field of the vehicle."""
+
+    def spoil(folder):
+        file = folder / "campaign.yaml"
+        content = yaml.safe_load(file.read_text())
+        for name, value in changes.items():
+            inside = name.startswith("vehicle__")
+            target = content["vehicle"] if inside else content
+            target[name.removeprefix("vehicle__")] = value
+        file.write_text(yaml.safe_dump(content))
+
+    return spoil
+
+
+def written(text):
+    return lambda folder: (folder / "campaign.yaml").write_text(text)
+
+
+SPOILT_SETTINGS = {
+    "missing": (lambda folder: (folder / "campaign.yaml").unlink(), ["no campaign"]),
+    "not YAML": (written("vehicle: {mass: 1"), ["YAML", "line 1"]),
+    "bad date": (written("pose_rate: 2024-13-45"), ["YAML", "month"]),
+    "empty": (written("# nothing\n"), ["None", "vehicle", "pose_rate"]),
+    "a list": (written("- 1\n"), ["[1]", "vehicle"]),
+    "unknown field": (edited(pose_rat=120), ["'pose_rat'", "mean 'pose_rate'?"]),
+    "misplaced field": (edited(mass=1), ["'mass'", "vehicle, pose_rate"]),
+    "number as a field": (edited(**{"vehicle__": 1}), ["unknown field ''"]),
+    "unknown vehicle field": (
+        edited(vehicle__wing_aera=0.1),
+        ["vehicle", "'wing_aera'", "mean 'wing_area'?"],
+    ),
+    "vehicle is a name": (edited(vehicle="r1"), ["vehicle", "'r1'", "mass"]),
+    "negative mass": (edited(vehicle__mass=-1), ["'mass'", "-1", "greater than 0"]),
+    "mass is text": (edited(vehicle__mass="1 kg"), ["'mass'", "'1 kg'", "number"]),
+    "limits in degrees": (
+        edited(vehicle__elevator_limits=[-25, 54]),
+        ["'elevator_limits'", "[-25, 54]", "radians"],
+    ),
+    "limits turned": (
+        edited(vehicle__elevator_limits=[0.9, -0.4]),
+        ["'elevator_limits'", "lower < upper"],
+    ),
+    "elevator": (edited(vehicle__elevator="free"), ["'elevator'", "'free'", "'fixed'"]),
+    "no rate": (edited(pose_rate=None), ["'pose_rate'", "None", "positive"]),
+    "zero rate": (edited(command_rate=0), ["'command_rate'", "0", "positive"]),
+    "rate is nan": (edited(pose_rate=math.nan), ["'pose_rate'", "nan", "positive"]),
+    "rate is text": (edited(pose_rate="fast"), ["'pose_rate'", "'fast'", "positive"]),
+    "rate is true": (edited(pose_rate=True), ["'pose_rate'", "True", "positive"]),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT_SETTINGS)
+def test_spoilt_settings_are_refused(folder, case):
+    """The message names campaign.yaml, the field, the value and the need."""
+    spoil, words = SPOILT_SETTINGS[case]
+    spoil(folder)
+    message = refusal(folder)
+    for word in (str(folder), "campaign.yaml", *words):
+        assert word in message
+
+
+def test_folder_without_flights_is_refused(folder, tmp_path):
+    (tmp_path / "nothing").mkdir()
+    for path, words in (
+        (tmp_path / "absent", "does not exist"),
+        (folder / "campaign.yaml", "is not a folder"),
+        (tmp_path / "nothing", "no campaign.yaml"),
+    ):
+        assert f"{path}: {words}" in refusal(path)
+    for name in NAMES:
+        (folder / name).unlink()
+    assert f"{folder}: no flight_*.csv" in refusal(folder)
+    (folder / NAMES[0]).mkdir()
+    assert f"{folder / NAMES[0]}: cannot be read" in refusal(folder)
+
+
+def test_choice_of_flights(folder):
+    """By name, by grade and by both; what is not chosen is not even read."""
+
+    def names(**choice):
+        flights = load_campaign(folder, **choice).flights
+        return tuple(flight.name for flight in flights)
+
+    (folder / "flight_002.csv").write_text("broken")
+    (folder / "notes.csv").write_text("not a flight")
+    assert names(flights=["flight_003", "flight_000.csv"]) == (NAMES[0], NAMES[3])
+    assert names(grades=["A"]) == (NAMES[0], NAMES[3])
+    assert names(grades=["B", "A"]) == (NAMES[0], NAMES[1], NAMES[3])
+    assert names(grades=["A"], flights=["flight_003"]) == (NAMES[3],)
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"flights": ["flight_007"]}, ["'flight_007.csv'", "not in this folder"]),
+        ({"flights": []}, ["no flight is chosen"]),
+        ({"flights": ["flight_001"], "grades": ["A"]}, ["no flight is chosen"]),
+        ({"grades": ["C"]}, ["index.csv", "'grade'", "'C'", "['A', 'B', 'D']"]),
+        ({"grades": ["A", "D"]}, ["index.csv", "'grade'", "'D'"]),
+    ],
+)
+def test_impossible_choice_is_refused(folder, choice, words):
+    message = refusal(folder, **choice)
+    for word in (str(folder), *words):
+        assert word in message
+
+
+def test_grades_need_an_index_with_its_columns(folder):
+    (folder / "index.csv").write_text("file,quality\nflight_000.csv,A\n")
+    message = refusal(folder, grades=["A"])
+    assert "index.csv: column 'grade' is missing; found 'file, quality'" in message
+    (folder / "index.csv").unlink()
+    assert "index.csv: cannot be read" in refusal(folder, grades=["A"])
+
+
+def test_irregular_times_and_gaps_are_accepted(folder):
+    """Times as logged: an epoch, jitter and missing rows."""
+    rng = np.random.default_rng(1)
+    time = 1.7e9 + np.delete(np.arange(90) / 100, [*range(20, 32), 50, 70, 71])
+    time = time + rng.uniform(-0.004, 0.004, time.size)
+    save_flight(folder / NAMES[1], make_flight(time=time))
+    flight = load_campaign(folder).flights[1]
+    np.testing.assert_allclose(flight.time, time, rtol=0, atol=1e-5)
+
+
+def test_habits_of_other_programs_are_accepted(folder):
+    """Byte order mark, CRLF, quoted and spaced names, blank lines, 1e-3."""
+    expected = load_campaign(folder).flights[0]
+    for name in NAMES:
+        lines = (folder / name).read_text().splitlines()
+        lines[0] = ", ".join(f'"{column} "' for column in lines[0].split(","))
+        text = "\r\n".join(["\ufeff" + lines[0], *lines[1:], "", ""])
+        (folder / name).write_bytes(text.encode())
+    written("vehicle: {pitch_inertia: 15e-4}\npose_rate: 100\n")(folder)
+    campaign = load_campaign(str(folder))
+    np.testing.assert_array_equal(campaign.flights[0].pose, expected.pose)
+    assert campaign.vehicle == {"pitch_inertia": 0.0015}
+
+
+def test_what_is_left_out_stays_unknown(folder):
+    """Only the pose rate is estimated, from the steps of all flights."""
+    written("vehicle: {elevator: fixed}\n")(folder)
+    for name in NAMES:
+        save_flight(folder / name, make_flight(time=np.arange(40) / 80))
+    campaign = load_campaign(folder)
+    assert campaign.vehicle == {}
+    assert campaign.elevator_limits is None
+    assert campaign.elevator_rate_limit is None
+    assert campaign.command_rate is None
+    assert campaign.pose_rate == pytest.approx(80)
+    assert campaign.flights[0].elevator is None
+    assert campaign.flights[0].command is None
+
+
+def test_estimated_pose_rate_still_finds_the_odd_flight(folder):
+    written("vehicle: {}\n")(folder)
+    file = folder / NAMES[2]
+    file.write_text("\n".join(scaled("time", 10)(file.read_text().splitlines())))
+    assert f"{file}: column 'time'" in refusal(folder)
+    for name in NAMES:  # All in milliseconds: nothing to compare with.
+        file = folder / name
+        spoil = scaled("time", 100 if name == NAMES[2] else 1000)
+        file.write_text("\n".join(spoil(file.read_text().splitlines())))
+    assert "milliseconds" in refusal(folder)
+
+
+def test_pitch_is_unwrapped(folder):
+    """A loop that motion capture logs within ±π comes back continuous."""
+    flight = make_flight()
+    pitch = np.linspace(-0.3, -9.0, flight.time.size)
+    pose = np.column_stack([flight.pose[:, :2], pitch])
+    save_flight(folder / NAMES[0], dataclasses.replace(flight, pose=pose))
+    loaded = load_campaign(folder).flights[0]
+    np.testing.assert_allclose(loaded.pose[:, 2], pitch, atol=1e-7)
+
+
+@pytest.mark.parametrize("column", ["x", "pitch", "elevator"])
+def test_a_turned_sign_is_accepted(folder, column):
+    """It is an effect to be traced, not an unreadable log."""
+    file = folder / NAMES[0]
+    flight = make_flight(NAMES[0])
+    full = dataclasses.replace(flight, elevator=np.linspace(*LIMITS, flight.time.size))
+    save_flight(file, full)
+    file.write_text("\n".join(scaled(column, -1)(file.read_text().splitlines())))
+    assert len(load_campaign(folder).flights) == len(NAMES)
+
+
+@pytest.mark.parametrize("elevator", ["servo", "fixed", "fixed_per_flight"])
+@pytest.mark.parametrize("known", [True, False])
+def test_campaign_round_trip(tmp_path, elevator, known):
+    servo = elevator == "servo"
+    flights = [make_flight(name, servo=servo) for name in NAMES]
+    campaign = make_campaign(flights, elevator=elevator, path=tmp_path / "folder")
+    if not known:
+        nothing = dict.fromkeys(("elevator_limits", "elevator_rate_limit"))
+        campaign = dataclasses.replace(
+            campaign, vehicle={}, command_rate=None, **nothing
+        )
+    save_campaign(campaign.path, campaign)
+    loaded = load_campaign(campaign.path)
+    same = {"flights": ()}
+    assert dataclasses.replace(loaded, **same) == dataclasses.replace(campaign, **same)
+    for ours, theirs in zip(flights, loaded.flights, strict=True):
+        for field in dataclasses.fields(Flight)[1:]:
+            expected, actual = getattr(ours, field.name), getattr(theirs, field.name)
+            if expected is None:
+                assert actual is None
+            else:
+                np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-12)
+    assert [flight.name for flight in loaded.flights] == list(NAMES)
+
+
+def test_save_does_not_mix_campaigns(folder):
+    campaign = make_campaign([make_flight("flight_000.csv")])
+    with pytest.raises(InputError, match=re.escape(f"{folder}: holds flight_001.csv")):
+        save_campaign(folder, campaign)
+    shutil.rmtree(folder)
+    save_campaign(folder, campaign)
+    assert len(load_campaign(folder).flights) == 1
+
+
+@settings(deadline=None)
+@given(st.integers(3, 60), st.floats(0.01, 0.99), st.integers(0, 2**32))
+def test_split_is_a_partition_of_whole_flights(count, fraction, seed):
+    """Disjoint, complete, sorted, repeatable and of the size asked for."""
+    flights = [make_flight(f"flight_{i:03d}.csv") for i in range(count)]
+    fit, held_out = split_flights(make_campaign(flights), fraction, seed)
+    assert len(fit) >= 2
+    assert len(held_out) >= 1
+    assert len(held_out) == pytest.approx(
+        np.clip(fraction * count, 1, count - 2), abs=0.51
+    )
+    assert sorted(map(id, fit + held_out)) == sorted(map(id, flights))
+    for part in (fit, held_out):
+        assert [f.name for f in part] == sorted(f.name for f in part)
+    turned = make_campaign(flights[::-1])
+    again = split_flights(turned, fraction, seed)
+    for part, same in zip((fit, held_out), again, strict=True):
+        assert all(a is b for a, b in zip(part, same, strict=True))
+
+
+def test_split_depends_on_the_seed():
+    campaign = make_campaign([make_flight(f"flight_{i:03d}.csv") for i in range(20)])
+    splits = {
+        tuple(f.name for f in split_flights(campaign, 0.25, seed)[1])
+        for seed in range(5)
+    }
+    assert len(splits) > 1
+
+
+@pytest.mark.parametrize("fraction", [0.0, 1.0, -0.2, math.nan])
+def test_split_needs_a_fraction(fraction):
+    campaign = make_campaign([make_flight(name) for name in NAMES])
+    with pytest.raises(InputError, match="held-out fraction"):
+        split_flights(campaign, fraction, 0)
+
+
+def test_split_needs_three_flights():
+    campaign = make_campaign([make_flight(name) for name in NAMES[:2]])
+    with pytest.raises(InputError, match="needs at least 3 flights, found 2"):
+        split_flights(campaign, 0.25, 0)

@@ -1,0 +1,416 @@
+"""The diagrams hold what they promise, convert, and fly what they should."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import Gain, MatrixGain
+
+from diagrams.__main__ import save_pictures
+from diagrams.closed_loop import closed_loop
+from diagrams.open_loop import open_loop
+from diagrams.parts import LONGEST
+from diagrams.picture import (
+    columns_of,
+    draw_diagram,
+    edges_of,
+    names_of,
+)
+from diagrams.simulate import (
+    draw_capture_noise,
+    reset,
+    simulate_flights,
+)
+from diagrams.tracks import flight_track
+from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
+from glider.campaign.writer import save_campaign
+from glider.control.tvlqr_drake import tracking_regulator
+from glider.errors import InputError
+from glider.physics.effects import DYNAMIC_STALL
+from glider.physics.model import GliderModel
+from glider.physics.parameters import PARAMETER_NAMES
+from glider.simulation.closed_loop import (
+    AFTER,
+    fly_closed_loop,
+)
+from glider.simulation.miss import path_miss
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.systems.noise import SampledNoise
+from glider.systems.plant import GliderPlant
+from tests.helpers.flights import DRAWING, LAGGING, PROBLEM, draw_noise, plan_of, policy
+
+DURATION = 0.98
+STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
+ALWAYS = {"glider", "servo", "state_log", "rate_log", "force_log"}
+CAPTURE = {
+    "elevator_angle",
+    "markers",
+    "motion_capture",
+    "capture_log",
+    "command_log",
+}
+
+
+def regulator(lagging=False):
+    """A System fits into one diagram: each needs its own."""
+    plant = GliderPlant(LAGGING if lagging else DRAWING)
+    return tracking_regulator(plant, plan_of(lagging))
+
+
+def launches(count):
+    return draw_launches(PROBLEM, LaunchSpread(), count, np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def replay():
+    return open_loop(DRAWING, plan_of())
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return closed_loop(DRAWING, regulator())
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    """Everything at once: an observer, a hold, noise and motion capture."""
+    return closed_loop(
+        LAGGING,
+        regulator(lagging=True),
+        planned=LAGGING,
+        command_rate=50.0,
+        feedback_noise=True,
+        motion_capture=120.0,
+    )
+
+
+@pytest.fixture(params=["replay", "plain", "sampled"])
+def diagram(request):
+    return request.getfixturevalue(request.param)
+
+
+# ---------------------------------------------------------------- what they hold
+
+
+@pytest.mark.parametrize(
+    ("name", "systems"),
+    [
+        ("replay", ALWAYS | {"plan"}),
+        ("plain", ALWAYS | {"regulator"}),
+        (
+            "sampled",
+            ALWAYS
+            | CAPTURE
+            | {"regulator", "measured_state", "feedback_noise", "observer"}
+            | {"command_hold"},
+        ),
+    ],
+)
+def test_the_names_promised_are_there(name, systems, request):
+    diagram = request.getfixturevalue(name)
+    assert set(names_of(diagram)) == systems
+    outputs = {
+        diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())
+    }
+    assert outputs >= {"state", "pose", "elevator_rate"}
+    assert diagram.get_name() == ("open_loop" if name == "replay" else "closed_loop")
+
+
+def test_every_input_is_connected_but_the_wind(diagram):
+    assert diagram.num_input_ports() == 0
+    connected = {
+        (system.get_name(), int(port)) for system, port in diagram.connection_map()
+    }
+    for system in diagram.GetSystems():
+        for index in range(system.num_input_ports()):
+            name = system.get_input_port(index).get_name()
+            found = (system.get_name(), index) in connected
+            assert found != ((system.get_name(), name) == ("glider", "wind")), name
+
+
+def test_the_servo_is_what_the_glider_gets(diagram):
+    assert ("servo", "glider", "elevator_rate") in edges_of(diagram)
+    sources = {source for source, target, _ in edges_of(diagram) if target == "glider"}
+    assert sources == {"servo"}
+
+
+def test_its_autodiff_twin_has_its_slopes(diagram):
+    """Of the state's derivatives by the glider's state, by finite differences."""
+    start = np.array(PROBLEM.launch) + 0.02
+    context = diagram.CreateDefaultContext()
+    reset(diagram, context, start)
+    x = context.get_continuous_state_vector().CopyToVector()
+    twin = diagram.ToAutoDiffXd()
+    twin_context = twin.CreateDefaultContext()
+    twin_context.SetTimeStateAndParametersFrom(context)
+    twin_context.SetContinuousState(InitializeAutoDiff(x))
+    slopes = ExtractGradient(twin.EvalTimeDerivatives(twin_context).CopyToVector())
+
+    def rates(state):
+        context.SetContinuousState(state)
+        return diagram.EvalTimeDerivatives(context).CopyToVector()
+
+    for i in range(len(x)):
+        step = 1e-6 * np.eye(len(x))[i]
+        column = (rates(x + step) - rates(x - step)) / 2e-6
+        np.testing.assert_allclose(slopes[:, i], column, rtol=1e-4, atol=1e-4)
+
+
+def test_a_meshcat_shows_the_flight():
+    meshcat = Meshcat(port=0)
+    diagram = open_loop(DRAWING, plan_of(), meshcat=meshcat)
+    assert {"glider_scene_graph", "glider_visualizer"} <= set(names_of(diagram))
+    simulate_flights(diagram, launches(1), 0.05)
+    assert meshcat.HasPath("/drake/glider")
+
+
+# ------------------------------------------------------------------ how they fly
+
+
+def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
+    starts = np.vstack([PROBLEM.launch, launches(2)])
+    none = dataclasses.replace(
+        policy(),
+        gains=0.0 * policy().gains,
+        corrections=0.0 * policy().corrections,
+    )
+    ours = fly_closed_loop(DRAWING, none, starts, step=0.0005)
+    flights = simulate_flights(replay, starts, ours.times[-1], accuracy=1e-9)
+    ends = [flight.states[-1] for flight in flights]
+    np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
+    assert flights[0].miss < 1e-3
+    assert min(flight.miss for flight in flights[1:]) > 0.01
+
+
+def test_feedback_brings_a_launch_to_the_wire(plain):
+    flights = simulate_flights(plain, launches(3), plan_of().duration + AFTER)
+    assert all(flight.perched for flight in flights)
+    assert max(flight.miss for flight in flights) < 0.02
+
+
+def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
+    """Along the whole flight the glider's own port, and so in what is shown."""
+    [flight] = simulate_flights(sampled, launches(1), 0.3)
+    plant = GliderPlant(LAGGING)
+    context = plant.CreateDefaultContext()
+    for k in (0, len(flight.times) // 2, -1):
+        context.SetContinuousState(flight.states[k])
+        plant.GetInputPort("elevator_rate").FixValue(context, [flight.rates[k]])
+        wing, elevator = plant.GetOutputPort("forces").Eval(context)[:2]
+        assert flight.forces[k] == pytest.approx([wing, elevator])
+        assert abs(wing - elevator) > 0.01
+    shown = flight_track("flown", flight)
+    rows = np.searchsorted(flight.times, shown.times, side="right") - 1
+    np.testing.assert_array_equal(shown.forces, flight.forces[rows])
+
+
+@pytest.mark.parametrize("wire", [(-0.3, 0.2), (-3.0, 0.1)])
+def test_the_miss_is_of_the_wire_that_is_given(replay, wire):
+    [flight] = simulate_flights(replay, launches(1), 0.95, wire=wire)
+    expected = path_miss(flight.times, flight.states, np.array(wire))
+    assert (
+        flight.miss == expected != path_miss(flight.times, flight.states, np.zeros(2))
+    )
+
+
+@pytest.mark.parametrize(("miss", "perched"), [(0.049, True), (0.051, False)])
+def test_a_perch_is_within_five_centimeters(replay, miss, perched):
+    [flight] = simulate_flights(replay, launches(1), 0.01)
+    assert dataclasses.replace(flight, miss=miss).perched is perched
+
+
+def test_flights_of_one_diagram_know_nothing_of_one_another(sampled):
+    starts, noise = launches(2), draw_noise(2, 49)
+    both = simulate_flights(sampled, starts, 0.3, feedback_noise=noise)
+    [alone] = simulate_flights(sampled, starts[1:], 0.3, feedback_noise=noise[1:])
+    np.testing.assert_array_equal(both[1].states, alone.states)
+    np.testing.assert_array_equal(both[1].times, alone.times)
+    # Nor of noise that is no longer asked for.
+    quiet = simulate_flights(sampled, starts[1:], 0.3)
+    assert np.max(np.abs(quiet[0].states[-1] - alone.states[-1])) > 1e-3
+
+
+def test_the_observer_knows_the_lag_as_the_glider_itself(sampled):
+    """On the right model, the states it runs are those that the glider has."""
+    told = closed_loop(
+        LAGGING, regulator(lagging=True), all_states=True, command_rate=50.0
+    )
+    ends = [
+        simulate_flights(diagram, launches(1), DURATION, accuracy=1e-8)
+        for diagram in (sampled, told)
+    ]
+    for one, other in zip(*ends, strict=True):
+        np.testing.assert_allclose(one.states[-1], other.states[-1], atol=1e-6)
+
+
+def test_an_observer_flies_a_glider_without_those_states():
+    diagram = closed_loop(DRAWING, regulator(lagging=True), planned=LAGGING)
+    assert "measured_state" not in names_of(diagram)
+    [flight] = simulate_flights(diagram, launches(1), DURATION)
+    assert flight.perched
+
+
+def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
+    diagram = closed_loop(LAGGING, regulator())
+    assert "measured_state" in names_of(diagram)
+    [flight] = simulate_flights(diagram, launches(1), DURATION)
+    assert flight.states.shape[1] == 8
+    assert flight.perched
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"feedback_noise": True}, "a rate is needed"),
+        ({"command_rate": -1.0}, "-1.0 Hz"),
+        ({"planned": DRAWING}, "wants 8"),
+        ({}, "`planned`"),
+        ({"truth": STALLING}, "`planned`"),  # As many states, but others.
+        ({"all_states": True}, "8 states and the glider has 7"),
+        (
+            {"truth": LAGGING, "planned": LAGGING, "all_states": True},
+            "without `planned`",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(options, message):
+    truth = options.get("truth", DRAWING)
+    others = {name: value for name, value in options.items() if name != "truth"}
+    with pytest.raises(InputError, match=message):
+        closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
+
+
+def test_noise_for_a_diagram_without_is_refused(plain):
+    with pytest.raises(InputError, match="'feedback_noise'"):
+        simulate_flights(plain, launches(1), 0.1, feedback_noise=draw_noise(1, 5))
+
+
+@pytest.mark.parametrize("tape", ["feedback_noise", "capture_noise"])
+def test_noise_never_ends_before_the_flight(sampled, tape):
+    noise = np.zeros((1, 5, 7 if tape == "feedback_noise" else 4))
+    with pytest.raises(InputError, match=f"at most {LONGEST:g} s are possible"):
+        simulate_flights(sampled, launches(1), LONGEST + 0.1, **{tape: noise})
+
+
+def test_too_few_tapes_are_refused(sampled):
+    with pytest.raises(InputError, match="1 flights"):
+        simulate_flights(sampled, launches(2), 0.1, feedback_noise=draw_noise(1, 5))
+
+
+# --------------------------------------------------------------- what is measured
+
+
+def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
+    rng = np.random.default_rng(8)
+    noise = draw_capture_noise(rng, 2, 200)
+    quiet = simulate_flights(sampled, launches(2), DURATION)
+    noisy = simulate_flights(sampled, launches(2), DURATION, capture_noise=noise)
+    drawing = DRAWING.parameters
+    campaign = Campaign(
+        name="flown",
+        path=tmp_path,
+        vehicle={name: getattr(drawing, name) for name in PARAMETER_NAMES},
+        elevator="servo",
+        elevator_limits=tuple(drawing.elevator_limits),
+        elevator_rate_limit=drawing.elevator_rate_limit,
+        pose_rate=120.0,
+        command_rate=50.0,
+        flights=tuple(flight.log for flight in noisy),
+    )
+    save_campaign(tmp_path, campaign)
+    loaded = load_campaign(tmp_path).flights
+    assert [flight.name for flight in loaded] == ["flight_000.csv", "flight_001.csv"]
+    for k in range(2):
+        truth, log = quiet[k], loaded[k]
+        np.testing.assert_allclose(log.time, np.arange(118) / 120.0, atol=1e-9)
+        rows = np.searchsorted(truth.times, log.time - 1e-9)
+        np.testing.assert_allclose(truth.times[rows], log.time, atol=1e-9)
+        np.testing.assert_allclose(
+            log.pose, truth.states[rows, :3] + noise[k, :118, :3], atol=1e-7
+        )
+        np.testing.assert_allclose(
+            log.elevator, truth.states[rows, 3] + noise[k, :118, 3], atol=1e-7
+        )
+        np.testing.assert_array_equal(quiet[k].log.pose, truth.states[rows, :3])
+
+
+def test_a_new_command_shows_in_the_first_row_after_it(sampled):
+    [flight] = simulate_flights(sampled, launches(1), DURATION)
+    changes = np.flatnonzero(np.diff(flight.log.command)) + 1
+    before, after = flight.log.time[changes - 1], flight.log.time[changes]
+    switches = np.arange(1, 49) / 50.0
+    assert len(changes) == 49  # The first row still shows the hold's zero.
+    for switch in switches:
+        assert np.any((before <= switch + 1e-9) & (switch < after))
+
+
+def test_each_sample_gets_its_row_of_noise():
+    system = SampledNoise(2, 10.0, 3)
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("noise", system)
+    gain = builder.AddNamedSystem("gain", Gain(2.0, 2))
+    builder.ExportInput(system.get_input_port(), "signal")
+    builder.Connect(system.get_output_port(), gain.get_input_port())
+    builder.ExportOutput(gain.get_output_port(), "y")
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    diagram.GetInputPort("signal").FixValue(context, [1.0, 2.0])
+    tape = np.array([[0.1, 0.2], [0.3, 0.4]])
+    system.set_tape(system.GetMyMutableContextFromRoot(context), tape)
+    expected = [*tape, [0.0, 0.0], [0.0, 0.0]]
+    for k, row in enumerate(expected):
+        simulator.AdvanceTo(k / 10.0)
+        measured = diagram.GetOutputPort("y").Eval(context) / 2.0 - [1.0, 2.0]
+        np.testing.assert_allclose(measured, row, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(4, 2), (3, 1), (6,)])
+def test_a_tape_that_does_not_fit_is_refused(shape):
+    system = SampledNoise(2, 10.0, 3)
+    with pytest.raises(InputError, match="the noise has shape"):
+        system.set_tape(system.CreateDefaultContext(), np.zeros(shape))
+
+
+@pytest.mark.parametrize(("rate", "rows"), [(0.0, 1), (np.inf, 1), (10.0, 0)])
+def test_a_sampler_that_cannot_be_is_refused(rate, rows):
+    with pytest.raises(InputError, match="rate"):
+        SampledNoise(1, rate, rows)
+
+
+# ---------------------------------------------------------------------- pictures
+
+
+def test_signals_go_from_left_to_right(sampled):
+    column = columns_of(names_of(sampled), edges_of(sampled), "glider")
+    chain = ["measured_state", "feedback_noise", "observer", "regulator"]
+    chain += ["command_hold", "servo", "glider"]
+    assert [column[name] for name in chain] == list(range(7))
+    assert column["state_log"] == 7
+
+
+def test_a_picture_shows_every_system_and_connection(sampled):
+    ax = Figure().add_subplot()
+    draw_diagram(sampled, ax)
+    texts = [text.get_text() for text in ax.texts]
+    assert set(names_of(sampled)) <= set(texts)
+    arrows = [text for text in ax.texts if text.get_text() == ""]
+    assert len(arrows) == len(edges_of(sampled))
+
+
+def test_the_command_writes_the_pictures(replay, tmp_path):
+    files = save_pictures({"open_loop": replay}, tmp_path / "new")
+    assert {file.name for file in files} >= {"open_loop.dot", "open_loop.svg"}
+    assert "elevator_rate" in (tmp_path / "new/open_loop.dot").read_text()
+    first = (tmp_path / "new/open_loop.svg").read_bytes()
+    save_pictures({"open_loop": replay}, tmp_path / "new")
+    assert (tmp_path / "new/open_loop.svg").read_bytes() == first

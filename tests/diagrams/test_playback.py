@@ -1,0 +1,196 @@
+"""Flights side by side in Meshcat: the recording holds all that moves."""
+
+import base64
+import re
+import time
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import DiagramBuilder
+
+from diagrams.marks import (
+    ARROW_SCALE,
+    arrow_paths,
+    trail_path,
+)
+from diagrams.playback import (
+    RED,
+    MakePlayback,
+    Track,
+    play,
+    stage_of,
+    write_html,
+)
+from glider.errors import InputError
+from glider.physics.parameters import GliderParameters
+from tests.helpers.meshcat import place_of, property_of
+
+
+def make_track(name="flown", **changes):
+    times = np.linspace(0.0, 0.5, 40)
+    poses = np.column_stack(
+        [7.0 * times - 3.5, 0.1 - times**2, -times, 0.5 * np.sin(9.0 * times)]
+    )
+    return Track(**{"name": name, "times": times, "poses": poses, **changes})
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    forces = np.column_stack([np.linspace(0.5, 2.0, 40), np.linspace(0.0, -1.0, 40)])
+    return make_track("flown", forces=forces), make_track("as planned", color=RED)
+
+
+@pytest.fixture(scope="module")
+def meshcat(tracks):
+    meshcat = Meshcat()
+    play(tracks, meshcat, rate=0.5)
+    return meshcat
+
+
+@pytest.fixture(scope="module")
+def page(tracks, meshcat, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "flight.html"
+    write_html(path, meshcat, tracks, "Flown & planned")
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def animation(page):
+    """The message of the page that holds the recording."""
+    messages = map(base64.b64decode, re.findall(r'octet-binary;base64,([^"]+)"', page))
+    (animation,) = [m for m in messages if b"set_animation" in m]
+    return animation
+
+
+@pytest.mark.parametrize("glider", ["flown", "as_planned"])
+@pytest.mark.parametrize("part", ["body", "elevator"])
+def test_every_part_of_every_glider_moves_in_the_recording(animation, glider, part):
+    assert f"/drake/{glider}/glider/{part}".encode() in animation
+
+
+def test_the_arrows_lengths_are_in_the_recording(animation):
+    for path in arrow_paths("flown"):
+        _, _, after = animation.partition(path.encode())
+        assert b".scale" in after[:80]
+    assert arrow_paths("as_planned")[0].encode() not in animation
+
+
+def test_pieces_of_the_trails_appear_in_the_recording(meshcat, animation):
+    for glider in ("flown", "as_planned"):
+        paths = [f"{trail_path(glider)}/{i}" for i in range(200)]
+        pieces = [path for path in paths if meshcat.HasPath(path)]
+        assert len(pieces) > 30
+        for path in pieces:
+            own = re.escape(path.encode()) + rb"(?!\d)(.{300})"
+            track = re.search(own, animation, re.DOTALL).group(1)
+            hidden, shown = track.find(b"value\xc2"), track.find(b"value\xc3")
+            assert 0 < hidden < shown
+
+
+def test_the_trail_follows_the_flight(tracks, meshcat):
+    trail = [place_of(meshcat, f"{trail_path('flown')}/{i}") for i in range(30)]
+    x, z = tracks[0].poses[:, :2].T
+    assert np.allclose([p[2] for p in trail], np.interp([p[0] for p in trail], x, z),
+                       atol=2e-3)  # fmt: skip
+    assert np.all(np.diff([p[0] for p in trail]) > 0.0)
+
+
+def test_an_arrow_is_as_long_as_its_force(tracks, meshcat):
+    meshcat = Meshcat()
+    play(tracks, meshcat, live=True, rate=2.0)
+    wing, elevator = (property_of(meshcat, p, "scale") for p in arrow_paths("flown"))
+    assert wing[2] == pytest.approx(2.0 * ARROW_SCALE)
+    assert elevator[2] == pytest.approx(-1.0 * ARROW_SCALE)
+
+
+def test_an_arrow_is_where_its_force_acts(tracks):
+    """From the body's frame and from the hinge; ahead is positive."""
+    drawing = GliderParameters(wing_offset=0.03, elevator_offset=0.05)
+    meshcat = Meshcat()
+    MakePlayback(tracks, meshcat, parameters=drawing)
+    wing, elevator = (place_of(meshcat, p) for p in arrow_paths("flown"))
+    assert wing == pytest.approx([0.03, 0.0, 0.0])
+    assert elevator == pytest.approx([-0.05, 0.0, 0.0])
+
+
+def test_the_gliders_stay_where_they_end(tracks):
+    meshcat = Meshcat()
+    short = make_track("short", times=np.linspace(0.0, 0.31, 40))
+    play([*tracks, short], meshcat, live=True, rate=1.7)  # No whole frames.
+    for name in ("flown", "short"):
+        end = place_of(meshcat, f"/drake/{name}/glider/body")
+        assert end == pytest.approx([0.0, 0.0, -0.15])
+
+
+def test_a_track_of_one_moment_stands_still(tracks):
+    still = Track(name="still", times=np.zeros(1), poses=np.array([[-2.0, 0.5, 0, 0]]))
+    meshcat = Meshcat()
+    play([*tracks, still], meshcat, live=True, rate=5.0)
+    body = place_of(meshcat, "/drake/still/glider/body")
+    assert body == pytest.approx([-2.0, 0.0, 0.5])
+
+
+def test_a_live_playback_takes_its_time(tracks):
+    meshcat = Meshcat()
+    begin = time.perf_counter()
+    play(tracks, meshcat, rate=1.0, live=True)
+    assert time.perf_counter() - begin > 0.45
+
+
+def test_the_page_has_a_legend(page):
+    assert "<b>Flown &amp; planned</b>" in page
+    assert '"></span>as planned<br>' in page
+    assert f"{ARROW_SCALE:g} m per N" in page
+
+
+def test_times_may_start_anywhere(tracks):
+    later = make_track("later", times=np.linspace(100.0, 100.5, 40))
+    diagram = MakePlayback([later], Meshcat(), rate=0.5)
+    source = diagram.GetSubsystemByName("later_track")
+    context = diagram.CreateDefaultContext()
+    context.SetTime(1.0)
+    pose = source.get_output_port().Eval(source.GetMyContextFromRoot(context))
+    assert pose == pytest.approx(later.poses[-1])
+
+
+def test_the_stage_holds_the_flight_and_the_wire():
+    stage = stage_of(make_track(), wire=(2.0, 1.0))
+    assert stage.x_limits[0] < -3.5 and stage.x_limits[1] > 2.0
+    assert stage.z_limits[0] < -0.15 and stage.z_limits[1] > 1.0
+    assert stage_of(make_track(), wire=None).x_limits[1] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"times": np.zeros(40)}, "must increase"),
+        ({"poses": np.zeros((40, 3))}, r"'poses' has shape \(40, 3\)"),
+        ({"poses": np.full((40, 4), np.nan)}, "finite"),
+        ({"forces": np.zeros((39, 2))}, "'forces'"),
+        ({"name": "a/b"}, "letters"),
+    ],
+)
+def test_what_is_no_flight_is_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        make_track(**changes)
+
+
+@pytest.mark.parametrize(
+    ("tracks", "rate", "words"),
+    [
+        ([], 1.0, "no track"),
+        ([make_track(), make_track()], 1.0, "one name"),
+        ([make_track()], 0.0, "positive"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(tracks, rate, words):
+    with pytest.raises(InputError, match=words):
+        MakePlayback(tracks, Meshcat(), rate=rate)
+
+
+def test_a_playback_converts_to_autodiff():
+    diagram = MakePlayback([make_track()], Meshcat())
+    builder = DiagramBuilder()
+    builder.AddSystem(diagram)
+    assert builder.Build().ToAutoDiffXd().num_continuous_states() == 0

@@ -1,0 +1,50 @@
+"""What the tests of feedback and of closed loops fly."""
+
+import functools
+
+import numpy as np
+
+from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr_drake import (
+    policy_of,
+    tracking_gains,
+)
+from glider.physics.effects import SERVO_LAG
+from glider.physics.model import GliderModel
+from glider.planning import dircol
+from glider.planning.problem import PerchingProblem
+from glider.systems.plant import GliderPlant
+
+PROBLEM = PerchingProblem()
+DRAWING = GliderModel()
+LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
+
+
+@functools.cache
+def plan_of(lagging=False):
+    """Returns the plan of the drawing, or of a glider with a slow servo."""
+    return dircol.plan(GliderPlant(LAGGING if lagging else DRAWING), PROBLEM)
+
+
+@functools.cache
+def drake_gains():
+    """Returns Drake's gains along the plan of the drawing."""
+    return tracking_gains(GliderPlant(), plan_of())
+
+
+@functools.cache
+def drake_policy():
+    """Returns Drake's gains along the plan of the drawing, as a table."""
+    return policy_of(drake_gains(), plan_of())
+
+
+@functools.cache
+def policy():
+    """Returns the compiled policy along the plan of the drawing."""
+    return compiled_policy(GliderPlant(), plan_of())
+
+
+def draw_noise(count, commands, seed=5):
+    """Returns feedback noise of a poor motion capture."""
+    scale = [0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2]
+    return np.random.default_rng(seed).normal(size=(count, commands, 7)) * scale

@@ -1,0 +1,326 @@
+"""Every effect of the library does nothing at zero, and all uses of it agree."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
+
+from glider.compiled.kernel import compiled
+from glider.errors import InputError
+from glider.physics.actuator_replay import elevator_path
+from glider.physics.compose import (
+    coefficient_slices,
+    compose,
+    state_slices,
+)
+from glider.physics.effects import (
+    COMMAND_DELAY,
+    KINDS,
+    LIBRARY,
+    NO_FIELD,
+    PROFILE_DRAG,
+    SERVO_LAG,
+    STAGES,
+    Coefficient,
+    EffectKind,
+)
+from glider.physics.effects.field import make_field
+from glider.physics.model import GliderModel
+from glider.systems.plant import GliderPlant
+from tests.helpers.physics import (
+    FIELD,
+    PARAMETERS,
+    at_work,
+    drawing,
+    full_state,
+    random_states,
+)
+
+ALL = pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.kind)
+
+# design.md, 'Effects'; rbf_residual is the residual Field.
+REQUIRED = [
+    "servo_lag",
+    "command_delay",
+    "wind",
+    "attached_lift",
+    "dynamic_stall",
+    "wing_incidence",
+    "airspeed_dependence",
+    "ground_effect",
+    "downwash",
+    "tail_wake",
+    "elevator_trim",
+    "elevator_area",
+    "center_of_pressure",
+    "profile_drag",
+    "pitch_damping",
+    "pitch_moment",
+    "thrust",
+    "mass",
+    "inertia",
+    "added_mass",
+    "marker_offset",
+    "pose_latency",
+    "frame_tilt",
+    "pitch_offset",
+    "angle_sign",
+]
+
+
+def evaluate(effects, x, u, wind, p, c, field=NO_FIELD):
+    """Returns derivatives and pose, one after the other."""
+    chain = compose(tuple(e.kind for e in effects), field is not NO_FIELD)
+    rates = chain.derivatives(0.3, x, u, *wind, p, c, field)
+    return np.array([*rates, *chain.measure(x, p, c)])
+
+
+def test_the_library_is_complete():
+    assert sorted(KINDS) == sorted(REQUIRED)
+    assert len(KINDS) == len(LIBRARY)
+
+
+@ALL
+def test_it_is_documented(kind):
+    assert kind.stage in STAGES
+    assert set(kind.adds_to) <= set(STAGES[kind.stage])
+    assert bool(kind.adds_to) == (kind.stage != "actuator")
+    assert kind.words
+    assert kind.depends_on
+    assert kind.coefficients
+    for c in kind.coefficients:
+        assert c.unit
+        assert c.scale > 0
+        assert math.isfinite(c.lower)
+        assert math.isfinite(c.upper)
+        assert c.lower <= c.default <= c.upper
+        assert all(c.lower <= g <= c.upper for g in c.grid)
+    assert bool(kind.states) == (kind.state_rate is not None)
+    assert bool(kind.states) == (kind.steady_state is not None)
+
+
+@ALL
+def test_defaults_do_nothing(kind):
+    effect = kind()
+    if kind.stage == "actuator":  # No duration: singular, and the plant drops it.
+        plant = GliderPlant(GliderModel(effects=(effect,)))
+        assert plant.kinds == ()
+        assert plant.num_continuous_states() == 7
+        return
+    for point in random_states(20):
+        x, c = full_state([effect], point)
+        actual = evaluate([effect], x, 2.0, (0.5, -0.2), PARAMETERS, c)
+        expected = drawing(point, 2.0, wind=(0.5, -0.2))
+        np.testing.assert_allclose(actual[:7], expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(actual[-3:], point[:3], rtol=1e-15, atol=1e-15)
+
+
+@ALL
+def test_its_coefficients_change_what_they_should(kind):
+    """Sensors change the pose and not the flight; all others the reverse."""
+    point = random_states(1, seed=3)[0]
+    effect = at_work(kind)
+    x, c = full_state([effect], point)
+    base = evaluate([effect], x, 2.0, (0, 0), PARAMETERS, c)
+    n = len(x)
+    flight = np.max(np.abs(base[:7] - drawing(point, 2.0)))
+    pose = np.max(np.abs(base[n:] - point[:3]))
+    assert (flight > 1e-4) == (kind.stage != "sensor")
+    assert (pose > 1e-4) == (kind.stage == "sensor")
+    for i, coefficient in enumerate(kind.coefficients):
+        if (kind.kind, coefficient.name) in (
+            ("angle_sign", "elevator"),  # These act on the log's other columns.
+            ("angle_sign", "command"),
+        ):
+            continue
+        moved = c.copy()
+        moved[i] += 0.1 * coefficient.scale
+        change = evaluate([effect], x, 2.0, (0, 0), PARAMETERS, moved) - base
+        assert np.max(np.abs(change)) > 1e-6, coefficient.name
+
+
+def check_gradients(effects, field=NO_FIELD, kernel=None):
+    """AutoDiff = complex step = central differences (= compiled), by everything."""
+    for point in random_states(3, seed=5):
+        x, c = full_state(effects, point)
+        n = len(x)
+        z = np.concatenate([x, [2.0, 0.4, -0.3], PARAMETERS, c])
+
+        def f(z, n=n):
+            wind = (z[n + 1], z[n + 2])
+            return evaluate(
+                effects, z[:n], z[n], wind, z[n + 3 : n + 12], z[n + 12 :], field
+            )
+
+        result = f(InitializeAutoDiff(z).ravel())
+        gradient = ExtractGradient(result)
+        np.testing.assert_allclose(ExtractValue(result).ravel(), f(z), rtol=1e-13)
+        size = np.abs(gradient).max(axis=1, keepdims=True) + 1.0
+
+        steps = np.eye(len(z))
+        exact = np.array([f(z + 1e-30j * e).imag / 1e-30 for e in steps]).T
+        np.testing.assert_allclose(exact / size, gradient / size, atol=1e-12)
+
+        h = 1e-6 * np.maximum(np.abs(z), 1e-2)
+        difference = [(f(z + e) - f(z - e)) / (2 * e.sum()) for e in np.diag(h)]
+        np.testing.assert_allclose(
+            np.transpose(difference) / size, gradient / size, atol=3e-6
+        )
+
+        if kernel is None:
+            continue
+        value, slopes = np.empty(n), np.empty((n, len(z)))
+        directions = np.asfortranarray(steps)
+        kernel.directional(0.3, z, directions, n, field, value, slopes)
+        np.testing.assert_allclose(value, f(z)[:n], rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(
+            slopes / size[:n], gradient[:n] / size[:n], atol=1e-10
+        )
+
+
+@ALL
+def test_autodiff_complex_step_and_differences_agree(kind):
+    check_gradients([at_work(kind)])
+
+
+def test_the_compiled_chain_agrees_with_all_effects_and_a_field():
+    """One kernel for the whole library: compiling one each would take minutes."""
+    kernel = compiled(LIBRARY, True)
+    check_gradients([at_work(kind) for kind in LIBRARY], make_field(FIELD), kernel)
+
+
+@ALL
+def test_numbers_that_cannot_be_are_refused(kind):
+    name = kind.coefficients[0].name
+    with pytest.raises(InputError, match=f"'{kind.kind}'.*'{name}'.*must lie in"):
+        kind(**{name: kind.coefficients[0].upper + 1.0})
+    with pytest.raises(InputError, match=f"'{kind.kind}'.*finite number"):
+        kind(**{name: math.nan})
+    with pytest.raises(InputError, match=f"'{kind.kind}': unknown coefficient 'nmae'"):
+        kind(nmae=0.0)
+
+
+def test_effects_add_in_any_order():
+    effects = [at_work(kind) for kind in LIBRARY if kind.stage != "actuator"]
+    point = random_states(1)[0]
+    forward = evaluate(effects, *packed(effects, point))
+    backward = evaluate(effects[::-1], *packed(effects[::-1], point))
+    np.testing.assert_allclose(backward[:7], forward[:7], rtol=1e-12)
+    np.testing.assert_allclose(backward[-3:], forward[-3:], rtol=1e-12)
+
+
+def packed(effects, point):
+    x, c = full_state(effects, point)
+    return x, 2.0, (0.0, 0.0), PARAMETERS, c
+
+
+def test_slices_follow_the_vectors():
+    kinds = (PROFILE_DRAG, KINDS["dynamic_stall"], SERVO_LAG)
+    assert coefficient_slices(kinds) == {
+        "profile_drag": slice(0, 1),
+        "dynamic_stall": slice(1, 3),
+        "servo_lag": slice(3, 4),
+    }
+    # Actuators lead among the states.
+    assert state_slices(kinds)["servo_lag"] == slice(0, 1)
+    assert state_slices(kinds)["dynamic_stall"] == slice(1, 2)
+
+
+# ---------------------------------------------------------------- a user's own
+
+
+def user_kind(formula):
+    return EffectKind(
+        kind="pitch_spring",
+        stage="wrench",
+        adds_to=("moment",),
+        coefficients=(Coefficient(name="stiffness", unit="N m/rad"),),
+        formula=formula,
+        words="a spring between the pitch and the horizon",
+        depends_on=("pitch",),
+    )
+
+
+def plain_spring(flow, stiffness):
+    return -stiffness * flow.pitch
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [plain_spring, lambda flow, stiffness: -stiffness * flow.pitch],
+    ids=["plain", "lambda"],
+)
+def test_a_users_own_effect_goes_everywhere(formula):
+    effect = user_kind(formula)(stiffness=0.01)
+    x = random_states(1)[0]
+    expected = drawing(x, 2.0)
+    expected[6] += -0.01 * x[2] / PARAMETERS[1]
+
+    actual = evaluate([effect], x, 2.0, (0, 0), PARAMETERS, np.array([0.01]))[:7]
+    np.testing.assert_allclose(actual, expected, rtol=1e-13)
+
+    plant = GliderPlant(GliderModel(effects=(effect,)))
+    context = plant.CreateDefaultContext()
+    context.SetContinuousState(x)
+    plant.GetInputPort("elevator_rate").FixValue(context, [2.0])
+    rates = plant.EvalTimeDerivatives(context).CopyToVector()
+    np.testing.assert_allclose(rates, expected, rtol=1e-13)
+
+    values = np.empty((1, 9))
+    compiled((effect.kind,)).log_flow(
+        np.zeros(1),
+        x[np.newaxis],
+        np.zeros(1),
+        np.array([2.0]),
+        np.append(PARAMETERS, 0.01),
+        NO_FIELD,
+        values,
+    )
+    np.testing.assert_allclose(values[0, 5:8], expected[4:], rtol=1e-12)
+
+
+# ------------------------------------------------------------- exact actuators
+
+
+def fly_elevator(effect, period=0.05, step=1e-3):
+    """Flies a tape through the plant's actuator; returns times, angles, exact."""
+    commands = np.array([4.0, -6.0, 2.0, 0.0, 5.0, 0.0])
+    x, c = full_state([effect], random_states(1)[0])
+    x[3], x[7:] = 0.0, 0.0
+    chain = compose((effect.kind,))
+    per = round(period / step)
+    angles = [x[3]]
+    for k in range(per * len(commands)):
+        u = commands[k // per]
+
+        def rate(y, u=u):
+            d = chain.derivatives(0.0, y, u, 0.0, 0.0, PARAMETERS, c, NO_FIELD)
+            return np.array(d)
+
+        k1 = rate(x)
+        k2 = rate(x + 0.5 * step * k1)
+        k3 = rate(x + 0.5 * step * k2)
+        k4 = rate(x + step * k3)
+        x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        angles.append(x[3])
+    times = step * np.arange(len(angles))
+    return times, np.array(angles), period * np.arange(len(commands)), commands
+
+
+def test_a_servo_lag_in_the_plant_is_the_exact_one():
+    times, angles, switches, commands = fly_elevator(SERVO_LAG(time_constant=0.03))
+    exact = elevator_path(switches, commands, times, time_constant=0.03)
+    np.testing.assert_allclose(angles, exact, atol=1e-7)
+
+
+def test_a_command_delay_in_the_plant_is_nearly_the_exact_one():
+    """The Padé approximant stays within an eighth of rate times delay."""
+    times, angles, switches, commands = fly_elevator(COMMAND_DELAY(delay=0.025))
+    exact = elevator_path(switches, commands, times, delay=0.025)
+    undelayed = elevator_path(switches, commands, times)
+    largest_jump = 10.0 * 0.025
+    assert np.max(np.abs(angles - exact)) < 0.125 * largest_jump
+    assert np.max(np.abs(undelayed - exact)) > 0.9 * largest_jump * 0.6
+    # At rest again, nothing is left of the difference.
+    assert angles[-1] == pytest.approx(exact[-1], abs=2e-3)

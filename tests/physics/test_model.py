@@ -1,0 +1,111 @@
+"""A model survives its file, and what is wrong in a file is named."""
+
+import numpy as np
+import pytest
+
+from glider.errors import InputError
+from glider.physics.effects import (
+    LIBRARY,
+    NO_FIELD,
+    PROFILE_DRAG,
+    WIND,
+)
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+    save_model,
+)
+from glider.physics.parameters import GliderParameters
+from tests.helpers.physics import FIELD, at_work
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        GliderModel(),
+        GliderModel(parameters=GliderParameters(mass=0.1, wing_offset=-0.03)),
+        GliderModel(effects=(WIND(x=-1 / 3, z=0.1), PROFILE_DRAG(cd0=0.05))),
+        GliderModel(effects=tuple(at_work(kind) for kind in LIBRARY), field=FIELD),
+    ],
+    ids=["drawing", "parameters", "effects", "all"],
+)
+def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
+    path = tmp_path / "model.yaml"
+    save_model(path, model)
+    assert load_model(path) == model
+    first = path.read_text()
+    save_model(path, load_model(path))
+    assert path.read_text() == first
+
+
+def test_the_coefficients_follow_one_another():
+    model = GliderModel(effects=(WIND(x=-0.5, z=0.1), PROFILE_DRAG(cd0=0.05)))
+    np.testing.assert_array_equal(model.coefficients, [-0.5, 0.1, 0.05])
+    assert GliderModel().coefficients.shape == (0,)
+
+
+def test_a_file_says_only_what_it_changes(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text(
+        "parameters: {mass: 0.09}\n"
+        "effects:\n"
+        "  - {kind: wind, coefficients: {x: -0.6}}\n"
+        "  - {kind: dynamic_stall}\n"
+    )
+    model = load_model(path)
+    assert model.parameters == GliderParameters(mass=0.09)
+    assert [e.to_dict() for e in model.effects] == [
+        {"x": -0.6, "z": 0.0},
+        {"strength": 0.0, "time_constant": 0.08},
+    ]
+    assert model.residual_field is NO_FIELD
+
+
+def test_the_arrays_of_a_field():
+    arrays = GliderModel(field=FIELD).residual_field
+    np.testing.assert_array_equal(arrays.centers[0], [-1, 0, 0.2, 0, 6, 0.3, 0, 0, 0])
+    np.testing.assert_allclose(
+        arrays.inverse_widths[1], [1 / 1.5, 0, 2, 0, 0.5, 2.5, 0, 0, 0]
+    )
+    np.testing.assert_array_equal(arrays.inverse_widths[2], 0.0)  # The constant.
+    np.testing.assert_array_equal(arrays.weights[2], [0, 0, 0.1, 0.05, 0])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("parameters: {mass: -1}", "'mass'"),
+        ("parameters: {masse: 1}", "masse"),
+        ("effects: [{kind: wnid}]", "unknown effect 'wnid'"),
+        ("effects: [{kind: wind, coefficients: {y: 1.0}}]", "'y'"),
+        ("effects: [{kind: wind, coefficients: {x: 99.0}}]", "'x' is 99"),
+        ("effects: [{kind: wind, coefficients: {x: .nan}}]", "finite"),
+        ("effects: [{kind: wind, values: {x: 1.0}}]", "values"),
+        ("field: {variables: [altitude], widths: [1.0]}", "'altitude'"),
+        ("field: {variables: [x], widths: [0.0]}", "widths"),
+        ("field: {variables: [x], widths: []}", "widths"),
+        ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
+        ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
+        ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
+        ("- 1", "not a glider model"),
+        ("effects: 3", "not a glider model"),
+        ("effects: [wind]", "not a glider model: a value"),
+        ("parameters: [1]", "not a glider model: a value"),
+        ("5: 6", "not a glider model: a value"),
+        ("effects: [{kind: wind, coefficients: [1]}]", "not a glider model: a value"),
+        ("effects: [{kind: wind}, {kind: wind}]", "effect 'wind' is given twice"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, text, words):
+    path = tmp_path / "model.yaml"
+    path.write_text(text + "\n")
+    with pytest.raises(InputError) as error:
+        load_model(path)
+    assert words in str(error.value)
+    assert "model.yaml" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.yaml"):
+        load_model(tmp_path / "absent.yaml")

@@ -1,0 +1,393 @@
+"""The planner solves the article's problem, checks itself and fails honestly."""
+
+import dataclasses
+import itertools
+import json
+import pickle
+
+import numba
+import numpy as np
+import pytest
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.solvers import SnoptSolver
+from scipy.integrate import solve_ivp
+
+from glider.errors import InputError
+from glider.physics.effects import KINDS
+from glider.physics.effects.field import FieldData
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
+from glider.planning import dircol
+from glider.planning import point_dynamics as linearization
+from glider.planning.dircol import (
+    LOOSE,
+    PlanningError,
+    plan,
+)
+from glider.planning.guess import (
+    straight_line,
+    swoop,
+)
+from glider.planning.multistart import find_minima
+from glider.planning.plan import (
+    load_plan,
+    save_plan,
+)
+from glider.planning.point_dynamics import Dynamics
+from glider.planning.problem import PerchingProblem
+from glider.planning.transcription import (
+    transcribe,
+    violated,
+)
+from glider.systems.plant import GliderPlant
+from tests.helpers.physics import PARAMETERS, nose_up_dynamics
+
+
+def test_the_article_s_problem_has_the_known_minimum(article_plan):
+    """The figures of reference-facts, fault 2; there from a plain Drake program."""
+    assert article_plan.cost == pytest.approx(194.0462, abs=1e-3)
+    assert article_plan.duration == pytest.approx(0.8795, abs=1e-4)
+    assert len(article_plan.times) == 41
+    assert [(a.knots, a.guess) for a in article_plan.attempts] == [
+        (25, "a straight line over 0.80 s"),
+        (41, "the plan on fewer knots"),
+    ]
+
+
+def test_a_plan_keeps_what_the_problem_asks(article_plan):
+    problem, vehicle = PerchingProblem(), GliderParameters()
+    states = article_plan.states
+    np.testing.assert_allclose(states[0], problem.launch, atol=1e-9)
+    np.testing.assert_allclose(states[-1, :2], problem.wire, atol=1e-6)
+    low, high = vehicle.elevator_limits
+    assert low - 1e-6 <= states[:, 3].min() <= states[:, 3].max() <= high + 1e-6
+    assert np.abs(article_plan.inputs).max() <= vehicle.elevator_rate_limit + 1e-6
+    assert np.abs(states[-1, 4:6]).max() <= problem.final_speed_limit + 1e-6
+    assert -1.0 - 1e-6 <= states[-1, 2] <= -np.pi / 6 + 1e-6
+
+
+def test_limits_that_bind_are_met():
+    """Without them this flight climbs to 0.27 m at up to 4.8 rad/s."""
+    slow = GliderParameters(elevator_rate_limit=4.5)
+    plant = GliderPlant(GliderModel(parameters=slow))
+    found = plan(plant, PerchingProblem(z_limits=[-1.0, 0.12]), knots=(7,))
+    assert found.states[:, 1].max() == pytest.approx(0.12, abs=1e-6)
+    assert np.abs(found.inputs).max() == pytest.approx(4.5, abs=1e-6)
+
+
+def test_a_plan_is_a_flight_of_an_independent_glider(article_plan):
+    """An oracle that shares no code with the dynamics, integrated finely."""
+    tape = article_plan.input_trajectory
+
+    def rates(t, x):
+        return nose_up_dynamics(x, tape.value(t)[0, 0], PARAMETERS)
+
+    flight = solve_ivp(
+        rates,
+        (0.0, article_plan.duration),
+        article_plan.states[0],
+        rtol=1e-9,
+        atol=1e-9,
+        max_step=0.01,
+    )
+    assert np.hypot(*flight.y[:2, -1]) < 0.002
+
+
+def test_the_audit_sees_between_the_knots(article_plan):
+    """Collocation points are met; between them a finer mesh comes closer."""
+    assert article_plan.max_defect < 1e-5
+    coarse = plan(GliderPlant(), PerchingProblem(), knots=(15,))
+    assert coarse.max_defect < 1e-5
+    assert coarse.path_defect > 10.0 * article_plan.path_defect
+    assert coarse.drift > 10.0 * article_plan.drift
+    assert article_plan.drift < 1e-4
+
+
+def test_the_trajectories_pass_through_the_knots(article_plan):
+    k = 17
+    t = article_plan.times[k]
+    path = article_plan.state_trajectory
+    np.testing.assert_allclose(path.value(t)[:, 0], article_plan.states[k], atol=1e-12)
+    assert article_plan.input_trajectory.value(t)[0, 0] == pytest.approx(
+        article_plan.inputs[k]
+    )
+    dynamics = Dynamics(GliderPlant())
+    slope = path.MakeDerivative().value(t)[:, 0]
+    expected = dynamics.evaluate(article_plan.states[k], article_plan.inputs[k])
+    np.testing.assert_allclose(slope, expected, atol=1e-9)
+
+
+def test_compiled_defects_equal_drake_s():
+    """Values and gradients, at a path that meets neither's constraint."""
+    rng = np.random.default_rng(1)
+    programs = [
+        transcribe(GliderPlant(fast=fast), PerchingProblem(), 5)
+        for fast in (False, True)
+    ]
+    point = rng.normal(size=programs[0].prog().num_vars())
+    point[:] = np.abs(point) * 0.3
+    for k in range(5):  # At some airspeed.
+        for program in programs:
+            fast_forward = program.state(k)[4]
+            index = program.prog().FindDecisionVariableIndex(fast_forward)
+            point[index] = 6.0 + 0.1 * k
+    values, gradients = [], []
+    for program in programs:
+        variables = InitializeAutoDiff(point)[:, 0]
+        evaluated = {}
+        for binding in program.prog().generic_constraints():
+            name = binding.evaluator().get_description()
+            if name.startswith("defect"):
+                indices = program.prog().FindDecisionVariableIndices(
+                    binding.variables()
+                )
+                evaluated[name] = binding.evaluator().Eval(variables[indices])
+        assert len(evaluated) == 4
+        defects = np.concatenate([evaluated[name] for name in sorted(evaluated)])
+        values.append(ExtractValue(defects)[:, 0])
+        gradients.append(ExtractGradient(defects))
+    # Drake writes the defect with the other sign.
+    sign = np.sign(values[0] @ values[1])
+    np.testing.assert_allclose(values[1], sign * values[0], atol=1e-9)
+    np.testing.assert_allclose(gradients[1], sign * gradients[0], atol=1e-7)
+
+
+def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
+    """Fault 2 of the public sources: nose-up limits beside a nose-down pitch."""
+    unturned = GliderParameters(elevator_limits=[-0.9473, 0.4463])
+    plant = GliderPlant(GliderModel(parameters=unturned))
+    told = []
+    with pytest.raises(PlanningError) as caught:
+        plan(plant, PerchingProblem(), knots=(6, 11), progress=told.append)
+    error = caught.value
+    assert error.violations["position at the wire"] > 0.1
+    assert "position at the wire by" in str(error)
+    assert {"SNOPT", "IPOPT"} <= {attempt.solver for attempt in error.attempts}
+    assert len({attempt.guess for attempt in error.attempts}) > 3
+    assert len(told) == len(error.attempts) + 1
+    line = error.attempts[0].guess
+    assert [(a.guess, a.tolerance) for a in error.attempts[:3]] == [
+        *[(line, dircol.TOLERANCE)] * 2,
+        (line, LOOSE),
+    ]
+    last = error.attempts[-1]  # Fewer knots alone are no reason to give up.
+    assert (last.knots, last.guess) == (11, "the flight that comes closest")
+    assert "on 6 and 11 knots" in str(error)
+
+
+def test_the_most_knots_are_tried_where_fewer_do_not_arrive(monkeypatch):
+    """All fails on 4 knots, and on 5 what does not start from an arrival."""
+
+    def is_fine(program, result):
+        return len(program.GetSampleTimes(result)) == 5
+
+    def find_faults(program, result, tolerance):
+        return () if tolerance == LOOSE or is_fine(program, result) else ("pitch",)
+
+    def find_misses(program, result, problem):
+        return {} if is_fine(program, result) else {"position at the wire": 0.1}
+
+    monkeypatch.setattr(dircol, "violated", find_faults)
+    monkeypatch.setattr(dircol, "arrival_violations", find_misses)
+    found = plan(GliderPlant(), PerchingProblem(), knots=(4, 5))
+    ways = [(a.knots, a.guess) for a in found.attempts[-3:]]
+    assert ways == [
+        (5, "the flight that comes closest"),
+        (5, "a flight that arrives"),
+        (5, "the plan on fewer knots"),
+    ]
+
+
+def test_an_arrival_that_no_solver_finishes_from_is_told(monkeypatch):
+    """Nor are other flights relaxed after it."""
+    monkeypatch.setattr(
+        dircol, "violated", lambda dc, result, tol: () if tol == LOOSE else ("x",)
+    )
+    with pytest.raises(PlanningError, match="a flight that arrives was") as caught:
+        plan(GliderPlant(), PerchingProblem(), knots=(4,))
+    error = caught.value
+    assert error.arrived and error.violations == {}
+    ends = [(a.solver, a.guess, a.tolerance) for a in error.attempts[-3:]]
+    assert ends == [
+        ("SNOPT", error.attempts[0].guess, LOOSE),
+        ("SNOPT", "a flight that arrives", dircol.TOLERANCE),
+        ("IPOPT", "a flight that arrives", dircol.TOLERANCE),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("violations", "arrived", "words"),
+    [
+        ({"pitch at the wire": 0.25}, False, "violates pitch at the wire by 0.25"),
+        ({}, True, "a flight that arrives was found"),
+        ({}, False, "no flight within the limits was found at all"),
+    ],
+)
+def test_a_failure_survives_a_journey(article_plan, violations, arrived, words):
+    error = PlanningError(violations, article_plan.attempts, arrived)
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert words in str(again)
+    assert vars(again) == vars(error)
+
+
+def test_a_solver_s_word_is_not_enough(monkeypatch):
+    faults = iter([("defect of segment 0",)])
+    monkeypatch.setattr(dircol, "violated", lambda *_: next(faults, ()))
+    found = plan(GliderPlant(), PerchingProblem(), knots=(7,))
+    assert [(a.solver, a.solved) for a in found.attempts] == [
+        ("SNOPT", False),
+        ("IPOPT", True),
+    ]
+    assert found.attempts[0].status.startswith("SolutionFound")
+
+
+def test_what_a_result_violates_is_named():
+    plant, problem = GliderPlant(), PerchingProblem()
+    program, line = transcribe(plant, problem, 5), straight_line(plant, problem)
+    program.SetInitialTrajectory(line.inputs, line.states)
+    result = SnoptSolver().Solve(program.prog())
+    assert violated(program, result, 1e-6) == ()
+    values = result.get_x_val().copy()
+    values[program.prog().FindDecisionVariableIndex(program.state(2)[1])] += 0.01
+    result.set_x_val(values)
+    assert violated(program, result, 1e-6) == (
+        "defect of segment 1",
+        "defect of segment 2",
+    )
+    assert violated(program, result, 0.1) == ()
+
+
+def test_a_swoop_dips_and_its_speeds_are_its_path_s():
+    guess = swoop(GliderPlant(), PerchingProblem(), 0.3, 0.8)
+    assert guess.states.value(0.4)[1, 0] == pytest.approx(0.05 - 0.3)
+    z = [guess.states.value(t)[1, 0] for t in (0.0, 0.1)]
+    assert z[1] < z[0]
+    zdot = guess.states.value(0.0)[5, 0]
+    assert zdot == pytest.approx(-0.3 * np.pi / 0.8)
+    assert guess.states.end_time() == pytest.approx(0.8)
+
+
+@pytest.mark.slow
+def test_a_plant_with_a_state_of_its_own_is_planned_for():
+    lag = KINDS["servo_lag"](time_constant=0.04)
+    plant = GliderPlant(GliderModel(effects=(lag,)))
+    found = plan(plant, PerchingProblem())
+    assert found.states.shape == (41, 8)
+    assert found.state_names[-1] == "servo_lag.servo_rate"
+    assert found.cost > 200.0  # The servo's lag has its price.
+    assert found.states[0, 7] == 0.0
+    assert found.drift < 1e-3
+
+
+def test_a_formula_that_does_not_compile_is_planned_for_too(monkeypatch):
+    """As Drake does it on the plain plant; a real one takes a long time to fail."""
+
+    class Uncompilable:
+        def directional(self, *_):
+            raise numba.core.errors.TypingError("a dict of mixed values")
+
+    plain, plant = GliderPlant(fast=False), GliderPlant()
+    reference = plan(plain, PerchingProblem(), knots=(5,))
+    monkeypatch.setattr(linearization, "compiled", lambda *_: Uncompilable())
+    found = plan(plant, PerchingProblem(), knots=(5,))
+    assert not plant.fast
+    assert found.cost == pytest.approx(reference.cost, rel=1e-9)
+    assert found.max_defect < 1e-5
+
+
+def test_the_plain_slopes_are_the_compiled_ones():
+    model = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.03),))
+    x, u = np.array([-2.0, 0.2, -0.4, 0.3, 6.0, 0.5, -1.0, 2.0]), 1.5
+    fast, plain = (Dynamics(GliderPlant(model, fast=fast)) for fast in (True, False))
+    for ours, theirs in zip(fast.linearize(x, u), plain.linearize(x, u), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(fast.evaluate(x, u), plain.evaluate(x, u), rtol=1e-10)
+
+
+def test_a_time_varying_plant_is_refused():
+    field = FieldData(
+        kind="unexplained",
+        variables=["t"],
+        centers=[[0.2], [0.6]],
+        widths=[0.2],
+        weights={"wind_x": [0.1, 0.2]},
+    )
+    with pytest.raises(InputError, match="depends on time"):
+        plan(GliderPlant(GliderModel(field=field)), PerchingProblem())
+
+
+def test_a_launch_outside_its_own_limits_is_refused():
+    launch = [-3.8, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"x = -3\.8.* -3\.5 and 1"):
+        plan(GliderPlant(), PerchingProblem(launch=launch))
+
+
+def test_distinct_minima_are_told_apart():
+    """A fast, near launch has at least two ways to lose its speed."""
+    launch = [-3.26, 0.13, -0.01, 0.0, 7.55, 0.0, 0.0]
+    minima = find_minima(
+        GliderPlant(),
+        PerchingProblem(launch=launch),
+        8,
+        np.random.default_rng(0),
+        knots=(15,),
+    )
+    costs = [minimum.plan.cost for minimum in minima]
+    assert len(minima) >= 2
+    assert costs == sorted(costs)
+    assert sum(len(minimum.guesses) for minimum in minima) == 8
+    for first, second in itertools.pairwise(minima):
+        assert first.plan.cost != pytest.approx(second.plan.cost, rel=1e-5)
+
+
+def test_a_plan_is_saved_and_loaded_unchanged(article_plan, tmp_path):
+    save_plan(tmp_path / "plan.json", article_plan)
+    loaded = load_plan(tmp_path / "plan.json")
+    for field in dataclasses.fields(article_plan):
+        np.testing.assert_equal(
+            getattr(loaded, field.name), getattr(article_plan, field.name)
+        )
+
+
+def test_a_plan_survives_a_journey(article_plan):
+    article_plan.state_trajectory, article_plan.input_trajectory  # noqa: B018
+    again = pickle.loads(pickle.dumps(article_plan))
+    np.testing.assert_array_equal(again.states, article_plan.states)
+    assert again.attempts == article_plan.attempts
+    assert "state_trajectory" not in vars(again)
+    np.testing.assert_array_equal(
+        again.state_trajectory.value(0.3), article_plan.state_trajectory.value(0.3)
+    )
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"times": [0, 1]}'])
+def test_a_file_that_is_no_plan_is_refused(tmp_path, text):
+    path = tmp_path / "plan.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match="not a plan"):
+        load_plan(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"inputs": [0.0] * 5}, "'inputs' has shape (5,)"),
+        ({"states": [[0.0] * 7] * 5}, "'states' has shape (5, 7)"),
+        ({"slopes": [[np.nan] * 7] * 41}, "'slopes' has shape (41, 7); finite"),
+        ({"times": list(np.linspace(0.0, -1.0, 41))}, "'times' must increase from 0"),
+        ({"times": list(np.linspace(0.1, 0.9, 41))}, "'times' must increase from 0"),
+        ({"times": [[0.0]] * 41}, "'times' has shape (41, 1)"),
+        ({"cost": "hello"}, "not a plan"),
+        ({"cost": [1.0]}, "not a plan"),
+        ({"drift": np.inf}, "'drift' must be a finite number"),
+    ],
+)
+def test_a_plan_that_is_broken_is_refused(article_plan, tmp_path, changes, words):
+    path = tmp_path / "plan.json"
+    save_plan(path, article_plan)
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(InputError) as caught:
+        load_plan(path)
+    assert words in str(caught.value)
+    assert "plan.json" in str(caught.value)

@@ -1,0 +1,54 @@
+"""A perching problem reads what is meant and refuses what cannot be."""
+
+import pytest
+
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.planning.problem import (
+    PerchingProblem,
+    load_problem,
+)
+
+
+def test_the_shipped_problem_is_the_default_one():
+    shipped = load_problem(models_path("problems", "perching.yaml"))
+    assert shipped == PerchingProblem()
+
+
+def test_a_file_gives_only_what_differs(tmp_path):
+    path = tmp_path / "near.yaml"
+    path.write_text("launch: [-2.0, 0.0, 0.0, 0.0, 6.0, 0.0, 0.0]\n")
+    problem = load_problem(path)
+    assert problem.launch[0] == -2.0
+    assert problem.rate_cost == 100.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("launch: [1.0, 2.0]", ("'launch'", "7 finite numbers", "pitchdot")),
+        ("rate_cost: -1.0", ("'rate_cost'", "negative")),
+        ("pitch_limits: [1.0, -1.0]", ("'pitch_limits'", "lower < upper")),
+        ("wire: [0.0, .nan]", ("'wire'", "finite")),
+        ("final_speed_limit: 0.0", ("'final_speed_limit'", "positive")),
+        ("launhc: [0.0]", ("not a perching problem",)),
+        ("launch: fast", ("not a perching problem",)),
+        ("5: 6", ("not a perching problem", "where something else")),
+        ("launch: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]", ("'launch'", "zdot = 0")),
+        ("wire: [1.1, 0.0]", ("'wire'", "'x_limits'")),
+        ("wire: [0.0, -1.1]", ("'wire'", "'z_limits'")),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, words):
+    path = tmp_path / "odd.yaml"
+    path.write_text(text + "\n")
+    with pytest.raises(InputError) as caught:
+        load_problem(path)
+    for word in ("odd.yaml", *words):
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.yaml"):
+        load_problem(tmp_path / "nowhere.yaml")

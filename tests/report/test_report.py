@@ -1,0 +1,538 @@
+"""The report says what was found, to programs and to people, whatever it was."""
+
+import base64
+import dataclasses
+import io
+import json
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import matplotlib.image
+import matplotlib.pyplot
+import numpy as np
+import pytest
+from rich.console import Console
+
+from glider.errors import InputError
+from glider.physics.effects import KINDS
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+)
+from glider.report.folder import write_report
+from glider.report.json_report import to_json
+from glider.report.page import to_html
+from glider.report.terminal import print_summary
+from glider.report.wording import (
+    headline,
+    remarks,
+)
+from glider.sysid.result import (
+    Errors,
+    Estimate,
+    FoundEffect,
+    HeldOutFlight,
+    ResidualTable,
+    Result,
+)
+from tests.helpers.own_kinds import FLAP
+
+SLOW = pytest.mark.slow
+
+FIGURES = {"errors", "residual", "evidence", "held_out", "coefficients"}
+
+WIND = FoundEffect(
+    kind="wind",
+    words="a steady wind",
+    coefficients={
+        "x": Estimate(value=-0.59987, std=0.00312, unit="m/s"),
+        "z": Estimate(value=0.0502, std=0.0009, unit="m/s"),
+    },
+    evidence=21345.6,
+    share=0.93,
+    indistinguishable_from=("frame_tilt",),
+    depends_on=("V", "alpha"),
+)
+UNEXPLAINED = FoundEffect(
+    kind="unexplained",
+    words="no effect of the library: the air moves with x",
+    coefficients={"wind_z_peak": Estimate(value=0.98, std=0.0, unit="m/s")},
+    evidence=5000.0,
+    share=0.99,
+    indistinguishable_from=(),
+    depends_on=("x",),
+)
+
+
+def make_errors(scale):
+    values = (0.8, 1.9, 14.0, 0.413, 0.9, 0.2, 0.22)
+    fields = (f.name for f in dataclasses.fields(Errors))
+    return Errors(**{n: scale * v for n, v in zip(fields, values, strict=True)})
+
+
+def make_flight(name, miss):
+    time = np.linspace(0.0, 0.8, 50)
+    pose = np.stack([6.0 * time - 3.5, 0.3 - time**2, 0.5 * np.sin(4.0 * time)], axis=1)
+    drift = np.outer(time**2, [1.0, -1.0, 0.5])
+    return HeldOutFlight(
+        name=name,
+        time=time,
+        measured=pose,
+        flown={
+            "as_drawn": pose + drift,
+            "refitted": pose + 0.5 * drift,
+            "corrected": pose + miss * drift,
+        },
+        fitted_until=0.16,
+    )
+
+
+def make_table(slope, rng):
+    alpha, speed = rng.uniform(-0.1, 1.0, 300), rng.uniform(3.0, 8.0, 300)
+    lift = np.sin(2.0 * alpha)
+    trend = np.outer(speed - 5.0, [0.1, 1.0, 4.0])
+    return ResidualTable(
+        variables={"alpha": alpha, "V": speed, "x": rng.uniform(-3.5, 1.0, 300)},
+        residual=slope * trend + rng.normal(size=(300, 3)),
+        coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
+        modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
+    )
+
+
+def make_result(**changes):
+    """Returns what closing the loop on a windy campaign may give."""
+    rng = np.random.default_rng(0)
+    result = Result(
+        campaign="head_wind",
+        path=Path("campaigns/head_wind"),
+        fit_flights=("flight_001.csv", "flight_002.csv"),
+        held_out_flights=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        verdict="effect_found",
+        effects=(WIND,),
+        errors={
+            "as_drawn": make_errors(1.0),
+            "refitted": make_errors(0.5),
+            "corrected": make_errors(0.001),
+        },
+        left_z=1.2,
+        candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
+        noise_position_m=4e-4,
+        noise_pitch_rad=2.5e-3,
+        model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
+        held_out=tuple(
+            make_flight(f"flight_1{i:02d}.csv", 0.001 * i) for i in range(6)
+        ),
+        residual_before=make_table(1.0, rng),
+        residual_after=make_table(0.0, rng),
+        seconds={"smooth": 0.31, "trace": 5.2},
+        version="0.1.0",
+        settings={"seed": 0, "effects": None, "notes": ["A mass of 1 kg is assumed."]},
+    )
+    return dataclasses.replace(result, **changes)
+
+
+def diverged():
+    """Returns a result with numbers that are missing, infinite or enormous."""
+    flight = make_flight("flight_100.csv", 0.0)
+    flown = {
+        "as_drawn": 1e300 ** np.linspace(0.0, 1.0, 50)[:, None] * np.ones((1, 3)),
+        "refitted": np.full((50, 3), np.nan),
+        "corrected": flight.measured,
+    }
+    table = make_result().residual_before
+    residual = table.residual.copy()
+    residual[:3] = [[np.nan] * 3, [np.inf] * 3, [1e200] * 3]
+    fields = [f.name for f in dataclasses.fields(Errors)]
+    return make_result(
+        errors={
+            "as_drawn": Errors(**dict.fromkeys(fields, math.inf)),
+            "refitted": Errors(**dict.fromkeys(fields, 1e300)),
+            "corrected": dataclasses.replace(make_errors(1e-3), pitch=math.nan),
+        },
+        effects=(
+            dataclasses.replace(
+                WIND,
+                coefficients={"x": Estimate(value=1.0, std=math.nan, unit="m/s")},
+                evidence=math.inf,
+            ),
+        ),
+        candidates={"wind": math.inf, "mass": math.nan},
+        left_z=math.nan,
+        noise_pitch_rad=math.nan,
+        held_out=(dataclasses.replace(flight, flown=flown),),
+        residual_before=dataclasses.replace(table, residual=residual),
+    )
+
+
+VARIANTS = {
+    "effect": make_result(),
+    "two effects": make_result(
+        effects=(WIND, UNEXPLAINED), verdict="effect_found", left_z=7.0
+    ),
+    "unexplained": make_result(
+        verdict="unexplained", effects=(UNEXPLAINED,), candidates={"mass": -2.0}
+    ),
+    "no effect": make_result(verdict="no_effect", effects=(), candidates={}),
+    "unknown vehicle": make_result(
+        errors={
+            "as_drawn": None,
+            "refitted": make_errors(0.5),
+            "corrected": make_errors(0.01),
+        },
+        held_out=(),
+    ),
+    "diverged": diverged(),
+}
+
+
+STUBS = {
+    name: b"\x89PNG\r\n" + bytes(10) + b"\x06\x40" + name.encode() for name in FIGURES
+}
+"""Figures where the drawing is not what is tested; 1600 pixels wide."""
+
+
+@pytest.fixture(params=VARIANTS)
+def variant(request):
+    return VARIANTS[request.param]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        name if name in ("effect", "diverged") else pytest.param(name, marks=SLOW)
+        for name in ("effect", "diverged", "unexplained", "unknown vehicle")
+    ],
+)
+def written(request, tmp_path_factory):
+    """A variant and its report, written into a folder that holds another file."""
+    folder = tmp_path_factory.mktemp("report") / "new" / "deep"
+    folder.mkdir(parents=True)
+    (folder / "notes.txt").write_text("mine")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("glider.report.figures.DPI", 50)  # Quicker.
+        write_report(VARIANTS[request.param], folder)
+    return VARIANTS[request.param], folder
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Draws no figure, where that is not what is tested."""
+    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: STUBS)
+
+
+class Page(HTMLParser):
+    """The text, images and references of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.text, self.images, self.references = "", [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        for name, value in attrs:
+            if name in ("src", "href", "srcset", "data", "poster", "action"):
+                self.references.append(value)
+                if tag == "img":
+                    self.images.append(value)
+        assert tag not in ("script", "link", "iframe", "object", "embed")
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def summary(result, width=80, encoding="utf-8"):
+    """Returns what a pipe gets."""
+    raw = io.BytesIO()
+    file = io.TextIOWrapper(raw, encoding=encoding, write_through=True)
+    print_summary(result, Console(file=file, width=width))
+    return raw.getvalue().decode(encoding)
+
+
+def leaves(data):
+    if isinstance(data, dict):
+        return [leaf for value in data.values() for leaf in leaves(value)]
+    if isinstance(data, list):
+        return [leaf for value in data for leaf in leaves(value)]
+    return [data]
+
+
+def test_json_has_the_schema_and_si_numbers():
+    assert to_json(make_result()) == {
+        "campaign": "head_wind",
+        "flights": {
+            "fit": ["flight_001.csv", "flight_002.csv"],
+            "held_out": [f"flight_1{i:02d}.csv" for i in range(6)],
+        },
+        "verdict": "effect_found",
+        "effects": [
+            {
+                "kind": "wind",
+                "coefficients": {
+                    "x": {"value": -0.59987, "std": 0.00312, "unit": "m/s"},
+                    "z": {"value": 0.0502, "std": 0.0009, "unit": "m/s"},
+                },
+                "evidence": 21345.6,
+                "share_of_residual": 0.93,
+                "indistinguishable_from": ["frame_tilt"],
+                "depends_on": ["V", "alpha"],
+            }
+        ],
+        "errors": {
+            name: {
+                "equation": {
+                    "tangential": pytest.approx(scale * 0.8),
+                    "normal": pytest.approx(scale * 1.9),
+                    "pitch": pytest.approx(scale * 14.0),
+                },
+                "rollout": {
+                    "position_rms_m": pytest.approx(scale * 0.413),
+                    "position_end_m": pytest.approx(scale * 0.9),
+                    "pitch_rms_rad": pytest.approx(scale * 0.2),
+                },
+                "rollout_measured_pitch": {
+                    "position_rms_m": pytest.approx(scale * 0.22)
+                },
+            }
+            for name, scale in (("as_drawn", 1), ("refitted", 0.5), ("corrected", 1e-3))
+        },
+        "noise": {"position_m": 4e-4, "pitch_rad": 2.5e-3},
+        "seconds": {"smooth": 0.31, "trace": 5.2},
+        "version": "0.1.0",
+    }
+
+
+def test_json_file_is_strict_whatever_the_numbers(written):
+    variant, folder = written
+
+    def refuse(name):
+        raise AssertionError(f"{name} is no JSON")
+
+    text = (folder / "report.json").read_text(encoding="utf-8")
+    data = json.loads(text, parse_constant=refuse)
+    assert data == to_json(variant)
+    assert data["errors"].keys() == {"as_drawn", "refitted", "corrected"}
+    for leaf in leaves(data):
+        assert leaf is None or type(leaf) in (str, float)
+
+
+def test_numbers_that_are_none_become_null():
+    data = to_json(VARIANTS["diverged"])
+    assert data["errors"]["as_drawn"]["rollout"]["position_rms_m"] is None
+    assert data["errors"]["corrected"]["equation"]["pitch"] is None
+    assert data["effects"][0]["evidence"] is None
+    assert data["effects"][0]["coefficients"]["x"]["std"] is None
+    assert data["noise"]["pitch_rad"] is None
+
+
+def test_numpy_numbers_become_plain_ones():
+    fields = [f.name for f in dataclasses.fields(Errors)]
+    errors = Errors(**dict.fromkeys(fields, np.float32(0.5)))
+    result = make_result(
+        errors={"as_drawn": None, "refitted": errors, "corrected": errors}
+    )
+    data = json.loads(json.dumps(to_json(result)))
+    assert data["errors"]["as_drawn"] is None
+    assert data["errors"]["refitted"]["equation"]["normal"] == 0.5
+
+
+def test_page_needs_nothing_else(variant):
+    text = to_html(variant, STUBS)
+    page = Page(text)
+    assert len(page.images) == len(FIGURES)
+    assert all(r.startswith("data:image/png;base64,") for r in page.references)
+    assert not re.search(r"@import|url\(|https?://", text)
+    assert not re.search(r"\b(nan|inf|None)\b", page.text)
+
+
+def test_page_shows_every_figure_that_is_written(written):
+    variant, folder = written
+    page = Page((folder / "report.html").read_text(encoding="utf-8"))
+    shown = {base64.b64decode(image.split(",")[1]) for image in page.images}
+    files = {path.stem: path.read_bytes() for path in folder.glob("figures/*")}
+    assert shown == set(files.values())
+    expected = FIGURES.copy()
+    expected -= set() if variant.candidates else {"evidence"}
+    expected -= set() if variant.held_out else {"held_out"}
+    assert files.keys() == expected
+    for png in shown:
+        pixels = matplotlib.image.imread(io.BytesIO(png))
+        assert np.ptp(pixels) > 0.5  # Not a blank sheet.
+    assert matplotlib.pyplot.get_fignums() == []
+
+
+def test_page_and_terminal_say_the_verdict(variant):
+    for text in (Page(to_html(variant, STUBS)).text, summary(variant)):
+        flat = " ".join(text.replace("\u00a0", " ").split())
+        assert headline(variant) in flat
+        for remark in remarks(variant):
+            assert remark in flat
+        for effect in variant.effects:
+            assert effect.words in flat
+            assert all(n.replace("_", " ") in flat for n in effect.coefficients)
+            assert all(KINDS[k].words in flat for k in effect.indistinguishable_from)
+        assert "A mass of 1 kg is assumed." in flat
+
+
+def test_page_escapes_names():
+    result = make_result(campaign="<b>&wind</b>")
+    assert "<b>&wind" not in to_html(result, {})
+    assert "&lt;b&gt;&amp;wind" in to_html(result, {})
+
+
+def test_folder_holds_the_report_and_keeps_what_was_there(written):
+    variant, folder = written
+    names = {path.name for path in folder.iterdir()}
+    ours = {"report.json", "report.html", "model.yaml", "figures"}
+    assert names == ours | {"notes.txt"}
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert load_model(folder / "model.yaml") == variant.model
+
+
+def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
+    write_report(make_result(), tmp_path)
+    (tmp_path / "figures" / "mine.png").write_bytes(b"")
+    assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
+    fewer = {"errors": STUBS["residual"]}
+    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
+    write_report(VARIANTS["no effect"], tmp_path)
+    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"errors", "mine"}
+    assert (tmp_path / "figures" / "errors.png").read_bytes() == STUBS["residual"]
+    data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert data["verdict"] == "no_effect"
+    assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(
+        encoding="utf-8"
+    )
+
+
+def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
+    write_report(make_result(), tmp_path)
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    monkeypatch.setattr("glider.report.folder.to_html", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_report(make_result(verdict="no_effect"), tmp_path)
+    assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+
+
+def test_a_failed_write_leaves_no_half_file(tmp_path, monkeypatch, quick):
+    write_report(make_result(), tmp_path)
+    before = (tmp_path / "model.yaml").read_bytes()
+
+    def fill_the_disk(path, model):
+        path.write_text("half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr("glider.report.folder.save_model", fill_the_disk)
+    with pytest.raises(OSError, match="disk full"):
+        write_report(make_result(), tmp_path)
+    assert (tmp_path / "model.yaml").read_bytes() == before
+    assert {p.name for p in tmp_path.iterdir()} == {
+        *("report.json", "report.html", "model.yaml", "figures")
+    }
+
+
+def test_a_file_in_the_folders_place_is_an_input_error(tmp_path, quick):
+    path = tmp_path / "taken"
+    path.write_text("")
+    with pytest.raises(InputError, match="taken: is a file"):
+        write_report(make_result(), path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+@pytest.mark.parametrize("width", [80, 120])
+def test_summary_fits_a_pipe(variant, width, encoding):
+    text = summary(variant, width, encoding)
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "\x1b" not in text  # No colours.
+    assert "…" not in text  # Nothing was cut.
+
+
+def test_summary_has_the_errors_of_each_model():
+    text = summary(make_result())
+    row = next(line for line in text.splitlines() if "position, RMS" in line)
+    assert " ".join(row.split()) == "position, RMS 0.413 m 0.206 m 0.413 mm 1,000×"
+    assert "x = -0.600 ± 0.003 m/s" in text
+    assert "as drawn" not in summary(VARIANTS["unknown vehicle"])
+
+
+@pytest.mark.parametrize(
+    "name, start, end",
+    [
+        (
+            "effect",
+            "The flights show a steady wind: x = -0.600 ± 0.003 m/s, z = 0.0502 ",
+            "; held-out position error falls from 0.413 m to 0.413 mm (RMS).",
+        ),
+        (
+            "two effects",
+            "The flights show a steady wind: ",
+            "; and an error that varies with x and that no effect of the library "
+            "explains; held-out position error falls from 0.413 m to 0.413 mm (RMS).",
+        ),
+        (
+            "unexplained",
+            "The flights show an error that varies with x and that no effect",
+            "falls from 0.413 m to 0.413 mm (RMS).",
+        ),
+        (
+            "no effect",
+            "The flights show no effect that the drawing lacks; ",
+            "0.413 m in position (RMS).",
+        ),
+        ("unknown vehicle", "The flights show", "from 0.206 m to 4.13 mm (RMS)."),
+        (
+            "diverged",
+            "The flights show a steady wind: x = 1 m/s; ",
+            "held-out rollouts, which diverged, now err by 0.413 mm (RMS).",
+        ),
+    ],
+)
+def test_headline_is_one_sentence(name, start, end):
+    text = headline(VARIANTS[name])
+    assert text.startswith(start)
+    assert text.endswith(end)
+    assert not re.search(r"\.\s|nan|inf|None|  ", text)
+
+
+def test_what_is_left_is_said_even_where_nothing_was_found():
+    result = make_result(verdict="no_effect", effects=(), left_z=5000.0)
+    assert headline(result).startswith("The drawing is not all that the flights show")
+    assert remarks(result) == [
+        "The model still leaves more than noise (5,000 σ; below 4 is noise)."
+    ]
+
+
+def test_an_own_effect_is_called_by_its_words():
+    effect = dataclasses.replace(WIND, indistinguishable_from=("flap",))
+    result = make_result(effects=(effect,), own_effects=(FLAP,))
+    assert f"could also be {FLAP.words}." in remarks(result)[0]
+    for text in (Page(to_html(result, {})).text, summary(result, 200)):
+        assert f"{FLAP.words} (flap)" in " ".join(text.split())
+
+
+def test_an_error_that_is_not_known_is_null_and_not_shown():
+    place = Estimate(value=-1.8, std=math.nan, unit="m")
+    effect = dataclasses.replace(WIND, coefficients={"place": place})
+    result = make_result(effects=(effect,))
+    data = to_json(result)["effects"][0]["coefficients"]["place"]
+    assert data == {"value": -1.8, "std": None, "unit": "m"}
+    assert "place = -1.8 m;" in headline(result)
+
+
+@pytest.mark.parametrize(
+    "value, std, unit, text",
+    [
+        (-0.59987, 0.00312, "m/s", "-0.600 ± 0.003 m/s"),
+        (-0.59987, 0.00112, "m/s", "-0.5999 ± 0.0011 m/s"),
+        (0.2601, 0.0, "-", "0.2601"),
+        (1234.4, 31.0, "", "1230 ± 30"),
+        (0.0999, 0.00096, "m", "0.0999 ± 0.0010 m"),
+        (2.5e-8, 3e-9, "kg", "(2.5 ± 0.3)e-8 kg"),
+        (math.nan, 0.1, "m", "–"),
+    ],
+)
+def test_coefficients_have_the_digits_that_their_errors_allow(value, std, unit, text):
+    c = Estimate(value=value, std=std, unit=unit)
+    effect = dataclasses.replace(WIND, coefficients={"x": c})
+    assert f"x = {text}" in headline(make_result(effects=(effect,)))

@@ -1,0 +1,326 @@
+"""Compiled flights are Drake's flights, and a sweep is the same on any worker."""
+
+import pickle
+import warnings
+
+import joblib
+import numpy as np
+import pytest
+
+from diagrams.closed_loop import closed_loop
+from diagrams.simulate import simulate_flights
+from glider.compiled.constants import BLOCK
+from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr_drake import tracking_regulator
+from glider.errors import InputError
+from glider.physics.effects import (
+    DYNAMIC_STALL,
+    WIND,
+)
+from glider.physics.model import GliderModel
+from glider.simulation import monte_carlo
+from glider.simulation.closed_loop import (
+    fly_closed_loop,
+    full_starts,
+    make_clock,
+)
+from glider.simulation.miss import (
+    PERCH_RADIUS,
+    least_distance,
+    path_miss,
+)
+from glider.simulation.monte_carlo import (
+    CHUNK,
+    Case,
+    LaunchSpread,
+    draw_launches,
+    fly_case,
+    sweep,
+)
+from glider.systems.plant import (
+    GliderPlant,
+    initial_state,
+)
+from tests.helpers.flights import (
+    DRAWING,
+    LAGGING,
+    PROBLEM,
+    drake_policy,
+    draw_noise,
+    plan_of,
+    policy,
+)
+
+FAR = LaunchSpread(height=0.3, speed=0.5, pitch=0.15)
+
+
+def launches(count, spread=FAR, seed=0):
+    return draw_launches(PROBLEM, spread, count, np.random.default_rng(seed))
+
+
+# ------------------------------------------------------ the compiled closed loop
+
+
+@pytest.mark.parametrize(
+    ("truth", "rate", "noisy"),
+    [
+        (DRAWING, None, False),
+        (DRAWING, 50.0, False),
+        (DRAWING, 100.0, True),
+        (LAGGING, 50.0, True),
+    ],
+    ids=["at once", "held", "held and noisy", "another truth"],
+)
+def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
+    """End states and misses to 1e-5, with the drawing's servo at its limits."""
+    starts = launches(2, FAR if truth is DRAWING else LaunchSpread(), seed=4)
+    clock = make_clock(drake_policy(), rate, step=0.0005)
+    noise = draw_noise(len(starts), clock.commands) if noisy else None
+    ours = fly_closed_loop(
+        truth, drake_policy(), starts, command_rate=rate, noise=noise, step=0.0005
+    )
+    diagram = closed_loop(
+        truth,
+        tracking_regulator(GliderPlant(), plan_of()),
+        command_rate=rate,
+        feedback_noise=noisy,
+    )
+    drakes = simulate_flights(
+        diagram, starts, ours.times[-1], feedback_noise=noise, accuracy=1e-8
+    )
+    ends = np.array([flight.states[-1] for flight in drakes])
+    np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
+    misses = np.array([flight.miss for flight in drakes])
+    np.testing.assert_allclose(ours.miss, misses, atol=1e-5)
+    assert np.ptp(misses) > 1e-4
+    if truth is DRAWING:  # A limit was at work.
+        assert max(np.max(np.abs(flight.rates)) for flight in drakes) > 12.999
+
+
+def test_a_batch_is_its_flights_one_by_one():
+    starts = launches(BLOCK + 3)
+    clock = make_clock(policy(), 50.0)
+    noise = draw_noise(len(starts), clock.commands)
+    many = fly_closed_loop(
+        DRAWING, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
+    )
+    for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
+        one = fly_closed_loop(
+            DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]]
+        )
+        np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.miss[k], one.miss[0], rtol=1e-9)
+        assert one.paths is None
+    np.testing.assert_array_equal(many.paths[:, 0], starts)
+    np.testing.assert_array_equal(many.paths[:, -1], many.ends)
+    assert many.paths.shape[1] == len(many.times)
+
+
+@pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
+def test_the_miss_is_the_distance_of_the_path(wire):
+    flights = fly_closed_loop(
+        DRAWING, policy(), launches(5), wire=wire, keep_paths=True
+    )
+    for path, miss in zip(flights.paths, flights.miss, strict=True):
+        assert miss == pytest.approx(least_distance(path[:, :2], np.array(wire)))
+
+
+def test_finer_steps_change_little():
+    coarse = fly_closed_loop(DRAWING, policy(), launches(50))
+    fine = fly_closed_loop(DRAWING, policy(), launches(50), step=0.0005)
+    np.testing.assert_allclose(coarse.miss, fine.miss, atol=1e-4)
+
+
+def test_feedback_is_what_perches():
+    """The article's launches perch; farther ones do not always."""
+    near = fly_closed_loop(DRAWING, policy(), launches(500, LaunchSpread()))
+    far = fly_closed_loop(DRAWING, policy(), launches(500))
+    assert np.mean(near.perched) > 0.99
+    assert 0.5 < np.mean(far.perched) < 0.99
+    np.testing.assert_array_equal(far.perched, far.miss < PERCH_RADIUS)
+
+
+def test_effects_with_states_start_at_rest():
+    """All at once as one by one."""
+    model = GliderModel(
+        effects=(WIND(x=-1.0), DYNAMIC_STALL(strength=0.5), *LAGGING.effects)
+    )
+    plant, starts = GliderPlant(model), launches(3)
+    full = full_starts(plant, starts)
+    np.testing.assert_array_equal(full, [initial_state(plant, s) for s in starts])
+    assert np.all(np.any(full[:, 7:] != 0.0, axis=1))
+    np.testing.assert_array_equal(full_starts(plant, full), full)
+
+
+def test_a_short_flight_does_not_reach_the_wire():
+    flights = fly_closed_loop(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
+    assert flights.times[-1] == pytest.approx(plan_of().duration)
+
+
+def test_a_policy_with_states_of_its_own_needs_the_observer():
+    lagging = compiled_policy(GliderPlant(LAGGING), plan_of(lagging=True))
+    with pytest.raises(InputError, match=r"observer is needed"):
+        fly_closed_loop(DRAWING, lagging, launches(2))
+    assert fly_closed_loop(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"noise": np.zeros((2, 3, 7))}, "a command rate"),
+        ({"noise": np.zeros((2, 3, 7)), "command_rate": 50.0}, r"\(2, 49, 7\)"),
+        ({"command_rate": 0.0}, "command rate is 0.0"),
+        ({"step": 0.0}, "step is 0.0"),
+        ({"after": -1.0}, "'after' is -1.0"),
+        ({"starts": np.zeros(7)}, r"shape \(7,\)"),
+        ({"starts": np.full((1, 7), np.nan)}, "finite"),
+        ({"starts": np.zeros((1, 6))}, "6 numbers"),
+    ],
+)
+def test_what_does_not_fit_is_refused(options, message):
+    starts = options.pop("starts", launches(2))
+    with pytest.raises(InputError, match=message):
+        fly_closed_loop(DRAWING, policy(), starts, **options)
+
+
+# --------------------------------------------------------------------- the miss
+
+
+def test_a_path_that_jumps_over_the_wire_still_meets_it():
+    points = np.array([[-1.0, 0.03], [1.0, 0.03], [2.0, 5.0]])
+    assert least_distance(points, np.zeros(2)) == pytest.approx(0.03)
+    assert least_distance(points[::-1], np.zeros(2)) == pytest.approx(0.03)
+    # Not the line beyond a segment's end.
+    assert least_distance(points[:2], np.array([1.3, 0.43])) == pytest.approx(0.5)
+    assert least_distance(points[[0, 0]], np.array([-1.0, 0.0])) == pytest.approx(0.03)
+
+
+def test_between_long_steps_the_path_is_curved():
+    """Half a circle of radius 1 in 6 steps; chords would say 0.034 less."""
+    angle = np.linspace(0.0, np.pi, 7)
+    states = np.zeros((7, 7))
+    states[:, :2] = np.column_stack([np.cos(angle), np.sin(angle)])
+    states[:, 4:6] = np.column_stack([-np.sin(angle), np.cos(angle)])
+    assert path_miss(angle, states, np.zeros(2)) == pytest.approx(1.0, abs=5e-4)
+    twice = np.repeat(np.arange(7), 2)  # A log holds the time of an event twice.
+    assert path_miss(angle[twice], states[twice], np.zeros(2)) == pytest.approx(
+        1.0, abs=5e-4
+    )
+
+
+# -------------------------------------------------------------------- launches
+
+
+def test_launches_spread_as_they_should():
+    spread = LaunchSpread(height=0.1, speed=0.3, pitch=0.02)
+    starts = launches(20_000, spread) - PROBLEM.launch
+    np.testing.assert_allclose(starts.mean(axis=0), 0.0, atol=0.01)
+    expected = [0.0, 0.1, 0.02, 0.0, 0.3, 0.0, 0.0]
+    np.testing.assert_allclose(starts.std(axis=0), expected, rtol=0.03)
+    np.testing.assert_array_equal(launches(5, seed=3), launches(5, seed=3))
+    nothing = launches(2, LaunchSpread(height=0.0, speed=0.0, pitch=0.0))
+    np.testing.assert_array_equal(nothing, [PROBLEM.launch] * 2)
+
+
+@pytest.mark.parametrize("count", [0, -1])
+def test_no_launches_are_refused(count):
+    with pytest.raises(InputError, match=f"{count} launches; at least 1"):
+        launches(count)
+
+
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_a_spread_that_cannot_be_is_refused(value):
+    with pytest.raises(InputError, match="'height'"):
+        LaunchSpread(height=value)
+
+
+# ----------------------------------------------------------------------- sweeps
+
+
+def cases():
+    noise = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
+    given = {"model": DRAWING, "policy": policy(), "problem": PROBLEM}
+    return [
+        Case(name="near", **given),
+        Case(name="far", spread=FAR, **given),
+        Case(name="noisy", command_rate=50.0, feedback_noise=noise, **given),
+    ]
+
+
+def assert_same(some, others):
+    for one, other in zip(some, others, strict=True):
+        np.testing.assert_array_equal(one.miss, other.miss)
+        np.testing.assert_array_equal(one.ends, other.ends)
+
+
+def test_a_sweep_does_not_depend_on_its_workers():
+    flights = CHUNK + 100
+    alone = sweep(cases(), flights, seed=1)
+    assert [len(case.miss) for case in alone] == [flights] * 3
+    with joblib.parallel_config(backend="threading", n_jobs=2):
+        assert_same(alone, sweep(cases(), flights, seed=1))
+    assert len(np.unique(alone[0].miss)) == flights
+    other = sweep(cases()[:1], flights, seed=2)
+    assert not np.any(other[0].miss == alone[0].miss)
+
+
+def test_a_sweep_runs_on_dask():
+    """A local cluster; any other differs in its address."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Dask's own, at import and at closing.
+        from dask.distributed import Client
+
+        client = Client(
+            processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
+        )
+        with client, joblib.parallel_config(backend="dask"):
+            found = sweep(cases(), 200, seed=1)
+    assert_same(found, sweep(cases(), 200, seed=1))
+
+
+def test_a_case_can_go_to_another_process():
+    plan_of().state_trajectory  # noqa: B018  Cached, and on Drake 1.51 no traveller.
+    [case] = [case for case in cases() if case.name == "noisy"]
+    again = pickle.loads(pickle.dumps(case))
+    flights = [fly_case(c, 10, np.random.default_rng(1)) for c in (case, again)]
+    assert_same(flights[:1], flights[1:])
+
+
+def test_cases_meet_the_same_launches():
+    near = cases()[0]
+    assert_same(*([found] for found in sweep([near, near], 50, seed=0)))
+
+
+def test_noise_makes_a_case_worse():
+    near, _, noisy = sweep(cases(), 300, seed=0)
+    assert np.mean(noisy.miss) > 1.5 * np.mean(near.miss)
+
+
+def test_each_state_gets_its_own_noise(monkeypatch):
+    given = []
+    monkeypatch.setattr(
+        monte_carlo,
+        "fly_closed_loop",
+        lambda *_, noise, **__: given.append(noise),
+    )
+    [case] = [case for case in cases() if case.name == "noisy"]
+    fly_case(case, 200, np.random.default_rng(0))
+    deviations = given[0].std(axis=(0, 1))
+    np.testing.assert_allclose(deviations, case.feedback_noise, rtol=0.05)
+
+
+def test_noise_without_a_command_rate_is_refused():
+    case = Case(
+        name="noisy",
+        model=DRAWING,
+        policy=policy(),
+        problem=PROBLEM,
+        feedback_noise=(0.1,) * 7,
+    )
+    with pytest.raises(InputError, match="'noisy': feedback noise"):
+        sweep([case], 10, seed=0)
+
+
+def test_a_sweep_without_flights_is_refused():
+    with pytest.raises(InputError, match="0 flights"):
+        sweep(cases(), 0, seed=0)

@@ -1,0 +1,292 @@
+"""The loop of learning: what flies, what is logged, what is learned, what it buys."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.showing import run
+from examples import learn_residual
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.physics.compose import compose
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+)
+from glider.physics.parameters import (
+    load_parameters,
+    parameter_vector,
+)
+from glider.planning.ilqr import (
+    goal_cost,
+    plan,
+)
+from glider.simulation.miss import path_miss
+from glider.simulation.stepped import (
+    CAPTURE_NOISE,
+    capture,
+    execute,
+)
+from glider.studies.coefficients import (
+    COEFFICIENTS,
+    basis_values,
+    residual_basis,
+    with_weights,
+)
+from glider.studies.flight_weights import (
+    solve_weights,
+    weight_equations,
+)
+from glider.studies.learning import (
+    LoggedFlight,
+    fit_weights,
+    knowing,
+    launched,
+    learn,
+    learning_problem,
+    trace_effects,
+    weight_changes,
+)
+from glider.studies.low_reynolds import (
+    low_reynolds_coefficients,
+    low_reynolds_field,
+)
+from glider.sysid.fit.regression import least_squares
+from glider.systems.plant import GliderPlant
+from tests.helpers.flights import LAGGING
+
+HEAVY = GliderModel(parameters=load_parameters(models_path("vehicles", "heavy.yaml")))
+PROBLEM = learning_problem()
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return plan(GliderPlant(HEAVY), PROBLEM)
+
+
+def accelerations(model, states, inputs):
+    """Returns (N, 3) of ẍ, z̈, θ̈ by the composed chain."""
+    rates = compose((), True).derivatives(
+        0.0,
+        states.T,
+        inputs,
+        0.0,
+        0.0,
+        parameter_vector(model.parameters),
+        np.zeros(0),
+        model.residual_field,
+    )
+    return np.stack(rates[4:7], axis=1)
+
+
+# ------------------------------------------------------------------------ flights
+
+
+def test_a_glider_flies_as_it_was_planned(planned):
+    """With the planner's model, from its launch, to the error of its steps."""
+    [flown] = execute(HEAVY, planned, planned.states[:1])
+    np.testing.assert_allclose(flown.knots, planned.states, atol=2e-3)
+    np.testing.assert_allclose(flown.rates[:75], planned.inputs, atol=2e-3)
+    np.testing.assert_array_equal(flown.rates[75:], 0.0)
+    assert flown.miss == pytest.approx(
+        path_miss(flown.times, flown.states, np.zeros(2)), abs=1e-5
+    )
+    assert flown.perched
+
+
+@pytest.mark.parametrize("change", [-0.3, 0.3])
+def test_the_feedback_brings_a_glider_back(planned, change):
+    """Launched too slowly or too fast [m/s], by what the goal asks for."""
+    start = planned.states[:1] + np.array([[0.0, 0.0, 0.0, 0.0, change, 0.0, 0.0]])
+    blind = dataclasses.replace(planned, gains=0.0 * planned.gains)
+    [guided], [left] = (execute(HEAVY, p, start) for p in (planned, blind))
+    costs = [goal_cost(PROBLEM, f.knots[-1]) for f in (guided, left)]
+    assert costs[0] < 0.4 * costs[1]
+    assert guided.miss < 0.5 * left.miss
+    errors = guided.knots[:-1] - planned.states[:-1]
+    wanted = planned.inputs + np.sum(planned.gains * errors, axis=1)
+    room = HEAVY.parameters.elevator_limits[1] - guided.knots[:-1, 3]
+    free = (np.abs(wanted) < 12.0) & (room > 0.07)  # No stop is near.
+    assert np.sum(free) > 30
+    np.testing.assert_allclose(guided.rates[:75][free], wanted[free], atol=1e-9)
+
+
+def test_the_servos_limits_hold_in_flight(planned):
+    wild = dataclasses.replace(planned, inputs=3.0 * planned.inputs)
+    [flown] = execute(HEAVY, wild, planned.states[:1])
+    low, high = HEAVY.parameters.elevator_limits
+    assert np.max(np.abs(flown.rates)) <= HEAVY.parameters.elevator_rate_limit
+    assert low - 1e-6 <= np.min(flown.states[:, 3])
+    assert np.max(flown.states[:, 3]) <= high + 1e-6
+
+
+def test_motion_capture_sees_the_flight_with_noise(planned):
+    [flown] = execute(HEAVY, planned, planned.states[:1])
+    logs = [
+        capture(HEAVY, flown, np.random.default_rng(seed), "flight_000.csv")
+        for seed in range(20)
+    ]
+    time = logs[0].time
+    assert len(time) == 103
+    path = [np.interp(time, flown.times, column) for column in flown.states.T]
+    errors = [np.column_stack([log.pose - np.stack(path[:3], 1)]) for log in logs]
+    spread = np.std(np.concatenate(errors), axis=0)
+    np.testing.assert_allclose(spread, CAPTURE_NOISE[:3], rtol=0.1)
+    seen = np.std([log.elevator - path[3] for log in logs])
+    assert seen == pytest.approx(CAPTURE_NOISE[3], rel=0.1)
+    # Row 12 is at 0.1 s, where the eleventh command begins.
+    assert logs[0].command[12] == flown.rates[10]
+    assert logs[0].command[11] == flown.rates[9]
+
+
+def test_a_flight_that_diverges_is_not_logged(planned):
+    [flown] = execute(HEAVY, planned, planned.states[:1])
+    lost = dataclasses.replace(flown, states=np.full_like(flown.states, np.nan))
+    with pytest.raises(InputError, match=r"flight_7\.csv: the flight diverges"):
+        capture(HEAVY, lost, np.random.default_rng(0), "flight_7.csv")
+
+
+# ------------------------------------------------------------------------ weights
+
+
+def euler_flight(model, planned, bend=0.0):
+    """Returns states of a flight by Euler steps of a model, its commands bent."""
+    inputs = planned.inputs + bend
+    x = [planned.states[0]]
+    for u in inputs:
+        a = accelerations(model, x[-1][None], np.array([u]))[0]
+        x.append(x[-1] + planned.step * np.concatenate([x[-1][4:], [u], a]))
+    return np.array(x), inputs
+
+
+def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned):
+    """Where it flew: 26 weights are more than two flights tell apart."""
+    rng, basis = np.random.default_rng(0), residual_basis()
+    weights = rng.normal(0.0, 0.2, (26, 3)) * [1.0, 1.0, 0.05]
+    truth = dataclasses.replace(HEAVY, field=with_weights(basis, weights))
+    equations = []
+    for bend in (0.0, 1.0):
+        states, inputs = euler_flight(truth, planned, bend)
+        equations.append(weight_equations(HEAVY, basis, states, inputs, planned.step))
+    both = equations[0] + equations[1]
+    found = with_weights(basis, solve_weights(both, 1e-9))
+    learned = dataclasses.replace(HEAVY, field=found)
+    got = accelerations(learned, states[:-1], inputs)
+    wanted = accelerations(truth, states[:-1], inputs)
+    plate = accelerations(HEAVY, states[:-1], inputs)
+    assert np.max(np.abs(wanted - plate)) > 0.5
+    np.testing.assert_allclose(got, wanted, atol=1e-4)
+    ridged = solve_weights(both)
+    assert np.linalg.norm(ridged) < np.linalg.norm(solve_weights(both, 1e-9))
+    np.testing.assert_allclose(  # The normal equations of the ridge.
+        both.information @ ridged.ravel() + 0.1 * ridged.ravel(), both.target, rtol=1e-9
+    )
+
+
+def test_what_the_weights_cannot_be_learned_for_is_refused(planned):
+    basis, states, inputs = residual_basis(), planned.states, planned.inputs
+    with pytest.raises(InputError, match="without effects that have states"):
+        weight_equations(LAGGING, basis, states, inputs, 0.01)
+    with pytest.raises(InputError, match=r"\(75, 7\) and there are 75 inputs"):
+        weight_equations(HEAVY, basis, states[:-1], inputs, 0.01)
+
+
+# --------------------------------------------------------------------- the truth
+
+
+def test_the_shipped_truth_is_what_its_module_fits():
+    truth = load_model(models_path("truths", "low_reynolds.yaml"))
+    assert truth.parameters == HEAVY.parameters
+    field = low_reynolds_field(HEAVY.parameters)
+    assert truth.field.centers == field.centers
+    assert [len(w) for w in field.weights.values()] == [126] * 3
+    for name in COEFFICIENTS:
+        np.testing.assert_allclose(
+            truth.field.weights[name], field.weights[name], rtol=1e-4, atol=1e-6
+        )
+
+
+def test_the_truth_follows_its_effect_and_no_field_without_airspeed_can():
+    rng = np.random.default_rng(0)
+    alpha, elevator = rng.uniform(0.0, 1.5, 4000), rng.uniform(-0.3, 0.9, 4000)
+    speed = rng.uniform(1.5, 7.5, 4000)
+    wanted = low_reynolds_coefficients(alpha, elevator, speed, HEAVY.parameters)
+    values = {"alpha": alpha, "elevator": elevator, "V": speed}
+    field = low_reynolds_field(HEAVY.parameters)
+    weights = np.array([field.weights[name] for name in COEFFICIENTS]).T
+    left = np.std(wanted - basis_values(field, values) @ weights, axis=0)
+    blind = basis_values(residual_basis(), values)
+    best = least_squares(blind, wanted).coefficients
+    assert np.all(left < 0.25 * np.std(wanted, axis=0))
+    assert np.all(np.std(wanted - blind @ best, axis=0) > 1.8 * left)
+
+
+# ----------------------------------------------------------------------- the loop
+
+
+def test_all_that_identify_get_the_same_flights():
+    """Until their models differ; a round repeats from the same generator state."""
+    drawn, again = (
+        learn(HEAVY, knowing(HEAVY), 2, np.random.default_rng(3), launches=1)
+        for _ in range(2)
+    )
+    assert [r.miss for r in drawn] == [r.miss for r in again]
+    assert [r.terminal_cost for r in drawn] == [r.terminal_cost for r in again]
+    speeds = [r.flights[0].states[0, 4] for r in drawn]
+    assert 6.5 < min(speeds) < max(speeds) < 7.5
+    assert max(r.miss for r in drawn) < 0.02
+    assert weight_changes(drawn) == [0.0]
+
+
+def test_a_launch_differs_in_speed_alone():
+    launch = np.array(launched(PROBLEM, 6.6).launch)
+    assert launch[4] == 6.6
+    rest = np.delete(launch, 4)
+    np.testing.assert_array_equal(rest, np.delete(PROBLEM.launch, 4))
+
+
+def test_the_tracer_waits_for_three_flights_and_a_loop_for_one(planned):
+    [flown] = execute(HEAVY, planned, planned.states[:1])
+    log = LoggedFlight(
+        states=flown.knots,
+        rates=flown.rates[:75],
+        step=planned.step,
+        capture=capture(HEAVY, flown, np.random.default_rng(0), "flight_000.csv"),
+    )
+    assert trace_effects(HEAVY, [log, log]).model is HEAVY
+    assert fit_weights(HEAVY, [log]).effects == ("rbf_residual",)
+    with pytest.raises(InputError, match="0 rounds of 3 launches"):
+        learn(HEAVY, fit_weights, 0, np.random.default_rng(0))
+
+
+@pytest.mark.slow
+def test_learning_reaches_a_planner_that_knows_the_truth(tmp_path, capsys):
+    out, figure = tmp_path / "l.json", tmp_path / "l.png"
+    learn_residual.main(
+        [
+            *("--truth", "head_wind", "--weights", "2", "--traced", "2"),
+            *("--launches", "3", "--headless"),
+            *("--json", str(out), "--figure", str(figure)),
+        ]
+    )
+    figures = json.loads(out.read_text())
+    rbf, traced, oracle = (figures[k] for k in ("rbf", "traced", "oracle_miss_m"))
+    assert [len(rbf[k]) for k in ("terminal_cost", "weight_change", "miss_m")] == [
+        *(2, 1, 2)
+    ]
+    assert rbf["miss_m"][0] == traced["miss_m"][0] > 5.0 * oracle
+    assert traced["effects"] == [[], ["wind"]]
+    assert traced["miss_m"][1] < max(1.5 * oracle, 0.01)
+    assert min(rbf["miss_m"][1:]) < 0.5 * rbf["miss_m"][0]
+    assert traced["terminal_cost"][1] < 0.2 * traced["terminal_cost"][0]
+    assert all(change > 0.0 for change in rbf["weight_change"])
+    assert "traced to wind" in capsys.readouterr().out
+    assert figure.stat().st_size > 10_000
+
+
+def test_a_folder_that_is_not_there_is_one_sentence_before_the_work(tmp_path, capsys):
+    args = ["--json", str(tmp_path / "nowhere" / "l.json"), "--headless"]
+    assert run(lambda: learn_residual.main(args)) == 2
+    assert capsys.readouterr().err.count("\n") == 1

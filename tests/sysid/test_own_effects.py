@@ -1,0 +1,242 @@
+"""A user's own effect goes through the whole loop like one of the library's."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from glider.errors import InputError
+from glider.physics.effects import KINDS
+from glider.physics.model import (
+    GliderModel,
+    load_model,
+    save_model,
+)
+from glider.report.terminal import print_summary
+from glider.sysid.fit.information import covariance
+from glider.sysid.fit.output_error import (
+    Problem,
+    fit,
+)
+from glider.sysid.fit.simulate import (
+    CampaignPlan,
+    simulate_campaign,
+    theta_of,
+)
+from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.own_effects import check_own_effects
+from glider.sysid.replay.record import prepare
+from glider.sysid.replay.sensitivity import linearize
+from glider.sysid.replay.shooting import (
+    fit_start,
+    fly,
+)
+from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.theta import (
+    LIBRARY_LAYOUT,
+    layout_of,
+)
+from glider.systems.plant import (
+    GliderPlant,
+    initial_state,
+)
+from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, TWIST
+
+LAYOUT = layout_of(ALL)
+
+
+def planted(kind, **plan):
+    """A campaign whose glider has one own effect of a typical size.
+
+    The model names the others too, at sizes that do nothing, so that all tests
+    share one compiled kernel.
+    """
+    sizes = {c.name: c.scale for c in kind.coefficients if not c.is_shape}
+    effects = tuple(e(**sizes) if e is kind else e() for e in ALL)
+    model = GliderModel(effects=effects)
+    campaign = simulate_campaign(model, CampaignPlan(**plan), np.random.default_rng(3))
+    return model, campaign
+
+
+def make_problem(campaign):
+    noise = measure_noise(campaign)
+    records = prepare(campaign.flights, campaign, noise, LAYOUT)
+    return Problem(records=records, noise=noise)
+
+
+@pytest.fixture(scope="module", params=[FLAP, BOOM], ids=["flap", "boom"])
+def closed(request):
+    """An own effect without and one with a state of its own, closed the loop on."""
+    _, campaign = planted(request.param, flights=8)
+    return request.param, close_the_loop(campaign, own_effects=ALL)
+
+
+def test_an_own_effect_is_named(closed):
+    kind, result = closed
+    assert result.verdict == "effect_found"
+    assert [e.kind for e in result.effects] == [kind.kind]
+    found = result.effects[0].coefficients["gain"]
+    assert abs(found.value - kind.coefficients[0].scale) < 5.0 * found.std
+    assert found.std < 0.02 * found.value
+    drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
+
+
+def test_the_report_shows_its_words(closed, capsys):
+    from rich.console import Console
+
+    kind, result = closed
+    print_summary(result, Console(width=200))
+    assert kind.words in capsys.readouterr().out
+
+
+def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
+    kind, result = closed
+    save_model(tmp_path / "model.yaml", result.model)
+    with pytest.raises(InputError, match=f"'{kind.kind}'.*own_effects"):
+        load_model(tmp_path / "model.yaml")
+    model = load_model(tmp_path / "model.yaml", own_effects=ALL)
+    assert model == result.model
+    plant = GliderPlant(model=model)
+    assert plant.num_continuous_states() == 7 + len(kind.states)
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
+def test_own_effects_of_each_stage_are_fitted(kind):
+    model, campaign = planted(kind, flights=6)
+    problem = make_problem(campaign)
+    truth, slots = theta_of(model), LAYOUT.slots_of(kind.kind)
+    assert fit(problem, truth, ()).dispersion == pytest.approx(1.0, abs=0.15)
+    found = fit(problem, LAYOUT.default_theta(model.parameters), slots)
+    error = found.theta[list(slots)] - truth[list(slots)]
+    std = np.sqrt(np.diag(covariance(found.information, found.dispersion)))
+    assert np.all(np.abs(error) < 5.0 * std)
+    assert std[0] < 0.2 * abs(truth[slots[0]])
+
+
+def test_flights_are_those_of_the_plant():
+    """What the log's kernel flies, with its states at rest, is what Drake flies."""
+    model, campaign = planted(BOOM, flights=3)
+    record = make_problem(campaign).records[0]
+    theta = theta_of(model)
+    start = fit_start(record, theta, measure_noise(campaign))
+    start[7:] = 0.0
+    flown = fly(record, theta, start, GliderModel().residual_field)
+    present = tuple(e for e in model.effects if e.kind is BOOM)
+    plant = GliderPlant(model=dataclasses.replace(model, effects=present))
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    state = initial_state(plant, start[:7])
+    state[3], state[7] = start[3] + record.rest, 0.0
+    context.SetContinuousState(state)
+    # The same command is held between its switches, within the servo's travel.
+    for time, end, command in zip(
+        record.switch_times,
+        [*record.switch_times[1:], record.time[-1]],
+        record.commands,
+        strict=True,
+    ):
+        if end > time >= 0.0:
+            plant.get_input_port(0).FixValue(context, [command])
+            simulator.AdvanceTo(min(end, record.time[-1]))
+    pose = context.get_continuous_state_vector().CopyToVector()[:3]
+    np.testing.assert_allclose(pose, flown[-1, :3], atol=2e-3)
+
+
+def test_own_states_rest_where_the_plant_has_them_rest():
+    stall = KINDS["dynamic_stall"](strength=1.0)
+    plant = GliderPlant(model=GliderModel(effects=(stall, BOOM(), INFLOW(gain=0.1))))
+    state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
+    theta = LAYOUT.default_theta(plant.model.parameters)
+    rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
+    np.testing.assert_allclose(rest, initial_state(plant, state)[7:])
+    assert rest[2] > 0.1  # It sinks.
+    assert LAYOUT.steady_states(0.0, state, 3.0, theta)[1] == 3.0
+
+
+def test_a_flight_begins_near_rest():
+    """Within a share of the states' scales, as its prior has it."""
+    model, campaign = planted(BOOM, flights=3)
+    problem = make_problem(campaign)
+    record, theta = problem.records[0], theta_of(model)
+    start = true_nodes(record, theta)[0]
+    elevator, rate = pose_signals(record, theta)
+    launch = start + np.eye(len(start))[3] * elevator[0, 0]
+    rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
+    assert np.all(rest != 0.0)
+    np.testing.assert_allclose(start[7:], rest)
+    errors = linearize(record, theta, (), problem.noise)
+    count = len(rest)
+    np.testing.assert_allclose(errors.residual[-count:], 0.0, atol=1e-12)
+    spread = 1.0 / np.diag(errors.by_start[-count:, -count:])
+    np.testing.assert_allclose(spread, 0.05 * np.array([1.0, 5.0, 2.0, 2.0]))
+
+
+@pytest.mark.parametrize("kind", [BOOM, INFLOW], ids=lambda kind: kind.kind)
+def test_signatures_are_derivatives_of_the_errors(kind):
+    model, campaign = planted(kind, flights=3)
+    problem = make_problem(campaign)
+    record, theta = problem.records[0], theta_of(model)
+    slots = LAYOUT.slots_of(kind.kind)
+    start = fit_start(record, theta, problem.noise)
+    nodes = fly(record, theta, start, problem.field)
+    here = linearize(record, theta, slots, problem.noise, nodes=nodes)
+    rows = len(here.residual) - 1 - (LAYOUT.num_states - 7)
+    for j, i in enumerate(slots):
+        moved = theta.copy()
+        moved[i] += 1e-3 * LAYOUT.scale[i]
+        flown = fly(record, moved, start, problem.field)
+        there = linearize(record, moved, (), problem.noise, nodes=flown)
+        numeric = (here.residual - there.residual)[:rows] / (1e-3 * LAYOUT.scale[i])
+        scale = np.abs(numeric).max()
+        np.testing.assert_allclose(here.by_theta[:rows, j], numeric, atol=5e-3 * scale)
+
+
+def test_the_library_keeps_its_layout():
+    assert layout_of() is LIBRARY_LAYOUT
+    assert LIBRARY_LAYOUT.own == ()
+    assert LIBRARY_LAYOUT.kinds == KINDS
+    shared = LIBRARY_LAYOUT.slots[: LIBRARY_LAYOUT.num_compiled]
+    assert LAYOUT.slots[: len(shared)] == shared
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": "wind"}, "name is taken"),
+        ({"kind": "unexplained"}, "name is taken"),
+        ({"stage": "actuator"}, "stage is 'actuator'"),
+        ({"adds_to": ("wing_normal",)}, "adds_to"),
+        ({"coefficients": ()}, "coefficients are none"),
+        ({"states": ("lag",)}, "needed together"),
+        ({"formula": lambda flow, gain: (1.0, 0.0)}, "defaults that do nothing"),
+        ({"formula": lambda flow, gain: gain}, "2 finite numbers"),
+        ({"formula": lambda flow: (0.0, 0.0)}, "formula fails"),
+        ({"formula": lambda flow, gain: (float(str(gain)), 0.0)}, "does not compile"),
+    ],
+)
+def test_an_own_effect_that_cannot_be_used_is_one_sentence(changes, words):
+    bad = dataclasses.replace(FLAP, **changes)
+    with pytest.raises(InputError, match=words) as error:
+        check_own_effects((bad,))
+    assert "\n" not in str(error.value)
+
+
+def test_an_effect_in_the_place_of_its_kind_is_refused():
+    with pytest.raises(InputError, match="found a Effect; an EffectKind is needed"):
+        close_the_loop("nowhere", own_effects=[FLAP(gain=0.1)])
+
+
+def test_the_same_own_effect_twice_is_refused():
+    with pytest.raises(InputError, match="name is taken"):
+        check_own_effects((TWIST, BLEED, LEAK, TWIST))
+
+
+def test_an_own_effect_can_be_asked_for_alone():
+    with pytest.raises(InputError, match="unknown effect 'flap'"):
+        close_the_loop("nowhere", effects=["flap"])
+    with pytest.raises(InputError, match="nowhere"):
+        close_the_loop("nowhere", effects=["flap"], own_effects=[FLAP])

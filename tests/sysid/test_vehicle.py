@@ -1,0 +1,173 @@
+"""Vehicles known, partly known and unknown, with and without a servo."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.errors import InputError
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.sysid.fit.simulate import (
+    CampaignPlan,
+    simulate_campaign,
+)
+from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.vehicle import make_vehicle
+
+DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    plan = CampaignPlan(flights=12)
+    return simulate_campaign(DRAG, plan, np.random.default_rng(5))
+
+
+def without(campaign, *names):
+    known = {k: v for k, v in campaign.vehicle.items() if k not in names}
+    return dataclasses.replace(campaign, vehicle=known)
+
+
+def without_servo(campaign, elevator):
+    """The same flights with the elevator locked at zero and not logged."""
+    flights = tuple(
+        dataclasses.replace(f, elevator=None, command=None) for f in campaign.flights
+    )
+    return dataclasses.replace(campaign, flights=flights, elevator=elevator)
+
+
+UNKNOWN = ("mass", "pitch_inertia", "wing_area", "elevator_area", "wing_offset")
+
+
+def test_a_full_drawing_leaves_nothing_to_guess(campaign):
+    vehicle = make_vehicle(campaign)
+    assert vehicle.is_known and not vehicle.nuisance and vehicle.prior is None
+    assert not vehicle.notes
+
+
+def test_without_mass_and_areas_all_is_per_kilogram(campaign):
+    vehicle = make_vehicle(without(campaign, *UNKNOWN))
+    assert not vehicle.is_known
+    assert any("per kg" in note for note in vehicle.notes)
+    assert not {"mass", "inertia", "elevator_area"} & set(vehicle.kinds)
+
+
+def test_no_servo_no_servo_effects(campaign):
+    vehicle = make_vehicle(without_servo(campaign, "fixed_per_flight"))
+    assert not {"servo_lag", "command_delay", "elevator_trim"} & set(vehicle.kinds)
+    assert not vehicle.trim_is_known
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("missing", [("mass", "pitch_inertia"), UNKNOWN], ids=str)
+def test_drag_is_found_whatever_is_known(campaign, missing):
+    result = close_the_loop(without(campaign, *missing))
+    assert [e.kind for e in result.effects] == ["profile_drag"]
+    found = result.effects[0].coefficients["cd0"]
+    assert found.value == pytest.approx(0.06, rel=0.1)
+    assert result.errors["as_drawn"] is None
+    corrected, plate = result.errors["corrected"], result.errors["refitted"]
+    assert corrected.position_rms_m < 0.25 * plate.position_rms_m
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("elevator", "missing"),
+    [("fixed", ()), ("fixed_per_flight", UNKNOWN)],
+    ids=["drawn", "undrawn"],
+)
+def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
+    monkeypatch.setattr(
+        "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
+    )
+    plan = CampaignPlan(flights=12)
+    flown = simulate_campaign(DRAG, plan, np.random.default_rng(6))
+    result = close_the_loop(without(without_servo(flown, elevator), *missing))
+    assert [e.kind for e in result.effects] == ["profile_drag"]
+    found = result.effects[0].coefficients["cd0"]
+    assert found.value == pytest.approx(0.06, rel=0.1)
+
+
+@pytest.mark.slow
+def test_gaps_and_irregular_times_are_handled(campaign):
+    rng = np.random.default_rng(0)
+
+    def thin(flight):
+        rows = np.sort(rng.choice(len(flight.time), 80, replace=False))
+        return dataclasses.replace(
+            flight,
+            time=flight.time[rows] + 17.3,
+            pose=flight.pose[rows],
+            elevator=flight.elevator[rows],
+            command=flight.command[rows],
+        )
+
+    thinned = dataclasses.replace(
+        campaign, flights=tuple(thin(f) for f in campaign.flights)
+    )
+    result = close_the_loop(thinned)
+    assert [e.kind for e in result.effects] == ["profile_drag"]
+    found = result.effects[0].coefficients["cd0"]
+    assert found.value == pytest.approx(0.06, rel=0.15)
+
+
+def test_three_flights_are_enough_for_a_strong_effect(campaign):
+    few = dataclasses.replace(campaign, flights=campaign.flights[:3])
+    result = close_the_loop(few)
+    assert [e.kind for e in result.effects] == ["profile_drag"]
+
+
+def test_a_log_may_begin_with_the_elevator_anywhere():
+    """Cut the start off every flight: the elevator then starts where it was."""
+    plan = CampaignPlan(flights=10)
+    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(5))
+
+    def late(flight):
+        return dataclasses.replace(
+            flight,
+            time=flight.time[35:],
+            pose=flight.pose[35:],
+            elevator=flight.elevator[35:],
+            command=flight.command[35:],
+        )
+
+    flights = tuple(late(f) for f in flown.flights)
+    result = close_the_loop(dataclasses.replace(flown, flights=flights))
+    assert result.verdict == "no_effect"
+    assert result.left_z < 4.0
+
+
+@pytest.mark.parametrize("elevator", ["fixed", "fixed_per_flight"])
+def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
+    monkeypatch.setattr(
+        "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
+    )
+    truth = GliderModel(effects=(KINDS["elevator_trim"](angle=-0.2),))
+    plan = CampaignPlan(flights=10)
+    flown = simulate_campaign(truth, plan, np.random.default_rng(6))
+    result = close_the_loop(without_servo(flown, elevator))
+    assert result.verdict == "no_effect"
+    assert result.left_z < 4.0
+    if elevator == "fixed":  # One angle for all: it belongs to the model.
+        (trim,) = result.model.effects
+        assert trim.to_dict()["angle"] == pytest.approx(-0.2, abs=0.005)
+
+
+def test_a_computed_elevator_column_has_no_noise_and_does_no_harm():
+    plan = CampaignPlan(flights=8, noise_elevator=0.0)
+    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(7))
+    assert close_the_loop(flown).verdict == "no_effect"
+
+
+def test_real_errors_are_never_called_no_effect():
+    truth = GliderModel(effects=(KINDS["command_delay"](delay=0.03),))
+    plan = CampaignPlan(flights=8)
+    flown = simulate_campaign(truth, plan, np.random.default_rng(8))
+    assert close_the_loop(flown, effects=["angle_sign"]).verdict == "unexplained"
+
+
+def test_effects_that_these_logs_cannot_show_are_refused(campaign):
+    fixed = without_servo(campaign, "fixed")
+    with pytest.raises(InputError, match="servo_lag"):
+        close_the_loop(fixed, effects=["servo_lag"])

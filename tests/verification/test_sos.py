@@ -1,0 +1,159 @@
+"""Sums of squares on the sphere, their solvers, and the exact check of a matrix."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glider.verification.funnel.ascent import largest_values
+from glider.verification.sos.exact import (
+    Exact,
+    exact,
+    is_positive_definite,
+    leaves_definite,
+    rounded,
+)
+from glider.verification.sos.grams import (
+    least_eigenvalue,
+    nearby_gram,
+    represent,
+)
+from glider.verification.sos.programs import (
+    largest_margin,
+    least_growth,
+)
+from glider.verification.sos.solving import (
+    SolverError,
+    solve_apart,
+)
+from glider.verification.sos.sphere import sphere
+
+N = 3
+TABLES = sphere(N)
+
+
+def random_forms(seed, size=1.0):
+    rng = np.random.default_rng(seed)
+    quadratic = rng.normal(size=(N, N))
+    cubic = size * rng.normal(size=len(TABLES.cubic))
+    quartic = size * rng.normal(size=len(TABLES.quartic))
+    return quadratic + quadratic.T, cubic, quartic
+
+
+def points(count, seed=0):
+    z = np.random.default_rng(seed).normal(size=(count, N))
+    return z / np.linalg.norm(z, axis=1, keepdims=True)
+
+
+def basis_at(z):
+    return np.array(
+        [
+            TABLES.scales * np.prod(point**TABLES.basis, axis=1) * np.ones(TABLES.size)
+            for point in z
+        ]
+    )
+
+
+def test_a_gram_matrix_gives_its_polynomials_values():
+    rng = np.random.default_rng(0)
+    gram = rng.normal(size=(TABLES.size, TABLES.size))
+    gram = gram + gram.T
+    z = points(20)
+    coefficients = TABLES.map @ TABLES.entries(gram)
+    b = basis_at(z)
+    assert np.sum(b * b, axis=1) == pytest.approx(2.0)  # |z|² + |z ⊗ z|²
+    values = TABLES.values(np.broadcast_to(coefficients, (20, len(coefficients))), z)
+    assert values == pytest.approx(np.einsum("bi,ij,bj->b", b, gram, b), abs=1e-12)
+
+
+def test_the_margin_of_a_quadratic_form_is_its_least_eigenvalue():
+    quadratic, cubic, quartic = random_forms(1, size=0.0)
+    polynomial = TABLES.coefficients(quadratic, cubic, quartic)
+    success, margin, _ = largest_margin(polynomial, N)
+    assert success
+    assert margin == pytest.approx(np.linalg.eigvalsh(quadratic)[0], abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_the_margin_is_the_least_value_that_ascent_finds(seed):
+    forms = random_forms(seed)
+    polynomial = TABLES.coefficients(*forms)
+    _, margin, entries = largest_margin(polynomial, N)
+    starts = points(30, seed)[None]
+    least, at = largest_values(*(-form[None] for form in forms), starts)
+    assert margin == pytest.approx(-least[0], abs=1e-3)
+    assert TABLES.values(polynomial, at[0]) == pytest.approx(-least[0])
+    rest = polynomial - margin * TABLES.constant
+    assert TABLES.map @ entries == pytest.approx(rest, abs=1e-3)
+    assert least_eigenvalue(TABLES, entries) > -1e-3
+
+
+def test_the_least_growth_is_enough_and_no_more():
+    _, cubic, quartic = random_forms(4)
+    success, growth = least_growth(cubic, quartic, np.diag([1.0, 2.0, 0.5]))
+    assert success
+    assert np.array_equal(growth, growth.T)
+    polynomial = TABLES.coefficients(growth, -cubic, -quartic)
+    assert largest_margin(polynomial, N)[1] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_near_polynomial_gets_its_gram_matrix_without_a_solver():
+    forms = random_forms(5)
+    polynomial = TABLES.coefficients(*forms)
+    _, margin, entries = largest_margin(polynomial, N)
+    lifted = polynomial + (0.1 - margin) * TABLES.constant
+    change = 0.02 * np.random.default_rng(6).normal(size=len(polynomial))
+    found = nearby_gram(TABLES, entries, lifted + change, 0.01)
+    assert found is not None
+    assert TABLES.map @ found == pytest.approx(lifted + change, abs=1e-12)
+    assert least_eigenvalue(TABLES, found) >= 0.01
+    below = polynomial - (margin + 0.1) * TABLES.constant
+    assert nearby_gram(TABLES, entries, below, 0.01, rounds=20) is None
+
+
+def test_the_solver_may_die_and_the_program_goes_on():
+    with pytest.raises(SolverError, match="process died"):
+        solve_apart(os.abort, [(), ()])
+    assert solve_apart(abs, [(-3,), (4,)]) == [3, 4]
+
+
+@given(st.lists(st.floats(-1e6, 1e6, width=32), min_size=1, max_size=6))
+def test_doubles_become_whole_numbers_without_rounding(values):
+    array = np.array(values)
+    assert np.array_equal(exact(array).to_float(), array)
+    total = exact(array) + exact(0.1 * np.ones(len(array)))
+    assert total.to_float() == pytest.approx(array + 0.1)
+
+
+@pytest.mark.parametrize("shift", [1e-9, -1e-9])
+def test_definiteness_is_told_where_floating_point_cannot(shift):
+    """The least eigenvalue is `shift`, under one of 1e8."""
+    rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
+    whole = rounded(rotation, 40)
+    eigenvalues = exact(np.diag([1e8, 1.0, 1.0, 1.0, 1.0, shift]))
+    matrix = whole @ eigenvalues @ whole.transposed()
+    assert is_positive_definite(matrix) == (shift > 0.0)
+
+
+def test_a_singular_matrix_is_not_definite():
+    assert not is_positive_definite(exact(np.ones((2, 2))))
+
+
+def test_an_asymmetric_matrix_is_not_definite():
+    assert not is_positive_definite(exact(np.array([[2.0, 1.0], [0.5, 2.0]])))
+
+
+def test_a_small_change_is_forgiven_and_a_large_one_is_not():
+    gram = rounded(np.diag([1.0, 0.01]), 30)
+    small = Exact(np.array([[0, 1], [1, 0]], dtype=object), -10)
+    assert leaves_definite(gram, small)[0]
+    holds, slack = leaves_definite(gram, Exact(small.numbers, -6))
+    assert not holds
+    assert slack == 2.0**-6
+
+
+def test_the_closest_representation_changes_nothing_that_fits():
+    entries = np.random.default_rng(1).normal(size=len(TABLES.rows))
+    assert represent(TABLES, entries, TABLES.map @ entries) == pytest.approx(entries)

@@ -1,0 +1,99 @@
+"""Taylor models enclose what they stand for, also where a function has no series."""
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import (
+    SERVO_LAG,
+    WIND,
+)
+from glider.physics.model import GliderModel
+from glider.verification.dynamics.dependence import variables
+from glider.verification.dynamics.error_dynamics import curved_parts
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.taylor_models import TaylorModel
+
+FORMULAS = {
+    "sum": lambda x, y: 1.0 - x + 2.0 * y - (3.0 - y) + np.float64(0.5) * x,
+    "product": lambda x, y: x * y * (2.0 - x) * (x + y) * y,
+    "quotient": lambda x, y: (1.0 + y) / (x * x + 2.0) + 1.0 / (x + 3.0) - x / 2.0,
+    "sqrt": lambda x, y: np.sqrt(x * x + y * y + 1e-8),
+    "sin": lambda x, y: np.sin(x) - np.cos(y),
+    "sin, cos": lambda x, y: np.sin(2.0 * x + y) * np.cos(x - 3.0 * y),
+    "growth": lambda x, y: np.exp(x),
+    "exp": lambda x, y: np.exp(-0.5 * (x + y) * (x + y)),
+    "tanh": lambda x, y: np.tanh(x / 0.3 + y) + np.tanh(4.0 + x),
+    "arctan": lambda x, y: np.arctan(2.0 * x - y),
+}
+
+
+def models(center, half):
+    """Returns x and y on boxes (2, B) as models of degree 3."""
+    table = monomials(2, 3)
+    found = []
+    for i in range(2):
+        coefficients = np.zeros((len(table.degrees), center.shape[1]))
+        coefficients[0], coefficients[1 + i] = center[i], half[i]
+        found.append(TaylorModel(table, coefficients, np.zeros(center.shape[1])))
+    return found
+
+
+def boxes(size, count=300):
+    rng = np.random.default_rng(0)
+    center = rng.uniform(-1.0, 1.0, (2, count))
+    return center, size * rng.uniform(0.2, 1.0, (2, count))
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+@pytest.mark.parametrize("size", [0.001, 0.1, 1.0])
+def test_every_value_on_a_box_is_within_the_rest_of_the_polynomial(name, size):
+    center, half = boxes(size)
+    model = FORMULAS[name](*models(center, half))
+    assert np.all(np.isfinite(model.rest))
+    v = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
+    v[:, :4] = [[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]]
+    points = center[:, :, None] + half[:, :, None] * v[:, None]
+    truth = FORMULAS[name](*points)
+    polynomial = model.coefficients.T @ model.table.values(v.T).T
+    off = np.abs(truth - polynomial)
+    # What NumPy itself rounds, here and in the polynomial.
+    assert np.all(off <= model.rest[:, None] + 1e-14 * (1.0 + np.abs(truth)))
+
+
+@pytest.mark.parametrize(
+    "name", ["sqrt", "sin, cos", "exp", "tanh", "quotient", "arctan"]
+)
+def test_the_rest_falls_with_the_fourth_power_of_the_box(name):
+    center, half = boxes(0.02)
+    large = FORMULAS[name](*models(center, half)).rest
+    small = FORMULAS[name](*models(center, 0.5 * half)).rest
+    assert np.median(np.log2(large / small)) == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_root_near_zero_is_known_to_an_eighth_of_its_largest():
+    center, half = np.zeros((2, 1)), np.ones((2, 1))
+    x, y = models(center, half)
+    root = np.sqrt(x * x + y * y)
+    assert root.rest[0] <= 2.0 * np.sqrt(2.0) / 8.0 * 1.5
+
+
+def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
+    x, y = models(np.zeros((2, 1)), np.ones((2, 1)))
+    for unknown in (1.0 / x, np.sqrt(1.0 / x) * y, np.sin(x / y) * 0.0 + x):
+        assert not np.isfinite(unknown.rest[0])
+
+
+def test_dependence_tells_what_is_curved_from_what_is_linear():
+    x, y, z = variables(3)
+    formula = 2.0 * x - y / 3.0 + np.sin(z) * 4.0 + 1.0
+    assert formula.linear == {0, 1, 2}
+    assert formula.curved == {2}
+    assert (x * y).curved == {0, 1}
+    assert (1.0 / x).curved == {0}
+
+
+def test_a_gliders_accelerations_are_curved_in_all_but_its_position():
+    assert curved_parts(GliderModel(), 7) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+    slow = GliderModel(effects=(SERVO_LAG(time_constant=0.03), WIND(x=1.0)))
+    # The elevator turns at the servo's rate, state 7, not as commanded.
+    assert curved_parts(slow, 8) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
