@@ -195,7 +195,7 @@ def test_a_circle_is_caught(tmp_path):
 
 def test_a_package_without_a_place_is_caught(tmp_path):
     faults = find_faults(make_tree(tmp_path, glider_novelty_a="import math\n"))
-    assert faults[0].startswith("glider.novelty on no floor")
+    assert faults[0].startswith("glider.novelty is on no floor")
 
 
 def test_a_loose_module_is_caught(tmp_path):
