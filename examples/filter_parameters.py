@@ -120,8 +120,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     problem = load_problem(models_path("problems", "perching.yaml"))
     model, rng = GliderModel(parameters=perching), np.random.default_rng(args.seed)
     with Console(stderr=True).status("plan (compiles once)") as status:
-        planned = plan(GliderPlant(model), problem, progress=status.update)
-        policy = compiled_policy(GliderPlant(model), planned)
+        planned = plan(model, problem, progress=status.update)
+        policy = compiled_policy(model, planned)
         status.update("filter (compiles once)")
         drifting = watch_all(cruising, perching, policy, rng)
         constant = [

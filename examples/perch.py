@@ -37,7 +37,7 @@ from glider.control.tvlqr_drake import tracking_regulator
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.simulation.closed_loop import AFTER
+from glider.simulation.fly import AFTER
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
@@ -60,12 +60,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rng = np.random.default_rng(args.seed)
     starts = draw_launches(problem, LaunchSpread(), args.launches, rng)
     with Console(stderr=True).status("plan (compiles once)") as status:
-        planned = plan(GliderPlant(model), problem, progress=status.update)
+        planned = plan(model, problem, progress=status.update)
         duration = planned.duration + AFTER
         replay = open_loop(model, planned)
         [replayed] = simulate_flights(replay, planned.states[:1], duration)
         blind = simulate_flights(replay, starts, duration, progress=status.update)
-        loop = closed_loop(model, tracking_regulator(GliderPlant(model), planned))
+        loop = closed_loop(model, tracking_regulator(model, planned))
         flights = simulate_flights(loop, starts, duration, progress=status.update)
     misses = [flight.miss for flight in flights]
     figures = {

@@ -20,7 +20,7 @@ hypothesis.settings.load_profile("glider")
 @pytest.fixture(scope="session")
 def article_plan() -> Plan:
     """The article's problem, solved cold for the drawn glider."""
-    return plan(GliderPlant(), PerchingProblem())
+    return plan(GliderModel(), PerchingProblem())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from diagrams.simulate import SimulatedFlight
 from diagrams.studies.rehearsal import Rehearsal
 from glider.physics.state import STATE_NAMES
 from glider.planning.plan import Plan
 from glider.report.plots.style import STYLE
+from glider.simulation.flights import FlownFlight
 from glider.studies.plots.perching import (
     AFTER,
     BEFORE,
@@ -26,8 +26,8 @@ _ELEVATOR = STATE_NAMES.index("elevator")
 def save_perch_figure(
     path: Path,
     plan: Plan,
-    flights: Sequence[SimulatedFlight],
-    replayed: Sequence[SimulatedFlight],
+    flights: Sequence[FlownFlight],
+    replayed: Sequence[FlownFlight],
 ) -> None:
     """Saves the paths and the elevator of a plan and its flights."""
     with rc_context(STYLE):
@@ -61,5 +61,5 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
         figure.savefig(path, dpi=150)
 
 
-def _elevator(flight: SimulatedFlight) -> np.ndarray:
+def _elevator(flight: FlownFlight) -> np.ndarray:
     return np.column_stack([flight.times, flight.states[:, _ELEVATOR]])

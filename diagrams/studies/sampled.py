@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.simulate import (
-    SimulatedFlight,
     simulate_flights,
 )
 from diagrams.studies.rehearsal import COMMAND_RATE
@@ -27,12 +26,9 @@ from glider.planning.dircol import (
 )
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import (
-    Search,
-    SequenceCost,
-)
+from glider.planning.sampling import SequenceCost, cem, mppi
+from glider.simulation.flights import FlownFlight
 from glider.studies.plots.sampling import save_sampling_figure
-from glider.systems.plant import GliderPlant
 
 AFTER = 0.2
 """How long a flight goes on after the plan's end [s]: who plans anew may come later
@@ -46,13 +42,13 @@ class Comparison:
     plan: Plan
     """By collocation, for the glider that is believed in."""
 
-    replayed: list[SimulatedFlight]
+    replayed: list[FlownFlight]
     """The plan's commands without feedback."""
 
-    tracked: list[SimulatedFlight]
+    tracked: list[FlownFlight]
     """Linear-quadratic feedback along the plan, at COMMAND_RATE."""
 
-    replanned: list[SimulatedFlight]
+    replanned: list[FlownFlight]
     """MPPI from each measured state, at COMMAND_RATE; its first sequence is the
     plan's."""
 
@@ -60,7 +56,7 @@ class Comparison:
     """Time flown over processor time, of the flights of MPPI, plant included."""
 
     @property
-    def policies(self) -> dict[str, list[SimulatedFlight]]:
+    def policies(self) -> dict[str, list[FlownFlight]]:
         """What was flown, in words, and its flights."""
         return {
             "the plan replayed": self.replayed,
@@ -106,11 +102,10 @@ def compare(
         PlanningError: where the model cannot do what the problem asks.
     """
     say = progress or (lambda text: None)
-    plant = GliderPlant(model)
-    planned = plan(plant, problem, progress=lambda text: say(f"plan: {text}"))
-    cost = replanning_cost(plant, replanning, COMMAND_RATE)
+    planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
+    cost = replanning_cost(model, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
-    tracking = tracking_regulator(plant, planned)
+    tracking = tracking_regulator(model, planned)
     duration = planned.duration + AFTER
     flights, seconds = [], 0.0
     controller = MppiController(cost, sequence, seed=seed)
@@ -139,12 +134,57 @@ def compare(
     )
 
 
-def histories(found: Mapping[str, Sequence[Search]]) -> dict[str, np.ndarray]:
-    """Returns the costs of some searches by each method, (seeds, iterations + 1)."""
-    return {
-        name: np.array([search.costs for search in searches])
-        for name, searches in found.items()
-    }
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Searches:
+    """Some searches by each method, and what the first of each drew."""
+
+    plans: dict[str, list[Plan]]
+    """Method to its plans, one a seed."""
+
+    drawn: dict[str, dict[int, np.ndarray]]
+    """Method to number of the iteration, from 1, to sequences (B, N) [rad/s]."""
+
+    def histories(self) -> dict[str, np.ndarray]:
+        """Returns the costs by each method, (seeds, iterations + 1)."""
+        return {
+            name: np.array([plan.costs for plan in plans])
+            for name, plans in self.plans.items()
+        }
+
+
+def search_plans(
+    cost: SequenceCost,
+    start: np.ndarray,
+    count: int,
+    seed: int,
+    shown: Sequence[int] = (),
+    progress: Progress | None = None,
+) -> Searches:
+    """Searches for plans by CEM and by MPPI.
+
+    Args:
+        cost: to search with.
+        start: (n,) state at launch.
+        count: searches by each method, each with a seed of its own.
+        seed: of these seeds; both methods get the same.
+        shown: iterations, from 1, whose sequences to keep.
+        progress: told what is being done.
+    """
+    plans: dict[str, list[Plan]] = {}
+    drawn: dict[str, dict[int, np.ndarray]] = {}
+    for name, search in (("CEM", cem), ("MPPI", mppi)):
+        if progress:
+            progress(f"plan by {name}")
+        kept: dict[int, np.ndarray] = {}
+
+        def keep(iteration, commands, kept=kept):
+            if iteration in shown:
+                kept.setdefault(iteration, commands)
+
+        rngs = np.random.default_rng(seed).spawn(count)
+        plans[name] = [search(cost, start, rng, watch=keep) for rng in rngs]
+        drawn[name] = kept
+    return Searches(plans=plans, drawn=drawn)
 
 
 def spread(runs: np.ndarray) -> dict[str, list[float]]:
@@ -160,7 +200,7 @@ def save_sampled_figure(
     path: Path,
     cost: SequenceCost,
     start: np.ndarray,
-    found: Mapping[str, Sequence[Search]],
+    found: Searches,
     flown: Comparison,
 ) -> None:
     """Saves costs, the flights that the first searches drew, and the comparison.
@@ -169,16 +209,16 @@ def save_sampled_figure(
         path: of the picture.
         cost: that was searched with.
         start: (n,) state at launch.
-        found: method to its searches.
+        found: the searches.
         flown: the comparison.
     """
     drawn = {}
-    for name, (first, *_) in found.items():
-        samples = {k: cost.fly(start, tried) for k, tried in first.drawn.items()}
-        drawn[name] = samples, cost.fly(start, first.mean[None])[0]
+    for name, kept in found.drawn.items():
+        samples = {k: cost.fly(start, tried) for k, tried in kept.items()}
+        drawn[name] = samples, found.plans[name][0].states
     save_sampling_figure(
         path,
-        histories(found),
+        found.histories(),
         drawn,
         flown.plan.states,
         [flight.states for flight in flown.replanned],

@@ -17,10 +17,7 @@ from glider.physics.effects.effect import (
     EffectKind,
 )
 from glider.physics.effects.field import field_terms
-from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES
-
-NUM_PARAMETERS = len(PARAMETER_NAMES)
 
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""

@@ -14,7 +14,6 @@ from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
-    PARAMETER_NAMES,
     GliderParameters,
 )
 from glider.sysid.fit.output_error import Problem
@@ -181,11 +180,11 @@ def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     nodes, _ = flow_along(record, theta, field, trim)
     path, rate = node_signals(record, theta)
     chain = compose(record.layout.compiled_kinds, True)
-    p, c = np.split(record.layout.dynamics(theta), [len(PARAMETER_NAMES)])
+    numbers = chain.theta_of(record.layout.dynamics(theta), field)
     forces = []
     for t, node, angle, u in zip(record.time, nodes, path, rate, strict=True):
         x = node.copy()
         x[OFFSET] += angle
-        flow, terms = chain.meet_air(t, x, u, 0.0, 0.0, p, c, field)
-        forces.append(chain.wrench(flow, terms, x, c)[:2])
+        flow, terms = chain.meet_air(t, x, u, 0.0, 0.0, numbers)
+        forces.append(chain.wrench(flow, terms, x, numbers.c)[:2])
     return np.array(forces)

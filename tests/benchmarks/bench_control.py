@@ -9,19 +9,18 @@ import os
 import time
 
 import numpy as np
+from glider.simulation.fly import (
+    AFTER,
+    fly,
+)
 
 from diagrams.closed_loop import closed_loop
 from diagrams.simulate import simulate_flights
-from glider.control.policy import sample_policy
 from glider.control.tvlqr import compiled_policy
 from glider.control.tvlqr_drake import (
     policy_of,
     tracking_gains,
     tracking_regulator,
-)
-from glider.simulation.closed_loop import (
-    AFTER,
-    fly_closed_loop,
 )
 from glider.simulation.monte_carlo import (
     LaunchSpread,
@@ -56,7 +55,7 @@ def main():
         print(f"  {name:22s} {1e3 * seconds:7.1f} ms   {ratio:.4f} of it")
     times = np.linspace(0.0, plan.duration, 1000)
     drake = policy_of(tracking_gains(fast, plan), plan)
-    gains = [sample_policy(p, times)[1] for p in (drake, compiled_policy(fast, plan))]
+    gains = [p.sample(times)[1] for p in (drake, compiled_policy(fast, plan))]
     difference = np.max(np.abs(gains[0] - gains[1])) / np.max(np.abs(gains[0]))
     print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
 
@@ -71,10 +70,10 @@ def main():
     ):
         # The options of this turn: the function is called before the next.
         seconds = best_seconds(
-            lambda o=options: fly_closed_loop(DRAWING, policy, starts, **o), 3
+            lambda o=options: fly(DRAWING, policy, starts, **o), 3
         )
         print(f"  {name:22s} {seconds:5.2f} s")
-    perched = fly_closed_loop(DRAWING, policy, starts).perched
+    perched = fly(DRAWING, policy, starts).perched
     print(f"  perched: {np.mean(perched):.2%}")
 
     diagram = closed_loop(DRAWING, tracking_regulator(fast, plan), command_rate=50.0)

@@ -27,7 +27,7 @@ EVERY = 5
 
 def main():
     """Prints a row for each inflation of the sampled remainder."""
-    policy = compiled_policy(GliderPlant(), plan(GliderPlant(), PerchingProblem()))
+    policy = compiled_policy(GliderModel(), plan(GliderModel(), PerchingProblem()))
     row = "{:>9} {:>8} {:>8} {:>9} {:>10} {:>10} {:>28} {}"
     names = ("remainder", "z [m]", "pitch °", "ẋ [m/s]", "made [s]", "check", "proof")
     print(row.format(*names, ""))

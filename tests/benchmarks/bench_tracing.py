@@ -15,6 +15,7 @@ import time
 
 import numpy as np
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.physics.effects import (
     FIELD_TERMS,
@@ -121,9 +122,9 @@ def alarms(count: int = 20) -> None:
         level = float(rng.choice([0.5, 1.0, 2.0]))
         plan = CampaignPlan(
             flights=flights,
-            noise_position=0.0004 * level,
-            noise_pitch=0.0025 * level,
-            noise_elevator=0.005 * level,
+            capture=MotionCapture(
+                position=0.0004 * level, pitch=0.0025 * level, elevator=0.005 * level
+            ),
         )
         result = close_the_loop(simulate_campaign(GliderModel(), plan, rng), seed=seed)
         false += result.verdict != "no_effect"

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from glider.simulation.fly import fly
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from scipy.linalg import solve_continuous_are
 
@@ -19,7 +20,6 @@ from glider.control.policy import (
     TrackingWeights,
     aligned_count,
     sample_plan,
-    sample_policy,
     weight_matrix,
 )
 from glider.control.tvlqr import compiled_policy
@@ -40,7 +40,6 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.plan import Plan
-from glider.simulation.closed_loop import fly_closed_loop
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
     DRAWING,
@@ -56,7 +55,7 @@ from tests.helpers.flights import (
 
 def test_the_regulator_is_the_law_of_the_gains():
     gains, plan = drake_gains(), plan_of()
-    regulator = tracking_regulator(GliderPlant(), plan)
+    regulator = tracking_regulator(GliderModel(), plan)
     assert regulator.get_name() == "regulator"
     context = regulator.CreateDefaultContext()
     state = plan.state_trajectory.value(0.4)[:, 0] + 0.01 * np.arange(7)
@@ -94,7 +93,7 @@ def test_the_compiled_pass_equals_drakes(lagging):
         assert len(ours) == len(theirs) == knots + 1
         assert np.max(np.abs(ours - theirs)) < 1e-5 * np.max(np.abs(theirs))
     times = np.linspace(0.0, plan.duration, 300)
-    ours, theirs = sample_policy(compiled, times), sample_policy(drake, times)
+    ours, theirs = compiled.sample(times), drake.sample(times)
     assert np.max(np.abs(ours[1] - theirs[1])) < 1e-5 * np.max(np.abs(theirs[1]))
     nominal = sample_plan(plan, times)[0]
     commands = [o - np.sum(k * nominal, axis=1) for o, k in (ours, theirs)]
@@ -104,13 +103,13 @@ def test_the_compiled_pass_equals_drakes(lagging):
 def test_what_the_plan_lacks_is_corrected_as_drake_does():
     """A plan that is no flight: k₀ is large, and the two passes agree on it."""
     plan = dataclasses.replace(plan_of(), inputs=plan_of().inputs + 1.0)
-    gains = tracking_gains(GliderPlant(), plan)
+    gains = tracking_gains(GliderModel(), plan)
     drake = policy_of(gains, plan)
-    ours = compiled_policy(GliderPlant(), plan, step=TABLE_STEP)
+    ours = compiled_policy(GliderModel(), plan, step=TABLE_STEP)
     assert np.max(np.abs(drake.corrections)) > 0.5
     np.testing.assert_allclose(ours.corrections, drake.corrections, atol=1e-4)
     np.testing.assert_allclose(ours.cost_slope, drake.cost_slope, atol=1e-4)
-    [offset], [gain] = sample_policy(ours, np.array([0.31]))
+    [offset], [gain] = ours.sample(np.array([0.31]))
     law = gains.u0.value(0.31) - gains.k0.value(0.31)
     law = law + gains.K.value(0.31) @ gains.x0.value(0.31)
     assert offset == pytest.approx(law[0, 0], abs=1e-3)
@@ -155,11 +154,11 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
 def test_the_cost_to_go_is_what_a_flight_costs():
     plan, weights = plan_of(), TrackingWeights()
     start = plan.states[0] + 1e-3 * np.array([1.0, -2.0, 1.0, 1.0, 3.0, -2.0, 2.0])
-    flights = fly_closed_loop(
+    flights = fly(
         DRAWING, policy(), start[None], after=0.0, step=0.0005, keep_paths=True
     )
     nominal, _, inputs = sample_plan(plan, flights.times)
-    offset, gain = sample_policy(policy(), flights.times)
+    offset, gain = policy().sample(flights.times)
     error = flights.paths[0] - nominal
     push = offset - np.sum(gain * flights.paths[0], axis=1) - inputs
     running = np.sum(error**2 * weights.state, axis=1) + weights.rate * push**2
@@ -178,7 +177,7 @@ def test_a_policy_survives_a_journey():
 
 def test_after_the_plan_its_last_values_stay():
     duration = plan_of().duration
-    offset, gain = sample_policy(policy(), np.array([duration, duration + 1.0]))
+    offset, gain = policy().sample(np.array([duration, duration + 1.0]))
     assert offset[0] == offset[1]
     np.testing.assert_array_equal(gain[0], gain[1])
 
@@ -244,7 +243,7 @@ def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
 
 
 def test_trims_are_what_they_say():
-    glide, level = find_trim(GliderPlant(), 7.0), find_trim(GliderPlant(POWERED))
+    glide, level = find_trim(GliderModel(), 7.0), find_trim(POWERED)
     assert glide.speed == pytest.approx(7.0)
     assert -0.3 < glide.slope < -0.1
     assert level.slope == pytest.approx(0.0, abs=1e-9)
@@ -253,15 +252,15 @@ def test_trims_are_what_they_say():
 @pytest.mark.parametrize("speed", [None, 1.0], ids=["level", "too slow"])
 def test_a_flight_that_cannot_be_steady_is_refused(speed):
     with pytest.raises(InputError, match="No steady"):
-        find_trim(GliderPlant(), speed)
+        find_trim(GliderModel(), speed)
 
 
 def test_a_flight_beyond_the_elevator_s_travel_is_refused():
-    needed = find_trim(GliderPlant(), 7.0).state[3]
+    needed = find_trim(GliderModel(), 7.0).state[3]
     assert needed > 0.02
     stuck = GliderParameters(elevator_limits=[-0.5, 0.9 * needed])
     with pytest.raises(InputError, match=f"elevator of {needed:.3f} rad; its travel"):
-        find_trim(GliderPlant(GliderModel(parameters=stuck)), 7.0)
+        find_trim(GliderModel(parameters=stuck), 7.0)
 
 
 def test_a_cruise_through_changing_air_is_refused():
@@ -270,7 +269,7 @@ def test_a_cruise_through_changing_air_is_refused():
     )
     plant = GliderPlant(GliderModel(field=field), fast=False)
     with pytest.raises(InputError, match="along the line"):
-        cruise_regulator(plant, find_trim(GliderPlant(), 7.0))
+        cruise_regulator(plant, find_trim(GliderModel(), 7.0))
 
 
 @pytest.mark.parametrize("weights", [{"rate": -1.0}, {"state": (1.0,) * 7}])

@@ -35,9 +35,9 @@ from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.simulation.closed_loop import (
+from glider.simulation.fly import (
     AFTER,
-    fly_closed_loop,
+    fly,
 )
 from glider.simulation.miss import path_miss
 from glider.simulation.monte_carlo import (
@@ -183,7 +183,7 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
         gains=0.0 * policy().gains,
         corrections=0.0 * policy().corrections,
     )
-    ours = fly_closed_loop(DRAWING, none, starts, step=0.0005)
+    ours = fly(DRAWING, none, starts, step=0.0005)
     flights = simulate_flights(replay, starts, ours.times[-1], accuracy=1e-9)
     ends = [flight.states[-1] for flight in flights]
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)

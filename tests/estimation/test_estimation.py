@@ -480,7 +480,7 @@ def test_feedback_of_the_estimate_perches():
 def test_the_pose_alone_is_enough_to_perch():
     ekf = perching_ekf(DRAWING, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
-    regulator = tracking_regulator(GliderPlant(), plan_of())
+    regulator = tracking_regulator(GliderModel(), plan_of())
     prior = launch_prior(ekf, LAUNCH)
     loop = estimated_loop(DRAWING, regulator, ekf, prior, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.

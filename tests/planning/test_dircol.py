@@ -96,7 +96,7 @@ def test_a_plan_is_a_flight_of_an_independent_glider(article_plan):
 def test_the_audit_sees_between_the_knots(article_plan):
     """Collocation points are met; between them a finer mesh comes closer."""
     assert article_plan.max_defect < 1e-5
-    coarse = plan(GliderPlant(), PerchingProblem(), knots=(15,))
+    coarse = plan(GliderModel(), PerchingProblem(), knots=(15,))
     assert coarse.max_defect < 1e-5
     assert coarse.path_defect > 10.0 * article_plan.path_defect
     assert coarse.drift > 10.0 * article_plan.drift
@@ -121,7 +121,7 @@ def test_compiled_defects_equal_drake_s():
     """Values and gradients, at a path that meets neither's constraint."""
     rng = np.random.default_rng(1)
     programs = [
-        transcribe(GliderPlant(fast=fast), PerchingProblem(), 5)
+        transcribe(fast=fast, PerchingProblem(), 5)
         for fast in (False, True)
     ]
     point = rng.normal(size=programs[0].prog().num_vars())
@@ -189,7 +189,7 @@ def test_the_most_knots_are_tried_where_fewer_do_not_arrive(monkeypatch):
 
     monkeypatch.setattr(dircol, "violated", find_faults)
     monkeypatch.setattr(dircol, "arrival_violations", find_misses)
-    found = plan(GliderPlant(), PerchingProblem(), knots=(4, 5))
+    found = plan(GliderModel(), PerchingProblem(), knots=(4, 5))
     ways = [(a.knots, a.guess) for a in found.attempts[-3:]]
     assert ways == [
         (5, "the flight that comes closest"),
@@ -204,7 +204,7 @@ def test_an_arrival_that_no_solver_finishes_from_is_told(monkeypatch):
         dircol, "violated", lambda dc, result, tol: () if tol == LOOSE else ("x",)
     )
     with pytest.raises(PlanningError, match="a flight that arrives was") as caught:
-        plan(GliderPlant(), PerchingProblem(), knots=(4,))
+        plan(GliderModel(), PerchingProblem(), knots=(4,))
     error = caught.value
     assert error.arrived and error.violations == {}
     ends = [(a.solver, a.guess, a.tolerance) for a in error.attempts[-3:]]
@@ -234,7 +234,7 @@ def test_a_failure_survives_a_journey(article_plan, violations, arrived, words):
 def test_a_solver_s_word_is_not_enough(monkeypatch):
     faults = iter([("defect of segment 0",)])
     monkeypatch.setattr(dircol, "violated", lambda *_: next(faults, ()))
-    found = plan(GliderPlant(), PerchingProblem(), knots=(7,))
+    found = plan(GliderModel(), PerchingProblem(), knots=(7,))
     assert [(a.solver, a.solved) for a in found.attempts] == [
         ("SNOPT", False),
         ("IPOPT", True),
@@ -259,7 +259,7 @@ def test_what_a_result_violates_is_named():
 
 
 def test_a_swoop_dips_and_its_speeds_are_its_path_s():
-    guess = swoop(GliderPlant(), PerchingProblem(), 0.3, 0.8)
+    guess = swoop(GliderModel(), PerchingProblem(), 0.3, 0.8)
     assert guess.states.value(0.4)[1, 0] == pytest.approx(0.05 - 0.3)
     z = [guess.states.value(t)[1, 0] for t in (0.0, 0.1)]
     assert z[1] < z[0]
@@ -314,20 +314,19 @@ def test_a_time_varying_plant_is_refused():
         weights={"wind_x": [0.1, 0.2]},
     )
     with pytest.raises(InputError, match="depends on time"):
-        plan(GliderPlant(GliderModel(field=field)), PerchingProblem())
+        plan(GliderModel(field=field), PerchingProblem())
 
 
 def test_a_launch_outside_its_own_limits_is_refused():
     launch = [-3.8, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"x = -3\.8.* -3\.5 and 1"):
-        plan(GliderPlant(), PerchingProblem(launch=launch))
+        plan(GliderModel(), PerchingProblem(launch=launch))
 
 
 def test_distinct_minima_are_told_apart():
     """A fast, near launch has at least two ways to lose its speed."""
     launch = [-3.26, 0.13, -0.01, 0.0, 7.55, 0.0, 0.0]
-    minima = find_minima(
-        GliderPlant(),
+    minima = find_minima(GliderModel(),
         PerchingProblem(launch=launch),
         8,
         np.random.default_rng(0),

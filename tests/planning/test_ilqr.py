@@ -32,7 +32,7 @@ REGULAR = GoalProblem(within_limits=False)
 
 @pytest.fixture(scope="module")
 def regular_plan():
-    return plan(GliderPlant(HEAVY), REGULAR, tolerance=1e-6)
+    return plan(HEAVY, REGULAR, tolerance=1e-6)
 
 
 def fly(model, planned, order=1, gains=None, start=None):
@@ -95,7 +95,7 @@ def test_no_other_commands_cost_less(regular_plan):
 @pytest.mark.parametrize("order", [1, 4])
 def test_a_plan_is_a_flight_and_its_cost_is_that_of_the_flight(order):
     problem = dataclasses.replace(REGULAR, order=order)
-    planned = plan(GliderPlant(HEAVY), problem)
+    planned = plan(HEAVY, problem)
     np.testing.assert_allclose(fly(HEAVY, planned, order), planned.states, atol=1e-9)
     cost = fixed_cost(problem, planned.states, planned.inputs)
     assert planned.cost == pytest.approx(cost, rel=1e-12)
@@ -130,16 +130,14 @@ def test_the_slopes_of_a_step_are_exact(order):
 def test_the_feedback_is_the_best_one_about_the_plan(regular_plan):
     """K is the slope of the command that the same problem, begun aside, asks for."""
     exact = dataclasses.replace(REGULAR, hold_state=0.0, hold_rate=0.0)
-    planned = plan(
-        GliderPlant(HEAVY), exact, guess=regular_plan.inputs, tolerance=1e-12
+    planned = plan(HEAVY, exact, guess=regular_plan.inputs, tolerance=1e-12
     )
     aside = 1e-3 * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     start = planned.states[0] + aside
     guided = fly(HEAVY, planned, gains=planned.gains, start=start)
     blind = fly(HEAVY, planned, start=start)
     launched = dataclasses.replace(exact, launch=tuple(start))
-    best = plan(
-        GliderPlant(HEAVY), launched, guess=planned.inputs, tolerance=1e-12
+    best = plan(HEAVY, launched, guess=planned.inputs, tolerance=1e-12
     ).cost
     commands = planned.inputs + np.sum(
         planned.gains * (guided[:-1] - planned.states[:-1]), axis=1
@@ -153,8 +151,8 @@ def test_the_feedback_is_the_best_one_about_the_plan(regular_plan):
 
 def test_the_servos_limits_are_kept_and_used():
     """Without a cost of its own the article's plan takes all that the servo gives."""
-    planned = plan(GliderPlant(HEAVY), ARTICLE)
-    free = plan(GliderPlant(HEAVY), dataclasses.replace(ARTICLE, within_limits=False))
+    planned = plan(HEAVY, ARTICLE)
+    free = plan(HEAVY, dataclasses.replace(ARTICLE, within_limits=False))
     low, high = HEAVY.parameters.elevator_limits
     rate = HEAVY.parameters.elevator_rate_limit
     elevator = planned.states[:, 3]
@@ -182,7 +180,7 @@ def test_a_slow_servo_is_planned_for():
     assert lagging.converged
     assert lagging.state_names == tuple(plant.state_names)
     assert lagging.gains.shape == (75, 8)
-    drawn = plan(GliderPlant(HEAVY), problem)
+    drawn = plan(HEAVY, problem)
     untold = plan(plant, problem, guess=drawn.inputs, iterations=1).costs[0]
     assert drawn.cost < lagging.cost < 0.3 * untold
     assert lagging.states[-1, 3] == pytest.approx(
@@ -191,12 +189,12 @@ def test_a_slow_servo_is_planned_for():
 
 
 def test_a_good_guess_saves_iterations(regular_plan):
-    again = plan(GliderPlant(HEAVY), REGULAR, guess=regular_plan.inputs)
+    again = plan(HEAVY, REGULAR, guess=regular_plan.inputs)
     assert len(again.costs) <= 3 < len(regular_plan.costs)
 
 
 def test_a_plan_that_is_cut_short_says_so_and_its_feedback_is_about_its_end():
-    one = plan(GliderPlant(HEAVY), REGULAR, iterations=1)
+    one = plan(HEAVY, REGULAR, iterations=1)
     assert not one.converged
     assert len(one.costs) == 2
     last = np.empty((1, 7, 8))

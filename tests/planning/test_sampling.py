@@ -58,7 +58,7 @@ LAGGING = GliderModel(
 
 
 def article_cost(**options):
-    return SequenceCost(GliderPlant(HEAVY), ARTICLE, **options)
+    return SequenceCost(HEAVY, ARTICLE, **options)
 
 
 def draw(count, steps, scale=1.0, seed=0):
@@ -206,7 +206,7 @@ def test_mppi_looks_at_differences_of_costs_only():
 def test_each_step_is_weighed_by_its_own_cost_to_go():
     """What a sequence has cost before a step does not count there."""
     dear = dataclasses.replace(ARTICLE, rate_cost=1e4)
-    cost = SequenceCost(GliderPlant(HEAVY), dear, steps=20)
+    cost = SequenceCost(HEAVY, dear, steps=20)
     settings, mean = MppiSettings(), np.linspace(1.0, 2.0, 20)
     new, commands, _ = mppi_step(cost, LAUNCH, mean, np.random.default_rng(0), settings)
     to_go = cost.to_go(LAUNCH, commands[1:])[:, :-1]
@@ -222,7 +222,7 @@ def test_the_likelihood_ratio_makes_commands_cost():
     The tilted distribution exp(-u ε / σ²) N(ε; 0, σ²) has the mean -u.
     """
     free = PerchingProblem(rate_cost=0.0, goal_weights=[0.0] * 7)
-    cost = SequenceCost(GliderPlant(HEAVY), free, steps=3)
+    cost = SequenceCost(HEAVY, free, steps=3)
     mean, rng = np.array([0.5, -0.8, 0.3]), np.random.default_rng(0)
     settings = MppiSettings(
         samples=40_000, temperature=7.0, deviation=1.0, likelihood_ratio=True
@@ -288,7 +288,7 @@ def test_the_speed_is_measured():
 
 
 def small_controller(seed=0, **options):
-    cost = replanning_cost(GliderPlant(), REPLANNING, steps=20)
+    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
     settings = dataclasses.replace(SETTINGS, samples=40)
     return MppiController(cost, settings=settings, seed=seed, **options)
 
@@ -317,7 +317,7 @@ def test_commands_follow_from_the_seed_and_are_held():
 def test_the_first_command_is_that_of_one_step_of_mppi():
     """From the measured state, about the sequence that was given."""
     controller = small_controller(sequence=np.linspace(1.0, 2.0, 20))
-    cost = replanning_cost(GliderPlant(), REPLANNING, steps=20)
+    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
     settings = dataclasses.replace(SETTINGS, samples=40)
     state = LAUNCH + np.array([0.5, -0.1, 0.1, 0.2, -1.0, 0.3, 0.5])
     rng = np.random.default_rng([0, 0])

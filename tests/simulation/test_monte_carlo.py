@@ -19,8 +19,8 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.simulation import monte_carlo
-from glider.simulation.closed_loop import (
-    fly_closed_loop,
+from glider.simulation.fly import (
+    fly,
     full_starts,
     make_clock,
 )
@@ -76,12 +76,12 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     starts = launches(2, FAR if truth is DRAWING else LaunchSpread(), seed=4)
     clock = make_clock(drake_policy(), rate, step=0.0005)
     noise = draw_noise(len(starts), clock.commands) if noisy else None
-    ours = fly_closed_loop(
+    ours = fly(
         truth, drake_policy(), starts, command_rate=rate, noise=noise, step=0.0005
     )
     diagram = closed_loop(
         truth,
-        tracking_regulator(GliderPlant(), plan_of()),
+        tracking_regulator(GliderModel(), plan_of()),
         command_rate=rate,
         feedback_noise=noisy,
     )
@@ -101,11 +101,11 @@ def test_a_batch_is_its_flights_one_by_one():
     starts = launches(BLOCK + 3)
     clock = make_clock(policy(), 50.0)
     noise = draw_noise(len(starts), clock.commands)
-    many = fly_closed_loop(
+    many = fly(
         DRAWING, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
     )
     for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
-        one = fly_closed_loop(
+        one = fly(
             DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]]
         )
         np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
@@ -118,7 +118,7 @@ def test_a_batch_is_its_flights_one_by_one():
 
 @pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
 def test_the_miss_is_the_distance_of_the_path(wire):
-    flights = fly_closed_loop(
+    flights = fly(
         DRAWING, policy(), launches(5), wire=wire, keep_paths=True
     )
     for path, miss in zip(flights.paths, flights.miss, strict=True):
@@ -126,15 +126,15 @@ def test_the_miss_is_the_distance_of_the_path(wire):
 
 
 def test_finer_steps_change_little():
-    coarse = fly_closed_loop(DRAWING, policy(), launches(50))
-    fine = fly_closed_loop(DRAWING, policy(), launches(50), step=0.0005)
+    coarse = fly(DRAWING, policy(), launches(50))
+    fine = fly(DRAWING, policy(), launches(50), step=0.0005)
     np.testing.assert_allclose(coarse.miss, fine.miss, atol=1e-4)
 
 
 def test_feedback_is_what_perches():
     """The article's launches perch; farther ones do not always."""
-    near = fly_closed_loop(DRAWING, policy(), launches(500, LaunchSpread()))
-    far = fly_closed_loop(DRAWING, policy(), launches(500))
+    near = fly(DRAWING, policy(), launches(500, LaunchSpread()))
+    far = fly(DRAWING, policy(), launches(500))
     assert np.mean(near.perched) > 0.99
     assert 0.5 < np.mean(far.perched) < 0.99
     np.testing.assert_array_equal(far.perched, far.miss < PERCH_RADIUS)
@@ -153,15 +153,15 @@ def test_effects_with_states_start_at_rest():
 
 
 def test_a_short_flight_does_not_reach_the_wire():
-    flights = fly_closed_loop(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
+    flights = fly(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
     assert flights.times[-1] == pytest.approx(plan_of().duration)
 
 
 def test_a_policy_with_states_of_its_own_needs_the_observer():
-    lagging = compiled_policy(GliderPlant(LAGGING), plan_of(lagging=True))
+    lagging = compiled_policy(LAGGING, plan_of(lagging=True))
     with pytest.raises(InputError, match=r"observer is needed"):
-        fly_closed_loop(DRAWING, lagging, launches(2))
-    assert fly_closed_loop(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
+        fly(DRAWING, lagging, launches(2))
+    assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
 def test_what_does_not_fit_is_refused(options, message):
     starts = options.pop("starts", launches(2))
     with pytest.raises(InputError, match=message):
-        fly_closed_loop(DRAWING, policy(), starts, **options)
+        fly(DRAWING, policy(), starts, **options)
 
 
 # --------------------------------------------------------------------- the miss
@@ -300,7 +300,7 @@ def test_each_state_gets_its_own_noise(monkeypatch):
     given = []
     monkeypatch.setattr(
         monte_carlo,
-        "fly_closed_loop",
+        "fly",
         lambda *_, noise, **__: given.append(noise),
     )
     [case] = [case for case in cases() if case.name == "noisy"]

@@ -19,7 +19,7 @@ from glider.studies.basis.basis_choice import (
     cross_validate,
 )
 from glider.studies.basis.basis_exercise import (
-    fly_tapes,
+    fly_exercise,
     load_exercise,
 )
 from glider.studies.basis.basis_features import (
@@ -357,9 +357,9 @@ def test_every_field_of_an_exercise_is_needed(tmp_path, name):
 def test_launches_of_another_size_are_refused():
     """The compiled loops do not look at sizes: they would write beside the array."""
     with pytest.raises(InputError, match=r"launches are \(2, 2\)"):
-        fly_tapes(GliderParameters(), np.zeros((2, 2)), np.zeros((2, 5)), 0.01, 1)
+        fly_exercise(GliderParameters(), np.zeros((2, 2)), np.zeros((2, 5)), 0.01, 1)
     with pytest.raises(InputError, match=r"tapes \(3, 5\)"):
-        fly_tapes(GliderParameters(), np.zeros((2, 7)), np.zeros((3, 5)), 0.01, 1)
+        fly_exercise(GliderParameters(), np.zeros((2, 7)), np.zeros((3, 5)), 0.01, 1)
 
 
 def test_a_negative_ridge_is_one_sentence(capsys):

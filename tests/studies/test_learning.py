@@ -63,7 +63,7 @@ PROBLEM = learning_problem()
 
 @pytest.fixture(scope="module")
 def planned():
-    return plan(GliderPlant(HEAVY), PROBLEM)
+    return plan(HEAVY, PROBLEM)
 
 
 def accelerations(model, states, inputs):

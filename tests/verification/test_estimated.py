@@ -12,7 +12,6 @@ from pydrake.trajectories import PiecewisePolynomial
 from diagrams.estimated_loop import estimated_loop
 from diagrams.parts import tape_rows
 from diagrams.studies.funnel_estimate import estimate_figures
-from glider.control.policy import sample_policy
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import (
@@ -63,7 +62,7 @@ def regulator_of(funnel):
     """Returns a funnel's own feedback as a System, u = offset - gain x."""
     policy = funnel_policy(funnel)
     times = np.linspace(0.0, policy.plan.duration, 441)
-    offset, gain = sample_policy(policy, times)
+    offset, gain = policy.sample(times)
 
     def held(values):
         return PiecewisePolynomial.FirstOrderHold(times, list(values))

@@ -151,6 +151,10 @@ class EffectKind:
     steady_state: Callable | None = None
     state_scales: tuple[float, ...] = ()
 
+    def __hash__(self) -> int:
+        """Returns the name's: kinds are looked up before each compiled call."""
+        return hash(self.kind)
+
     def __call__(self, **values: float) -> "Effect":
         """Returns this effect with the given coefficients, others at default."""
         return Effect(kind=self, values=self._complete(values))

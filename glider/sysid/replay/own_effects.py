@@ -7,9 +7,9 @@ drawing that flies wrongly.
 import math
 from collections.abc import Callable, Sequence
 
-import numba
 import numpy as np
 
+from glider.compiled.kernel import check_compiles
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import (
@@ -19,7 +19,6 @@ from glider.physics.effects import (
 )
 from glider.physics.parameters import (
     GliderParameters,
-    parameter_vector,
 )
 
 _RESERVED = ("parameters", "rbf_residual", "unexplained")
@@ -80,9 +79,8 @@ def _check_shape(effect: EffectKind) -> None:
 def _check_formulas(effect: EffectKind) -> None:
     """Tries the formulas, plain and compiled, with the default coefficients."""
     drawing = compose()
-    p = parameter_vector(GliderParameters())
     motion = drawing.motion_of(0.1, _TRIAL_STATE, _TRIAL_RATE)
-    flow = drawing.flow_of(motion, 0.0, 0.0, p)
+    flow = drawing.flow_of(motion, 0.0, 0.0, GliderParameters().numbers)
     values = effect().values
     states: tuple[float, ...] = ()
     if effect.steady_state is not None and effect.state_rate is not None:
@@ -119,7 +117,7 @@ def _tried(
 ) -> tuple[float, ...]:
     """Returns a formula's results as a tuple, once they are what they must be."""
     where = f"own effect '{effect.kind}': its {name}"
-    for form in (function, numba.njit(function)):
+    for form in (function, lambda *given: check_compiles(function, given)):
         try:
             result = form(flow, *values)
         except Exception as error:  # Whatever a user's function may raise.

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from glider.compiled.replay import advance_nodes, measure_nodes, propagate, shoot
 from glider.physics.effects import (
     NO_FIELD,
     Field,
@@ -83,41 +84,29 @@ def linearize(
         points[:, OFFSET] = own_trim(record, theta, noise, field, points)
     n, dim = points.shape
     layout = record.layout
-    loops = layout.kernel
+    kinds = layout.compiled_kinds
     in_kernel = np.array([i for i in free if i < layout.num_compiled], dtype=np.int64)
     in_signal = [i for i in free if i >= layout.num_compiled]
     if [*in_kernel, *in_signal] != list(free):
         raise ValueError(f"free must name the signals' slots last: {free}")
-    dynamics = layout.dynamics(theta).copy()
-    scale = layout.scale
-
-    ends = np.empty((n - 1, dim))
-    by_x = np.empty((n - 1, dim, dim))
-    by_kernel = np.empty((n - 1, dim, len(in_kernel)))
-    loops.log_shoot(
-        record.time, points, *pose_signals(record, theta), dynamics, in_kernel,
-        scale, field, ends, by_x, by_kernel,
-    )  # fmt: skip
+    dynamics = layout.dynamics(theta)
+    signals = pose_signals(record, theta)
+    ends, by_x, by_kernel = shoot(
+        kinds, record.time, points, *signals, dynamics, field, in_kernel, layout.scale
+    )
     columns = [by_kernel]
     for i in in_signal:
         moved = theta.copy()
         moved[i] += _SIGNAL_STEP
-        others = np.empty((n - 1, dim))
-        loops.log_advance(
-            record.time, points, *pose_signals(record, moved), dynamics, field, others
-        )
+        signals = pose_signals(record, moved)
+        others = advance_nodes(kinds, record.time, points, *signals, dynamics, field)
         columns.append(((others - ends) / _SIGNAL_STEP)[:, :, None])
     if forcing is not None:
         columns.append(forcing)
     inputs = np.concatenate([*columns, (ends - points[1:])[:, :, None]], axis=2)
-    states = np.empty((n, dim, dim + inputs.shape[2]))
-    loops.log_propagate(by_x, inputs, states)
-
-    pose = np.empty((n, 3))
-    pose_by_x = np.empty((n, 3, dim))
-    pose_by_kernel = np.empty((n, 3, len(in_kernel)))
-    loops.log_measure(
-        points, dynamics, in_kernel, scale, pose, pose_by_x, pose_by_kernel
+    states = propagate(by_x, inputs)
+    pose, pose_by_x, pose_by_kernel = measure_nodes(
+        kinds, points, dynamics, in_kernel, layout.scale
     )
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         rows = pose_by_x @ states

@@ -9,6 +9,7 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.replay import roll_out, translate
 from glider.physics.effects import (
     NO_FIELD,
     Field,
@@ -51,16 +52,14 @@ def fly(
     record: Record, theta: np.ndarray, start: np.ndarray, field: Field
 ) -> np.ndarray:
     """Returns the states (n, num_states) of a free rollout along a record's times."""
-    states = np.empty((len(record.time), len(start)))
-    record.layout.kernel.log_rollout(
+    return roll_out(
+        record.layout.compiled_kinds,
         record.time,
         start,
         *pose_signals(record, theta),
         record.layout.dynamics(theta),
         field,
-        states,
     )
-    return states
 
 
 def fit_start(
@@ -117,16 +116,15 @@ class AlongPitch:
         """Returns x and z, as the sensors would show them, (n, 2)."""
         state = self._state.copy()
         state[[0, 1, 4, 5, 3]] = launch
-        states = np.empty((len(self._record.time), len(state)))
         layout = self._record.layout
-        layout.kernel.log_translation(
+        states = translate(
+            layout.compiled_kinds,
             self._record.time,
             state,
             self._pitch,
             *self._signals,
             layout.dynamics(self._theta),
             self._field,
-            states,
         )
         return sensed(layout, states, self._theta)[:, :2]
 

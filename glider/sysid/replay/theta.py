@@ -8,15 +8,10 @@ the effects on the log's signals, which are replayed instead.
 
 import dataclasses
 import functools
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
-from glider.compiled.kernel import (
-    Kernel,
-    compiled,
-)
 from glider.physics.compose import compose
 from glider.physics.effects import (
     KINDS,
@@ -24,9 +19,10 @@ from glider.physics.effects import (
     EffectKind,
 )
 from glider.physics.parameters import (
+    NUM_PARAMETERS,
     PARAMETER_NAMES,
     GliderParameters,
-    parameter_vector,
+    Parameters,
 )
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.own_effects import check_own_effects
@@ -37,8 +33,6 @@ SIGNAL_KINDS = ("servo_lag", "command_delay", "pose_latency")
 OFFSET = 3
 """Where a log is flown, x[OFFSET] is the elevator's constant offset from its
 replayed path."""
-
-_COMPILING = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,12 +70,6 @@ class Layout:
     sensor_slots: tuple[int, ...]
     at_rest: tuple[tuple[Callable, slice], ...]
 
-    @functools.cached_property
-    def kernel(self) -> Kernel:
-        """The compiled loops over the dynamics with all these effects."""
-        with _COMPILING:  # Threads that meet here share one.
-            return compiled(self.compiled_kinds, True)
-
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
         return tuple(i for i, (k, _) in enumerate(self.slots) if k == kind)
@@ -93,7 +81,7 @@ class Layout:
             for e in (*self.compiled_kinds, *(KINDS[k] for k in SIGNAL_KINDS))
             for c in e.coefficients
         ]
-        return np.concatenate([parameter_vector(parameters), coefficients])
+        return np.concatenate([parameters.numbers, coefficients])
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""
@@ -112,7 +100,7 @@ class Layout:
         """
         drawing = compose()
         motion = drawing.motion_of(time, state.tolist(), rate)
-        parameters = theta[: len(PARAMETER_NAMES)].tolist()
+        parameters = Parameters(*theta[:NUM_PARAMETERS].tolist())
         flow = drawing.flow_of(motion, 0.0, 0.0, parameters)
         rest: list[float] = []
         for steady, own in self.at_rest:
@@ -144,7 +132,7 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
     lower, upper, scale = np.array(bounds).T.copy()
     sizes = [len(e.coefficients) for e in held]
-    starts = np.cumsum([len(PARAMETER_NAMES), *sizes]).tolist()
+    starts = np.cumsum([NUM_PARAMETERS, *sizes]).tolist()
     state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
     return Layout(
         own=own,
