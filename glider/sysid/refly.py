@@ -35,15 +35,11 @@ from glider.sysid.replay.signals import (
     logged_elevator,
     node_signals,
 )
+from glider.sysid.replay.signs import signs_of, turn, turn_campaign
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.replay.vehicle import (
     make_vehicle,
     parameters_of,
-)
-from glider.sysid.search.signs import (
-    Signs,
-    turn,
-    turn_campaign,
 )
 
 
@@ -113,10 +109,10 @@ def refly(
         model knows, so that a log with a wrong sign is seen as it was flown.
     """
     *_, last = models.values()
-    true = _signs(last)
+    true = signs_of(last)
     motions = {}
     for label, model in models.items():
-        signs = _signs(model)
+        signs = signs_of(model)
         record, forecast = _forecast(campaign, flight, model)
         elevator = logged_elevator(record, theta_of(model)) + forecast.trim
         poses = np.column_stack([forecast.pose, elevator])
@@ -153,7 +149,7 @@ def _rows_before_it_blows_up(poses: np.ndarray) -> int:
 def _forecast(
     campaign: Campaign, flight: Flight, model: GliderModel
 ) -> tuple[Record, Forecast]:
-    signs = _signs(model)
+    signs = signs_of(model)
     turned = turn_campaign(campaign, signs)
     noise = measure_noise(turned)
     flights = (turn(flight, signs),)
@@ -165,13 +161,6 @@ def _forecast(
         trim_is_known=make_vehicle(campaign).trim_is_known,
     )
     return record, foretell(problem, theta_of(model), record)
-
-
-def _signs(model: GliderModel) -> Signs:
-    for effect in model.effects:
-        if effect.kind.kind == "angle_sign":
-            return Signs(**{k: round(v) for k, v in effect.to_dict().items()})
-    return Signs()
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:

@@ -212,6 +212,14 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
     np.testing.assert_array_equal(shown.forces, flight.forces[rows])
 
 
+def test_a_compiled_flight_is_shown_without_forces():
+    flights = fly(DRAWING, policy(), launches(1), command_rate=50.0, keep_paths=True)
+    shown = flight_track("compiled", flights.flight(0))
+    assert shown.forces is None
+    np.testing.assert_array_equal(shown.times, flights.times)
+    np.testing.assert_array_equal(shown.poses, flights.paths[0, :, :4])
+
+
 @pytest.mark.parametrize("wire", [(-0.3, 0.2), (-3.0, 0.1)])
 def test_the_miss_is_of_the_wire_that_is_given(replay, wire):
     [flight] = simulate_flights(replay, launches(1), 0.95, wire=wire)

@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from glider.errors import InputError
-from glider.physics.effects import KINDS
+from glider.physics.effects import KINDS, Replay
 from glider.physics.model import (
     GliderModel,
     load_model,
@@ -34,13 +34,22 @@ from glider.sysid.replay.shooting import (
     fit_start,
     fly,
 )
-from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.signals import pose_signals, replayed_path
 from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
     layout_of,
 )
 from glider.systems.plant import GliderPlant
-from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, TWIST
+from tests.helpers.own_kinds import (
+    ALL,
+    BLEED,
+    BOOM,
+    FLAP,
+    INFLOW,
+    LEAK,
+    STICKY,
+    TWIST,
+)
 
 LAYOUT = layout_of(ALL)
 
@@ -192,6 +201,38 @@ def test_signatures_are_derivatives_of_the_errors(kind):
         np.testing.assert_allclose(here.by_theta[:rows, j], numeric, atol=5e-3 * scale)
 
 
+def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
+    """Integrated by its formula here, solved exactly there."""
+    switches = np.array([0.0, 0.02, 0.05, 0.11, 0.2])
+    commands = np.array([5.0, -8.0, 3.0, 13.0, 0.0])
+    query = np.linspace(-0.05, 0.4, 60)
+    limits = (-0.4, 0.3)
+    own, exact = (
+        replayed_path(replay, switches, commands, query, start=0.1, limits=limits)
+        for replay in (
+            Replay(delay=0.01, actuators=((STICKY, (1.0, 0.04)),)),
+            Replay(delay=0.01, time_constant=0.04),
+        )
+    )
+    np.testing.assert_allclose(own, exact, atol=1e-3)
+    assert np.ptp(exact) > 0.2
+    # Between the stops, where the exact path does not clip within a command.
+    free = [
+        replayed_path(replay, switches, commands, query)
+        for replay in (
+            Replay(actuators=((STICKY, (1.0, 0.04)),)),
+            Replay(time_constant=0.04),
+        )
+    ]
+    np.testing.assert_allclose(*free, atol=1e-5)
+
+
+def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
+    bad = dataclasses.replace(STICKY, formula=lambda rate, s, gain, tau: rate + 1.0)
+    with pytest.raises(InputError, match="returns 2, not 1; defaults that do nothing"):
+        check_own_effects((bad,))
+
+
 def test_the_library_keeps_its_layout():
     assert layout_of() is LIBRARY_LAYOUT
     assert LIBRARY_LAYOUT.own == ()
@@ -205,7 +246,8 @@ def test_the_library_keeps_its_layout():
     [
         ({"kind": "wind"}, "name is taken"),
         ({"kind": "unexplained"}, "name is taken"),
-        ({"stage": "actuator"}, "stage is 'actuator'"),
+        ({"stage": "log"}, "stage is 'log'"),
+        ({"stage": "actuator"}, r"adds_to is .* out of \(\) is needed"),
         ({"adds_to": ("wing_normal",)}, "adds_to"),
         ({"coefficients": ()}, "coefficients are none"),
         ({"states": ("lag",)}, "needed together"),

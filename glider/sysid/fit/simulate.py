@@ -15,10 +15,11 @@ from glider.campaign.logs import (
 )
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
-from glider.physics.actuator_replay import elevator_path
 from glider.physics.effects import LIBRARY
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
+from glider.sysid.replay.signals import replayed_path
+from glider.sysid.replay.signs import signs_of, turn
 from glider.sysid.replay.theta import (
     OFFSET,
     Layout,
@@ -62,7 +63,7 @@ def theta_of(model: GliderModel) -> np.ndarray:
     layout = layout_for(model)
     theta = layout.default_theta(model.parameters)
     for effect in model.effects:
-        if effect.kind.kind != "angle_sign":
+        if effect.kind.stage != "log":
             theta[list(layout.slots_of(effect.kind.kind))] = effect.values
     return theta
 
@@ -127,18 +128,11 @@ def _fly(
     )
 
     def path(query: np.ndarray) -> np.ndarray:
-        return elevator_path(
-            switches,
-            commands,
-            query,
-            delay=theta[layout.index["command_delay", "delay"]],
-            time_constant=theta[layout.index["servo_lag", "time_constant"]],
-            limits=(low, high),
-        )
+        return replayed_path(replay, switches, commands, query, limits=(low, high))
 
-    latency = float(theta[layout.index["pose_latency", "latency"]])
+    replay = layout.replay(theta)
     fine_rate = plan.capture.rate * FINE
-    before = int(np.ceil(max(latency, 0.0) * fine_rate))
+    before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
     fine = np.arange(-before, (rows - 1) * FINE + 1) / fine_rate
     start = np.zeros(layout.num_states)
     start[:7] = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
@@ -159,15 +153,11 @@ def _fly(
     )
     shown = sensed(layout, states, theta)
     pose = np.stack(
-        [np.interp(time - latency, fine, column) for column in shown.T], axis=1
+        [np.interp(time - replay.latency, fine, column) for column in shown.T], axis=1
     )
     pose = pose + rng.normal(size=pose.shape) * plan.capture.std[:3]
     measured = path(time) + rng.normal(size=rows) * plan.capture.elevator
     latest = np.searchsorted(switches, time + 1e-9, side="right") - 1
     command = commands[latest]
-    for effect in model.effects:
-        if effect.kind.kind == "angle_sign":
-            signs = effect.to_dict()
-            pose[:, 2] *= signs["pitch"]
-            measured, command = measured * signs["elevator"], command * signs["command"]
-    return Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
+    flight = Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
+    return turn(flight, signs_of(model))

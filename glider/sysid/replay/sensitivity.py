@@ -96,11 +96,11 @@ def linearize(
     )
     columns = [by_kernel]
     for i in in_signal:
-        moved = theta.copy()
-        moved[i] += _SIGNAL_STEP
+        moved, step = theta.copy(), SIGNAL_STEP * layout.scale[i]
+        moved[i] += step
         signals = pose_signals(record, moved)
         others = advance_nodes(kinds, record.time, points, *signals, dynamics, field)
-        columns.append(((others - ends) / _SIGNAL_STEP)[:, :, None])
+        columns.append(((others - ends) / step)[:, :, None])
     if forcing is not None:
         columns.append(forcing)
     inputs = np.concatenate([*columns, (ends - points[1:])[:, :, None]], axis=2)
@@ -118,9 +118,9 @@ def linearize(
         table = np.zeros((n, rows.shape[2]))
         path = logged_elevator(record, theta)
         for j, i in enumerate(in_signal, start=dim + len(in_kernel)):
-            moved = theta.copy()
-            moved[i] += _SIGNAL_STEP
-            table[:, j] = (logged_elevator(record, moved) - path) / _SIGNAL_STEP
+            moved, step = theta.copy(), SIGNAL_STEP * layout.scale[i]
+            moved[i] += step
+            table[:, j] = (logged_elevator(record, moved) - path) / step
         table[:, OFFSET] = 1.0
         table[:, -1] = record.flight.elevator - path - points[:, OFFSET]
         blocks.append(table / noise.elevator)
@@ -193,8 +193,9 @@ def own_trim(
     return trim
 
 
-_SIGNAL_STEP = 1e-5
-"""Finite-difference step of delays and time constants [s]."""
+SIGNAL_STEP = 5e-4
+"""Finite-difference step of replayed coefficients, in their own scale: about 1e-5 s
+of a delay."""
 
 _PRIOR_EXTRA = 0.05
 """Spread of effects' own states at launch about their steady values, in their

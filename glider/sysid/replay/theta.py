@@ -17,6 +17,7 @@ from glider.physics.effects import (
     KINDS,
     LIBRARY,
     EffectKind,
+    Replay,
 )
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -26,9 +27,6 @@ from glider.physics.parameters import (
 )
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.own_effects import check_own_effects
-
-SIGNAL_KINDS = ("servo_lag", "command_delay", "pose_latency")
-"""Effects on the clocks and paths of the log's signals, replayed exactly."""
 
 OFFSET = 3
 """Where a log is flown, x[OFFSET] is the elevator's constant offset from its
@@ -43,6 +41,8 @@ class Layout:
         own: a user's own kinds of effects, beside the library's.
         kinds: name to kind, of both.
         compiled_kinds: the effects that the compiled dynamics hold.
+        replayed_kinds: the effects on clocks and paths of the log's signals, which are
+            replayed instead.
         slots: what each entry of theta is: (kind, coefficient), where the kind
             of the drawing is "parameters".
         index: the other way round.
@@ -59,6 +59,7 @@ class Layout:
     own: tuple[EffectKind, ...]
     kinds: dict[str, EffectKind]
     compiled_kinds: tuple[EffectKind, ...]
+    replayed_kinds: tuple[EffectKind, ...]
     slots: tuple[tuple[str, str], ...]
     index: dict[tuple[str, str], int]
     num_compiled: int
@@ -72,13 +73,20 @@ class Layout:
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
-        return tuple(i for i, (k, _) in enumerate(self.slots) if k == kind)
+        return self._slots_of_kinds.get(kind, ())
+
+    @functools.cached_property
+    def _slots_of_kinds(self) -> dict[str, tuple[int, ...]]:
+        places: dict[str, tuple[int, ...]] = {}
+        for i, (kind, _) in enumerate(self.slots):
+            places[kind] = (*places.get(kind, ()), i)
+        return places
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of the drawing: its parameters, effects that do nothing."""
         coefficients = [
             c.default
-            for e in (*self.compiled_kinds, *(KINDS[k] for k in SIGNAL_KINDS))
+            for e in (*self.compiled_kinds, *self.replayed_kinds)
             for c in e.coefficients
         ]
         return np.concatenate([parameters.numbers, coefficients])
@@ -86,6 +94,14 @@ class Layout:
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""
         return theta[: self.num_compiled]
+
+    def replay(self, theta: np.ndarray) -> Replay:
+        """Returns how a log's signals are replayed."""
+        replay = Replay()
+        for kind in self.replayed_kinds:
+            values = theta[list(self.slots_of(kind.kind))].tolist()
+            replay = kind.replayed(replay, tuple(values))
+        return replay
 
     def steady_states(
         self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
@@ -118,10 +134,10 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     """
     check_own_effects(own)
     kinds = {**KINDS, **{e.kind: e for e in own}}
-    held = tuple(
-        e for e in (*LIBRARY, *own) if e.kind not in (*SIGNAL_KINDS, "angle_sign")
-    )
-    in_theta = (*held, *(KINDS[k] for k in SIGNAL_KINDS))
+    flown = tuple(e for e in (*LIBRARY, *own) if e.stage != "log")
+    held = tuple(e for e in flown if not e.is_replayed)
+    replayed = tuple(e for e in flown if e.is_replayed)
+    in_theta = (*held, *replayed)
     slots = (
         *(("parameters", name) for name in PARAMETER_NAMES),
         *((e.kind, c.name) for e in in_theta for c in e.coefficients),
@@ -138,6 +154,7 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
         own=own,
         kinds=kinds,
         compiled_kinds=held,
+        replayed_kinds=replayed,
         slots=slots,
         index={slot: i for i, slot in enumerate(slots)},
         num_compiled=starts[-1],
@@ -151,7 +168,7 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
             for i, (kind, _) in enumerate(slots)
             if kind in kinds
             and kinds[kind].stage == "sensor"
-            and kind not in SIGNAL_KINDS
+            and not kinds[kind].is_replayed
         ),
         at_rest=tuple(
             (e.steady_state, slice(start, start + len(e.coefficients)))
