@@ -25,10 +25,10 @@ from glider.physics.effects.field import (
     FieldData,
     make_field,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.regression import least_squares
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.vehicle import (

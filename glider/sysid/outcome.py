@@ -7,14 +7,12 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit_covariance,
-)
+from glider.sysid.fit.output_error import fit_covariance
 from glider.sysid.fit.prediction import (
     Forecast,
     beginning_rows,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import (
@@ -131,7 +129,7 @@ def flights_of(
     flights = []
     as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
     for i, record in enumerate(problem.records):
-        rows = beginning_rows(record, problem.trim_is_known)
+        rows = beginning_rows(problem, record)
         flights.append(
             HeldOutFlight(
                 name=record.flight.name,

@@ -23,11 +23,7 @@ from glider.campaign.logs import (
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, EffectKind
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-    in_parallel,
-)
+from glider.sysid.fit.output_error import fit, in_parallel
 from glider.sysid.fit.prediction import (
     Forecast,
     measure_errors,
@@ -43,6 +39,7 @@ from glider.sysid.replay.noise import (
     Noise,
     measure_noise,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import (
     Record,
     prepare,
@@ -262,14 +259,7 @@ def _table_of_all(model: tuple[Problem, np.ndarray], fitted: Problem) -> Residua
     )
 
     def trim(record: Record) -> float:
-        errors = linearize(
-            record,
-            theta,
-            (),
-            problem.noise,
-            field=problem.field,
-            trim_is_known=problem.trim_is_known,
-        )
+        errors = linearize(problem, record, theta)
         return float((errors.start + fitted_start(errors))[OFFSET])
 
     trims = in_parallel(trim, everything.records)

@@ -16,7 +16,6 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import (
     GliderParameters,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.prediction import (
     Forecast,
     foretell,
@@ -26,6 +25,7 @@ from glider.sysid.fit.simulate import (
     theta_of,
 )
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import (
     Record,
     prepare,

@@ -24,10 +24,8 @@ from glider.physics.effects import (
     Field,
 )
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
+from glider.sysid.replay.problem import Problem
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.simulate import (
     CampaignPlan,

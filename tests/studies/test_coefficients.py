@@ -24,7 +24,7 @@ from glider.studies.coefficients import (
     learn_residuals,
     residual_basis,
 )
-from glider.sysid.fit.output_error import Problem
+from glider.sysid.replay.problem import Problem
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,

@@ -15,10 +15,7 @@ from glider.physics.model import (
 )
 from glider.report.terminal import print_summary
 from glider.sysid.fit.information import covariance
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
@@ -28,11 +25,12 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.own_effects import check_own_effects
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.sensitivity import linearize
 from glider.sysid.replay.shooting import (
     fit_start,
-    fly,
+    fly_record,
 )
 from glider.sysid.replay.signals import pose_signals, replayed_path
 from glider.sysid.replay.theta import (
@@ -126,11 +124,12 @@ def test_own_effects_of_each_stage_are_fitted(kind):
 def test_flights_are_those_of_the_plant():
     """What the log's kernel flies, with its states at rest, is what Drake flies."""
     model, campaign = planted(BOOM, flights=3)
-    record = make_problem(campaign).records[0]
+    problem = make_problem(campaign)
+    record = problem.records[0]
     theta = theta_of(model)
-    start = fit_start(record, theta, measure_noise(campaign))
+    start = fit_start(problem, record, theta)
     start[7:] = 0.0
-    flown = fly(record, theta, start, GliderModel().residual_field)
+    flown = fly_record(record, theta, start, GliderModel().residual_field)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
@@ -174,7 +173,7 @@ def test_a_flight_begins_near_rest():
     rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
-    errors = linearize(record, theta, (), problem.noise)
+    errors = linearize(problem, record, theta)
     count = len(rest)
     np.testing.assert_allclose(errors.residual[-count:], 0.0, atol=1e-12)
     spread = 1.0 / np.diag(errors.by_start[-count:, -count:])
@@ -187,15 +186,15 @@ def test_signatures_are_derivatives_of_the_errors(kind):
     problem = make_problem(campaign)
     record, theta = problem.records[0], theta_of(model)
     slots = LAYOUT.slots_of(kind.kind)
-    start = fit_start(record, theta, problem.noise)
-    nodes = fly(record, theta, start, problem.field)
-    here = linearize(record, theta, slots, problem.noise, nodes=nodes)
+    start = fit_start(problem, record, theta)
+    nodes = fly_record(problem, record, theta, start)
+    here = linearize(problem, record, theta, slots, nodes=nodes)
     rows = len(here.residual) - 1 - (LAYOUT.num_states - 7)
     for j, i in enumerate(slots):
         moved = theta.copy()
         moved[i] += 1e-3 * LAYOUT.scale[i]
-        flown = fly(record, moved, start, problem.field)
-        there = linearize(record, moved, (), problem.noise, nodes=flown)
+        flown = fly_record(problem, record, moved, start)
+        there = linearize(problem, record, moved, nodes=flown)
         numeric = (here.residual - there.residual)[:rows] / (1e-3 * LAYOUT.scale[i])
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(here.by_theta[:rows, j], numeric, atol=5e-3 * scale)

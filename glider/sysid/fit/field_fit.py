@@ -23,12 +23,9 @@ from glider.sysid.fit.information import (
     moved,
     solve,
 )
-from glider.sysid.fit.output_error import (
-    Problem,
-    degrees_of_freedom,
-    gather,
-)
+from glider.sysid.fit.output_error import degrees_of_freedom, gather
 from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import (
     node_signals,

@@ -13,16 +13,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from glider.compiled.replay import advance_nodes, measure_nodes, propagate, shoot
-from glider.physics.effects import (
-    NO_FIELD,
-    Field,
-)
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.nodes import (
     launch_steady_states,
     true_nodes,
 )
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import (
     logged_elevator,
@@ -54,34 +50,62 @@ class Linearized:
 
 
 def linearize(
+    problem: Problem,
     record: Record,
     theta: np.ndarray,
-    free: tuple[int, ...],
-    noise: Noise,
+    free: tuple[int, ...] = (),
     *,
-    field: Field = NO_FIELD,
     nodes: np.ndarray | None = None,
     forcing: np.ndarray | None = None,
-    trim_is_known: bool = True,
 ) -> Linearized:
     """Compares a flight with a model; see the module's docstring.
 
     Args:
+        problem: whose noise, field and knowledge of the elevator to take.
         record: the flight.
         theta: the model, as `layout` has it.
-        free: indices into theta of the columns wanted.
-        noise: of the campaign.
-        field: a residual field.
+        free: indices into theta of the columns wanted, replayed ones last.
         nodes: (n, num_states) other linearisation points than the smoothed states.
         forcing: (n - 1, num_states, k) further columns: how each of k unnamed
             coefficients moves the end of each interval.
-        trim_is_known: whether an elevator without a servo stands at zero in every
-            flight (its angle is then `elevator_trim`), not at an own unknown angle.
     """
-    points = true_nodes(record, theta, field) if nodes is None else nodes
-    if nodes is None and not (record.has_servo or trim_is_known):
-        points = points.copy()
-        points[:, OFFSET] = own_trim(record, theta, noise, field, points)
+    points = _smoothed(problem, record, theta) if nodes is None else nodes
+    return _linearize_about(problem, record, theta, free, points, forcing)
+
+
+def _smoothed(problem: Problem, record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns the smoothed states, an elevator without a servo at its own angle.
+
+    That can be large, so the flight is linearised about it, not about zero.
+    """
+    nodes = true_nodes(record, theta, problem.field)
+    if record.has_servo or problem.trim_is_known:
+        return nodes
+    points, trim = nodes.copy(), 0.0
+    for _ in range(3):
+        points[:, OFFSET] = trim
+        errors = _linearize_about(problem, record, theta, (), points, None)
+        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
+        trim = float(np.clip(trim + change, -1.2, 1.2))
+        if not np.isfinite(trim):
+            trim = 0.0
+            break
+        if abs(change) < 1e-3:
+            break
+    points[:, OFFSET] = trim
+    return points
+
+
+def _linearize_about(
+    problem: Problem,
+    record: Record,
+    theta: np.ndarray,
+    free: tuple[int, ...],
+    points: np.ndarray,
+    forcing: np.ndarray | None,
+) -> Linearized:
+    """Linearizes about states (n, num_states) along the flight."""
+    noise, field = problem.noise, problem.field
     n, dim = points.shape
     layout = record.layout
     kinds = layout.compiled_kinds
@@ -124,7 +148,7 @@ def linearize(
         table[:, OFFSET] = 1.0
         table[:, -1] = record.flight.elevator - path - points[:, OFFSET]
         blocks.append(table / noise.elevator)
-    is_known = trim_is_known and not record.has_servo
+    is_known = problem.trim_is_known and not record.has_servo
     blocks.append(_launch_prior(record, theta, points[0], is_known, rows.shape[2]))
     table = np.vstack(blocks)
     return Linearized(
@@ -168,29 +192,6 @@ def fitted_start(errors: Linearized) -> np.ndarray:
     scaled = errors.by_start * scale
     gram = scaled.T @ scaled + 1e-13 * np.eye(len(scale))
     return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
-
-
-def own_trim(
-    record: Record, theta: np.ndarray, noise: Noise, field: Field, nodes: np.ndarray
-) -> float:
-    """Returns the elevator angle of a flight without a servo [rad].
-
-    It can be large, so the flight is linearised about it, not about zero.
-    """
-    trim = 0.0
-    for _ in range(3):
-        points = nodes.copy()
-        points[:, OFFSET] = trim
-        errors = linearize(
-            record, theta, (), noise, field=field, nodes=points, trim_is_known=False
-        )
-        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
-        trim = float(np.clip(trim + change, -1.2, 1.2))
-        if not np.isfinite(trim):
-            return 0.0
-        if abs(change) < 1e-3:
-            break
-    return trim
 
 
 SIGNAL_STEP = 5e-4

@@ -7,14 +7,12 @@ from glider.campaign.logs import (
     Campaign,
     Flight,
 )
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
 from glider.sysid.replay.noise import (
     Noise,
     measure_noise,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.signs import Signs, turn
 from glider.sysid.replay.vehicle import Vehicle
