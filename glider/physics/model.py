@@ -11,14 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from glider.errors import (
-    MISPLACED,
-    InputError,
-    one_line,
-)
+from glider.errors import InputError
 from glider.physics.effects import (
     KINDS,
     NO_FIELD,
@@ -33,6 +27,10 @@ from glider.physics.effects.field import (
 from glider.physics.parameters import (
     GliderParameters,
     check_parameters,
+)
+from glider.physics.typed_yaml import (
+    load_typed,
+    save_typed,
 )
 
 
@@ -74,7 +72,7 @@ class _ModelFile:
     field: FieldData | None = None
 
 
-def save_model(path: Path, model: GliderModel) -> None:
+def save_model(path: Path | str, model: GliderModel) -> None:
     """Writes a model; `load_model` gives it back unchanged."""
     data = _ModelFile(
         parameters=model.parameters,
@@ -84,10 +82,10 @@ def save_model(path: Path, model: GliderModel) -> None:
         ],
         field=model.field,
     )
-    yaml_dump_typed(data, filename=str(path), schema=_ModelFile)
+    save_typed(_ModelFile, path, data)
 
 
-def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
+def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
     """Loads a model; anything unknown in the file is an InputError.
 
     Args:
@@ -95,10 +93,7 @@ def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderMode
         own_effects: kinds that the library lacks and the file may name.
     """
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
-    try:
-        data = yaml_load_typed(schema=_ModelFile, filename=str(path))
-    except (OSError, yaml.YAMLError, *MISPLACED) as error:
-        raise InputError(f"{path}: not a glider model: {one_line(error)}") from None
+    data = load_typed(_ModelFile, path, "a glider model")
     check_parameters(dataclasses.asdict(data.parameters), source=str(path))
     effects: list[Effect] = []
     for entry in data.effects:

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from pydrake.common.containers import namedview
-from pydrake.common.yaml import yaml_load_typed
 
 from glider.errors import InputError
+from glider.physics.typed_yaml import load_typed
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
 class GliderParameters:
     """A rigid glider: a fixed wing plate and a hinged elevator plate.
 
@@ -72,9 +71,6 @@ PARAMETER_NAMES = (
 )
 """The parameters that enter the dynamics, in the order of their vector."""
 
-ParameterView = namedview("ParameterView", PARAMETER_NAMES)
-"""The same names over a vector of floats, AutoDiffXd or Expression."""
-
 _POSITIVE = (
     "mass",
     "pitch_inertia",
@@ -128,17 +124,12 @@ def parameter_vector(parameters: GliderParameters) -> np.ndarray:
 
 
 def load_parameters(path: Path) -> GliderParameters:
-    """Loads a vehicle; a misspelt field or a value out of range is an error.
-
-    yaml_load_typed sets the fields after construction, so the values are
-    checked once more here.
-    """
+    """Loads a vehicle; a misspelt field or a value out of range is an error."""
     try:
-        parameters = yaml_load_typed(schema=GliderParameters, filename=str(path))
-    except (RuntimeError, TypeError, ValueError, OSError, yaml.YAMLError) as error:
+        parameters = load_typed(GliderParameters, path, "a vehicle")
+    except InputError:
         _check_known_fields(path)
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not a vehicle: {first}") from None
+        raise
     check_parameters(dataclasses.asdict(parameters), source=str(path))
     return parameters
 
