@@ -37,8 +37,7 @@ def load_typed(schema: type[T], path: Path | str, what: str) -> T:
     try:
         return yaml_load_typed(schema=schema, filename=str(path))
     except OSError as error:
-        reason = (error.strerror or "").lower()
-        raise InputError(f"{path}: not {what}: {reason}.") from None
+        raise InputError(f"{path}: not {what}: {error.strerror}.") from None
     except (yaml.YAMLError, *_MISPLACED) as error:
         raise InputError(f"{path}: not {what}: {_reason(error)}.") from None
 
