@@ -116,3 +116,19 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
     return GliderModel(
         parameters=data.parameters, effects=tuple(effects), field=data.field
     )
+
+
+def as_model(model: GliderModel | Path | str) -> GliderModel:
+    """Returns a model as it is, or loaded where the path of its file is given.
+
+    Raises:
+        InputError: it is neither, or the file holds no model.
+    """
+    if isinstance(model, (str, Path)):
+        return load_model(model)
+    if not isinstance(model, GliderModel):
+        raise InputError(
+            f"a glider model: found {type(model).__name__}; a GliderModel or the "
+            "path of its file is needed."
+        )
+    return model

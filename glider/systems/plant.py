@@ -21,7 +21,10 @@ from glider.physics.effects import (
     Effect,
     EffectKind,
 )
-from glider.physics.model import GliderModel
+from glider.physics.model import (
+    GliderModel,
+    as_model,
+)
 from glider.physics.parameters import parameter_vector
 from glider.physics.state import (
     NUM_STATES,
@@ -74,9 +77,9 @@ def GliderPlant_(T):
                          [             ] -> pose
 
         Args:
-            model: drawing, effects and residual field; the default is the
-                drawing of GliderParameters. A servo_lag or command_delay of
-                zero duration is left out.
+            model: drawing, effects and residual field, or the path of their
+                file; the default is the drawing of GliderParameters. A servo_lag
+                or command_delay of zero duration is left out.
             fast: whether the AutoDiffXd twin takes value and Jacobian from
                 compiled code (about a quarter of the time; the first call
                 compiles, later sessions read it from disk). Where a formula
@@ -99,7 +102,8 @@ def GliderPlant_(T):
         def _construct(self, model=None, fast=True, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("glider")
-            self.model = _without_absent(model if model is not None else GliderModel())
+            model = GliderModel() if model is None else as_model(model)
+            self.model = _without_absent(model)
             self.fast = fast
             self.kinds = tuple(e.kind for e in self.model.effects)
             self.state_names = (*STATE_NAMES, *_extra_names(self.kinds))
