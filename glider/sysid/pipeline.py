@@ -101,7 +101,11 @@ def close_the_loop(
 
 def _check_names(effects: Sequence[str] | None, own: "tuple[EffectKind, ...]") -> None:
     """Raises InputError unless all effects are known, a user's own among them."""
-    if not effects and not own:
+    if effects is not None and not effects:
+        raise InputError(
+            "no effect is to be tried; the name of at least one is needed."
+        )
+    if effects is None and not own:
         return
     from glider.sysid.replay.theta import layout_of
 
@@ -120,7 +124,7 @@ def _kinds_to_try(vehicle: "Vehicle", effects: Sequence[str] | None) -> tuple[st
     kinds = tuple(kind for kind in vehicle.kinds if kind in effects)
     if not kinds and "angle_sign" not in effects:
         raise InputError(
-            f"none of the effects {', '.join(effects) or '(none given)'} can be "
-            "told from what this campaign logs and leaves unknown."
+            f"none of the effects {', '.join(effects)} can be told from what this "
+            "campaign logs and leaves unknown."
         )
     return kinds
