@@ -14,13 +14,13 @@ from glider.physics.effects import NO_FIELD
 from glider.physics.parameters import (
     PARAMETER_NAMES,
     GliderParameters,
-    ParameterView,
     parameter_vector,
 )
-from glider.physics.state import GliderState
 from tests.helpers.physics import (
     NO_COEFFICIENTS,
     PARAMETERS,
+    GliderState,
+    ParameterView,
     drawing,
     nose_up_dynamics,
     random_states,
