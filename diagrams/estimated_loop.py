@@ -70,8 +70,7 @@ def fly_on_estimate(
     seeing = closed_loop(model, tracking_regulator(model, plan), all_states=True)
     prior = launch_prior(ekf, plan.states[0])
     filtering = estimated_loop(model, tracking_regulator(model, plan), ekf, prior)
-    shape = (len(starts), tape_rows(CAPTURE.rate), len(CAPTURE.std))
-    noise = CAPTURE.draw(rng, *shape)
+    noise = CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate))
     duration = plan.duration + AFTER
     return EstimatedPerches(
         on_state=simulate_flights(seeing, starts, duration, progress=progress),

@@ -71,7 +71,6 @@ from glider.studies.filter_study import (
     slow_nees,
     watch_all,
 )
-from glider.systems.plant import GliderPlant
 
 TRUSTED = "motion capture at 120 Hz with 1 mm of noise, over 200 perches"
 """Of which filter NEES and NIS are."""

@@ -46,7 +46,7 @@ from diagrams.showing import (
     write_figures,
 )
 from diagrams.studies.rehearsal import load_truth
-from diagrams.tracks import execution_track
+from diagrams.tracks import flight_track
 from glider.studies import learning
 from glider.studies.plots.learning import save_learning_figure
 
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rounds,
             np.random.default_rng(args.seed),  # The same launches and noise for all.
             launches=args.launches,
-            problem=learning.learning_problem(args.order),
+            settings=learning.learning_settings(args.order),
             progress=status.update,
         )
 
@@ -104,9 +104,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         paths = [turn.flights[0].states for turn in weights]
         save_learning_figure(args.figure, paths, figures)
     tracks = [
-        execution_track("traced - last round", traced[-1].flights[0]),
-        execution_track("weights - last round", weights[-1].flights[0], GREY),
-        execution_track("planned with the drawing", weights[0].flights[0], RED),
+        flight_track("traced - last round", traced[-1].flights[0]),
+        flight_track("weights - last round", weights[-1].flights[0], GREY),
+        flight_track("planned with the drawing", weights[0].flights[0], RED),
     ]
     show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 

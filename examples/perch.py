@@ -42,7 +42,6 @@ from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
-from glider.systems.plant import GliderPlant
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -37,8 +37,8 @@ from diagrams.showing import (
 from diagrams.studies.rehearsal import load_truth
 from diagrams.studies.sampled import (
     compare,
-    histories,
     save_sampled_figure,
+    search_plans,
     spread,
 )
 from diagrams.tracks import (
@@ -51,15 +51,12 @@ from glider.physics.parameters import load_parameters
 from glider.planning.problem import load_problem
 from glider.planning.sampling import (
     SequenceCost,
-    cem,
     flights_per_second,
-    mppi,
 )
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
-from glider.systems.plant import GliderPlant
 
 SHOWN = (1, 10, 30, 100)  # Iterations whose sampled flights the figure shows.
 
@@ -91,15 +88,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     }
     launch = np.array(problems["sampling"].launch)
     starts = draw_launches(problems["perching"], LaunchSpread(), args.launches, rng)
-    found = {}
     with Console(stderr=True).status("compile (once)") as status:
-        plant = GliderPlant(GliderModel(parameters=heavy))
-        cost = SequenceCost(plant, problems["sampling"])
+        cost = SequenceCost(GliderModel(parameters=heavy), problems["sampling"])
         speed = flights_per_second(cost, launch)
-        for name, search in (("CEM", cem), ("MPPI", mppi)):
-            status.update(f"plan by {name}")
-            rngs = np.random.default_rng(args.seed).spawn(args.searches)
-            found[name] = [search(cost, launch, rng, keep=SHOWN) for rng in rngs]
+        found = search_plans(
+            cost, launch, args.searches, args.seed, SHOWN, status.update
+        )
         flown = compare(
             truth,
             GliderModel(parameters=truth.parameters),
@@ -115,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "rollouts_per_second": speed,
         "seed": args.seed,
     }
-    for name, runs in histories(found).items():
+    for name, runs in found.histories().items():
         figures[name.lower()] = costs = spread(runs)
         print(
             f"{name}: cost {costs['cost'][30]:.0f} after 30 iterations and "

@@ -13,6 +13,7 @@ _HOMES = {
     "GliderPlant": "glider.systems.plant",
     "PerchingProblem": "glider.planning.problem",
     "close_the_loop": "glider.sysid.pipeline",
+    "fly": "glider.simulation.fly",
     "load_model": "glider.physics.model",
     "plan": "glider.planning.dircol",
 }
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider.physics.model import GliderModel, load_model
     from glider.planning.dircol import plan
     from glider.planning.problem import PerchingProblem
+    from glider.simulation.fly import fly
     from glider.sysid.pipeline import close_the_loop
     from glider.systems.plant import GliderPlant
 else:

@@ -30,6 +30,7 @@ FIRST = {
     "GliderPlant",
     "PerchingProblem",
     "close_the_loop",
+    "fly",
     "load_model",
     "plan",
 }

@@ -30,7 +30,7 @@ def test_load_plan_fly(monkeypatch, capsys):
     """In ten lines, and with the numbers that its comments name."""
     [block] = [block for block in BLOCKS if "load_model(" in block]
     lines = [line for line in block.splitlines() if line]
-    assert len(lines) == 10
+    assert len(lines) <= 10
     monkeypatch.chdir(ROOT)
     names = {}
     exec(compile(block, "README.md", "exec"), names)

@@ -39,8 +39,8 @@ from glider.physics.effects import EffectKind, effect, field
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 """Liberties that the compiler may take with rounding; NaN and infinity stay."""
 
-_SOURCES = [
-    inspect.getsource(module)
+_SOURCES = {
+    module.__name__.rpartition(".")[2]: inspect.getsource(module)
     for module in (
         sys.modules[__name__],
         aerodynamics,
@@ -53,7 +53,7 @@ _SOURCES = [
         servo,
         trigonometry,
     )
-]
+}
 """Read now: the files may be edited while this process runs."""
 
 _STEP = inspect.getsource(runge_kutta)
@@ -144,7 +144,7 @@ class Family:
         files = sorted(inspect.getsource(m) for m in modules if m is not None)
         called = [family.text for family in self.uses]
         versions = [numba.__version__, np.__version__, sys.version]
-        seed = "\n".join([text, *called, *files, *_SOURCES, *versions])
+        seed = "\n".join([text, *called, *files, *_SOURCES.values(), *versions])
         return hashlib.sha256(seed.encode()).hexdigest()[:16]
 
 

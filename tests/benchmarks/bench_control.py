@@ -69,9 +69,7 @@ def main():
         ("steps of 1 ms", {"step": 0.001}),
     ):
         # The options of this turn: the function is called before the next.
-        seconds = best_seconds(
-            lambda o=options: fly(DRAWING, policy, starts, **o), 3
-        )
+        seconds = best_seconds(lambda o=options: fly(DRAWING, policy, starts, **o), 3)
         print(f"  {name:22s} {seconds:5.2f} s")
     perched = fly(DRAWING, policy, starts).perched
     print(f"  perched: {np.mean(perched):.2%}")

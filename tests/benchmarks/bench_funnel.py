@@ -11,7 +11,6 @@ from glider.control.tvlqr import compiled_policy
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel

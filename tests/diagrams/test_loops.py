@@ -22,12 +22,12 @@ from diagrams.picture import (
     names_of,
 )
 from diagrams.simulate import (
-    draw_capture_noise,
     reset,
     simulate_flights,
 )
 from diagrams.tracks import flight_track
 from glider.campaign.logs import Campaign
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.control.tvlqr_drake import tracking_regulator
@@ -62,8 +62,7 @@ CAPTURE = {
 
 def regulator(lagging=False):
     """A System fits into one diagram: each needs its own."""
-    plant = GliderPlant(LAGGING if lagging else DRAWING)
-    return tracking_regulator(plant, plan_of(lagging))
+    return tracking_regulator(LAGGING if lagging else DRAWING, plan_of(lagging))
 
 
 def launches(count):
@@ -311,7 +310,7 @@ def test_too_few_tapes_are_refused(sampled):
 
 def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
     rng = np.random.default_rng(8)
-    noise = draw_capture_noise(rng, 2, 200)
+    noise = MotionCapture().draw(rng, 2, 200)
     quiet = simulate_flights(sampled, launches(2), DURATION)
     noisy = simulate_flights(sampled, launches(2), DURATION, capture_noise=noise)
     drawing = DRAWING.parameters

@@ -13,7 +13,6 @@ from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 
 PROBLEM = PerchingProblem()
 DRAWING = GliderModel()

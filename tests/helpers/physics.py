@@ -13,10 +13,10 @@ from glider.physics.effects.effect import (
     EffectKind,
 )
 from glider.physics.effects.field import FieldData
+from glider.physics.numbers import Theta
 from glider.physics.parameters import (
-    PARAMETER_NAMES,
     GliderParameters,
-    parameter_vector,
+    Parameters,
 )
 from glider.physics.state import STATE_NAMES
 
@@ -24,9 +24,7 @@ GliderState = namedview("GliderState", STATE_NAMES)
 """A view by name; it aliases what it wraps, so that writing through a slice of it
 writes into the state (the published notebook's first fault)."""
 
-ParameterView = namedview("ParameterView", PARAMETER_NAMES)
-
-PARAMETERS = parameter_vector(GliderParameters())
+PARAMETERS = GliderParameters().numbers
 NO_COEFFICIENTS = np.zeros(0)
 
 
@@ -40,9 +38,8 @@ def random_states(count, seed=0):
 
 def drawing(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
     """Returns the derivatives of the glider as drawn, shape (7,)."""
-    return np.array(
-        compose().derivatives(0.0, x, u, *wind, p, NO_COEFFICIENTS, NO_FIELD)
-    )
+    theta = Theta(Parameters(*p), NO_COEFFICIENTS, NO_FIELD)
+    return np.array(compose().derivatives(0.0, x, u, *wind, theta))
 
 
 def nose_up_dynamics(x, u, p):
@@ -51,7 +48,7 @@ def nose_up_dynamics(x, u, p):
     Vectors instead of formulas: theta = -pitch, phi = -elevator, rates too; the
     moment is the cross product of arms and forces.
     """
-    s, p = GliderState(x.copy()), ParameterView(p)
+    s, p = GliderState(x.copy()), Parameters(*p)
     theta, phi, thetadot, phidot = -s.pitch, -s.elevator, -s.pitchdot, -u
 
     def axis(angle):
@@ -101,7 +98,7 @@ def full_state(effects, x):
     chain = compose(kinds)
     extra = sum(len(e.states) for e in kinds)
     blank = np.concatenate([x, np.zeros(extra)])
-    flow, _ = chain.meet_air(0.0, blank, 0.0, 0.0, 0.0, PARAMETERS, c, NO_FIELD)
+    flow, _ = chain.meet_air(0.0, blank, 0.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_FIELD))
     rest = np.array(initial_extra(kinds, flow, 0.0, c))
     return np.concatenate([x, rest + 0.05]), c
 

@@ -105,9 +105,7 @@ def test_a_batch_is_its_flights_one_by_one():
         DRAWING, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
     )
     for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
-        one = fly(
-            DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]]
-        )
+        one = fly(DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]])
         np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(many.miss[k], one.miss[0], rtol=1e-9)
         assert one.paths is None
@@ -118,9 +116,7 @@ def test_a_batch_is_its_flights_one_by_one():
 
 @pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
 def test_the_miss_is_the_distance_of_the_path(wire):
-    flights = fly(
-        DRAWING, policy(), launches(5), wire=wire, keep_paths=True
-    )
+    flights = fly(DRAWING, policy(), launches(5), wire=wire, keep_paths=True)
     for path, miss in zip(flights.paths, flights.miss, strict=True):
         assert miss == pytest.approx(least_distance(path[:, :2], np.array(wire)))
 

@@ -18,7 +18,6 @@ from glider.paths import models_path
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.systems.plant import GliderPlant
 from glider.verification.dynamics.error_dynamics import (
     evaluate,
     expand,
