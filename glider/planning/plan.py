@@ -98,7 +98,7 @@ class Plan:
     @property
     def is_held(self) -> bool:
         """Whether each command is held until the next knot."""
-        return len(self.inputs) == len(self.times) - 1
+        return self.inputs.size == self.times.size - 1
 
     @functools.cached_property
     def state_trajectory(self) -> PiecewisePolynomial:
@@ -164,7 +164,8 @@ def load_plan(path: Path | str) -> Plan:
             if name in _ARRAYS or data.get(name) is not None:
                 data[name] = np.array(data[name], dtype=float)
         for name in _NUMBERS:
-            data[name] = None if data[name] is None else float(data[name])
+            if name == "cost" or data[name] is not None:
+                data[name] = float(data[name])
         data["attempts"] = tuple(Attempt(**attempt) for attempt in data["attempts"])
         data["state_names"] = tuple(data["state_names"])
         data["costs"] = tuple(map(float, data.get("costs", ())))
@@ -200,6 +201,5 @@ def _check(plan: Plan, path: Path | str) -> None:
         )
     for name in _NUMBERS:
         value = getattr(plan, name)
-        absent = value is None and name != "cost"
-        if not (absent or math.isfinite(value)):
+        if value is not None and not math.isfinite(value):
             raise InputError(f"{path}: '{name}' must be a finite number.")

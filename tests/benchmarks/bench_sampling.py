@@ -27,7 +27,6 @@ from glider.planning.sampling import (
     mppi,
     mppi_step,
 )
-from glider.systems.plant import GliderPlant
 
 
 def seconds(function, rounds=5):

@@ -5,7 +5,6 @@ import pickle
 
 import numpy as np
 import pytest
-from glider.simulation.fly import fly
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from scipy.linalg import solve_continuous_are
 
@@ -40,6 +39,7 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.plan import Plan
+from glider.simulation.fly import fly
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
     DRAWING,
@@ -81,9 +81,9 @@ def test_the_cost_to_go_is_a_cost_and_ends_in_its_final_weight():
 def test_the_compiled_pass_equals_drakes(lagging):
     """To 1e-5 of the largest; with a lag, the final weight is semidefinite."""
     plan = plan_of(lagging)
-    plant = GliderPlant(LAGGING if lagging else DRAWING)
-    gains = tracking_gains(plant, plan) if lagging else drake_gains()
-    compiled, drake = compiled_policy(plant, plan), policy_of(gains, plan)
+    model = LAGGING if lagging else DRAWING
+    gains = tracking_gains(model, plan) if lagging else drake_gains()
+    compiled, drake = compiled_policy(model, plan), policy_of(gains, plan)
     for name in ("gains", "cost"):
         ours, theirs = getattr(compiled, name), getattr(drake, name)
         # Common rows: both divide each knot interval into equal parts.
@@ -117,8 +117,7 @@ def test_what_the_plan_lacks_is_corrected_as_drake_does():
 
 
 def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
-    plant = GliderPlant()
-    trim = find_trim(plant, 7.0)
+    trim = find_trim(DRAWING, 7.0)
     slope = np.zeros(7)
     slope[:2] = trim.state[4:6]
     times = np.array([0.0, 40.0])
@@ -127,13 +126,13 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
         states=trim.state + times[:, None] * slope,
         slopes=np.array([slope, slope]),
         inputs=np.zeros(2),
-        state_names=plant.state_names,
+        state_names=DRAWING.state_names,
         cost=0.0,
         max_defect=0.0,
         path_defect=0.0,
         drift=0.0,
     )
-    twin = plant.ToAutoDiffXd()
+    twin = GliderPlant(DRAWING).ToAutoDiffXd()
     context = twin.CreateDefaultContext()
     ad = InitializeAutoDiff(np.append(trim.state, 0.0)).ravel()
     context.SetContinuousState(ad[:7])
@@ -144,7 +143,7 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     # Without thrust nobody holds a place on the way down: x and z weigh nothing.
     weights = TrackingWeights(state=(0, 0, 10, 1, 1, 1, 1), final=(0,) * 7)
     S = solve_continuous_are(A, B, np.diag(weights.state[2:]), [[weights.rate]])
-    found = compiled_policy(plant, steady, weights, step=0.01)
+    found = compiled_policy(DRAWING, steady, weights, step=0.01)
     np.testing.assert_allclose(found.cost[0, 2:, 2:], S, rtol=1e-5, atol=1e-5)
     gain = B[:, 0] @ S / weights.rate
     np.testing.assert_allclose(found.gains[0, 2:], gain, rtol=1e-5, atol=1e-5)
@@ -207,7 +206,7 @@ def test_weights_without_a_solution_are_refused(weights):
 @pytest.mark.parametrize("make", [tracking_gains, tracking_regulator, compiled_policy])
 def test_a_plan_for_another_glider_is_refused(make):
     with pytest.raises(InputError, match=r"servo_lag\.servo_rate"):
-        make(GliderPlant(LAGGING), plan_of())
+        make(LAGGING, plan_of())
 
 
 # ---------------------------------------------------------------------- cruise
@@ -229,11 +228,10 @@ WINDY = GliderModel(effects=(WIND(x=-1.0, z=0.2),))
     ids=["glide", "wind", "level", "level with states"],
 )
 def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
-    plant = GliderPlant(model, fast=False)  # Spares the kernel's compilation.
-    trim = find_trim(plant, speed)
+    trim = find_trim(model, speed)
     start = trim.state.copy()
     start[1:7] += [0.05, 0.02, -0.02, 0.2, -0.1, 0.1]
-    diagram = closed_loop(model, cruise_regulator(plant, trim), all_states=True)
+    diagram = closed_loop(model, cruise_regulator(model, trim), all_states=True)
     [flight] = simulate_flights(diagram, start[None], 25.0)
     end = flight.states[-1] - trim.state
     normal = [-np.sin(trim.slope), np.cos(trim.slope)]
@@ -267,9 +265,8 @@ def test_a_cruise_through_changing_air_is_refused():
     field = FieldData(
         variables=["x"], centers=[[0.5]], widths=[1.0], weights={"wind_z": [0.3]}
     )
-    plant = GliderPlant(GliderModel(field=field), fast=False)
     with pytest.raises(InputError, match="along the line"):
-        cruise_regulator(plant, find_trim(GliderModel(), 7.0))
+        cruise_regulator(GliderModel(field=field), find_trim(GliderModel(), 7.0))
 
 
 @pytest.mark.parametrize("weights", [{"rate": -1.0}, {"state": (1.0,) * 7}])

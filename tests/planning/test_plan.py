@@ -126,7 +126,8 @@ def test_a_plan_that_is_broken_is_refused(article_plan, tmp_path, changes, words
         ({"gains": [[np.nan] * 7] * 20}, "'gains' has shape (20, 7); finite"),
         ({"gains": 1.0}, "'gains' has shape ()"),
         ({"costs": ["low"]}, "not a plan"),
-        ({"cost": None}, "'cost' must be a finite number"),
+        ({"cost": None}, "not a plan"),
+        ({"path_defect": np.nan}, "'path_defect' must be a finite number"),
     ],
 )
 def test_a_held_plan_that_is_broken_is_refused(held, tmp_path, changes, words):

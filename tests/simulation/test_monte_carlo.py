@@ -37,10 +37,6 @@ from glider.simulation.monte_carlo import (
     fly_case,
     sweep,
 )
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
 from tests.helpers.flights import (
     DRAWING,
     LAGGING,
@@ -141,11 +137,11 @@ def test_effects_with_states_start_at_rest():
     model = GliderModel(
         effects=(WIND(x=-1.0), DYNAMIC_STALL(strength=0.5), *LAGGING.effects)
     )
-    plant, starts = GliderPlant(model), launches(3)
-    full = full_starts(plant, starts)
-    np.testing.assert_array_equal(full, [initial_state(plant, s) for s in starts])
+    starts = launches(3)
+    full = full_starts(model, starts)
+    np.testing.assert_array_equal(full, [model.initial_state(s) for s in starts])
     assert np.all(np.any(full[:, 7:] != 0.0, axis=1))
-    np.testing.assert_array_equal(full_starts(plant, full), full)
+    np.testing.assert_array_equal(full_starts(model, full), full)
 
 
 def test_a_short_flight_does_not_reach_the_wire():

@@ -39,10 +39,7 @@ from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
     layout_of,
 )
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
+from glider.systems.plant import GliderPlant
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, TWIST
 
 LAYOUT = layout_of(ALL)
@@ -129,7 +126,7 @@ def test_flights_are_those_of_the_plant():
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
-    state = initial_state(plant, start[:7])
+    state = plant.model.initial_state(start[:7])
     state[3], state[7] = start[3] + record.rest, 0.0
     context.SetContinuousState(state)
     # The same command is held between its switches, within the servo's travel.
@@ -152,7 +149,7 @@ def test_own_states_rest_where_the_plant_has_them_rest():
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
-    np.testing.assert_allclose(rest, initial_state(plant, state)[7:])
+    np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
     assert rest[2] > 0.1  # It sinks.
     assert LAYOUT.steady_states(0.0, state, 3.0, theta)[1] == 3.0
 

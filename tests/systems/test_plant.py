@@ -156,8 +156,7 @@ def test_the_forces_make_the_accelerations(effects):
         acceleration = rates(plant, context)[4:7]
         m, inertia, *_, gravity = PARAMETERS
         np.testing.assert_allclose(
-            [force_x / m, force_z / m - PARAMETERS.gravity, moment / inertia],
-            acceleration,
+            [force_x / m, force_z / m - gravity, moment / inertia], acceleration
         )
         if not effects:
             e = x[2] + x[3]
