@@ -3,7 +3,7 @@
 One formula for the diagram's ElevatorServo and for the compiled closed loop.
 """
 
-from glider.physics.aerodynamics import scalar
+from glider.physics.formulas import scalar
 
 STOPPING_TIME = 0.005
 """τ: how the servo slows down before a stop [s]. At 13 rad/s it does so over the
