@@ -83,7 +83,7 @@ def test_import_glider_imports_nothing_else():
     [
         ("close_the_loop", set()),
         ("PerchingProblem", set()),
-        ("EffectKind", FOR_NUMBA),
+        ("EffectKind", set()),
         ("GliderModel", FOR_NUMBA),
         ("load_model", FOR_NUMBA),
     ],
@@ -185,7 +185,7 @@ def places(tmp_path_factory):
         ("close-the-loop {campaign} --held-out 2", "held-out", set()),
         ("close-the-loop {campaign} --seed -1", "--seed", set()),
         ("close-the-loop {campaign} --out {file}", "--out", set()),
-        ("close-the-loop {campaign} --effects wnid", "effect 'wnid'", FOR_NUMBA),
+        ("close-the-loop {campaign} --effects wnid", "effect 'wnid'", set()),
         ("close-the-loop {campaign} --effects ,", "at least one", set()),
         ("check-funnel {absent}", "not a funnel: No such file", set()),
         ("check-funnel {folder}", "not a funnel: Is a directory", set()),

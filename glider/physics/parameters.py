@@ -8,6 +8,7 @@ from typing import NamedTuple
 import yaml
 
 from glider.errors import InputError
+from glider.physics.servo import Servo
 from glider.physics.typed_yaml import load_typed
 
 
@@ -26,19 +27,6 @@ class Parameters(NamedTuple):
     elevator_offset: float
     air_density: float
     gravity: float
-
-
-class Servo(NamedTuple):
-    """Limits of a servo."""
-
-    low: float
-    """Stop of the trailing edge down [rad]."""
-
-    high: float
-    """Stop of the trailing edge up [rad]."""
-
-    rate: float
-    """Largest rate either way [rad/s]."""
 
 
 PARAMETER_NAMES = Parameters._fields

@@ -5,14 +5,27 @@ that hold a command for a step.
 """
 
 import math
+from typing import NamedTuple
 
-from glider.physics.aerodynamics import scalar
-from glider.physics.parameters import Servo
+from glider.physics.formulas import scalar
 
 STOPPING_TIME = 0.005
 """Time constant τ of slowing down before a stop [s]. At 13 rad/s the servo does so
 over the last 0.065 rad; at the 3.4 rad/s of the article's plan over 0.017 rad, and
 that plan stays 0.3 rad away from its stops."""
+
+
+class Servo(NamedTuple):
+    """Limits of a servo."""
+
+    low: float
+    """Stop of the trailing edge down [rad]."""
+
+    high: float
+    """Stop of the trailing edge up [rad]."""
+
+    rate: float
+    """Largest rate either way [rad/s]."""
 
 
 NO_LIMITS = Servo(-math.inf, math.inf, math.inf)

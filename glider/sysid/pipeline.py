@@ -18,9 +18,12 @@ from glider.campaign.logs import (
 )
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.physics.effects import (
+    KINDS,
+    EffectKind,
+)
 
 if TYPE_CHECKING:
-    from glider.physics.effects import EffectKind
     from glider.sysid.replay.vehicle import Vehicle
     from glider.sysid.result import Result
 
@@ -35,7 +38,7 @@ def close_the_loop(
     held_out: float = 0.3,
     seed: int = 0,
     effects: Sequence[str] | None = None,
-    own_effects: "Sequence[EffectKind]" = (),
+    own_effects: Sequence[EffectKind] = (),
     progress: Progress = lambda text: None,
 ) -> "Result":
     """Finds what a glider's model lacks, adds it, and measures what that buys.
@@ -99,17 +102,17 @@ def close_the_loop(
         )
 
 
-def _check_names(effects: Sequence[str] | None, own: "tuple[EffectKind, ...]") -> None:
+def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
     """Raises InputError unless all effects are known, a user's own among them."""
     if effects is not None and not effects:
         raise InputError(
             "no effect is to be tried; the name of at least one is needed."
         )
-    if effects is None and not own:
-        return
-    from glider.sysid.replay.theta import layout_of
+    if own:
+        from glider.sysid.replay.own_effects import check_own_effects
 
-    known = layout_of(own).kinds
+        check_own_effects(own)
+    known = (*KINDS, *(e.kind for e in own))
     unknown = [name for name in effects or () if name not in known]
     if unknown:
         raise InputError(
