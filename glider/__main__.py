@@ -156,10 +156,6 @@ def _close_the_loop(args: argparse.Namespace) -> int:
         raise InputError(f"--out {folder}: is a file; a folder is needed.")
     progress_console = Console(stderr=True)
     with progress_console.status("starting") as status:
-        # These take a second to import: not before --help.
-        from glider.report.folder import write_report
-        from glider.report.json_report import to_json
-        from glider.report.terminal import print_summary
         from glider.sysid.pipeline import close_the_loop
 
         result = close_the_loop(
@@ -172,6 +168,11 @@ def _close_the_loop(args: argparse.Namespace) -> int:
             progress=lambda text: status.update(f"{text} ..."),
         )
         status.update("writing the report ...")
+        # Matplotlib takes half a second to import: not before the input is read.
+        from glider.report.folder import write_report
+        from glider.report.json_report import to_json
+        from glider.report.terminal import print_summary
+
         write_report(result, folder)
     if args.json:
         print(json.dumps(to_json(result), indent=2))
@@ -184,12 +185,17 @@ def _close_the_loop(args: argparse.Namespace) -> int:
 def _check_funnel(args: argparse.Namespace) -> int:
     import dataclasses
 
-    from rich.console import Console
-    from rich.progress import Progress
+    from glider.verification.funnel.file import read_file
 
     if args.every < 1:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
-    from glider.verification.funnel.funnel import load_funnel
+    file = read_file(args.funnel)
+
+    # These take a second to import: not before it is known that there is a funnel.
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.remainder_proof import (
         describe_proof,
@@ -197,7 +203,7 @@ def _check_funnel(args: argparse.Namespace) -> int:
         remainder_status,
     )
 
-    funnel = load_funnel(args.funnel)
+    funnel = funnel_of(file, args.funnel)
     proof = None
     with Progress(transient=True, console=Console(stderr=True)) as bar:
 

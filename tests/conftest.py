@@ -7,7 +7,6 @@ import pytest
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 
 matplotlib.use("Agg")  # Tests open no window.
 

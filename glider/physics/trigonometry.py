@@ -10,7 +10,11 @@ import math
 
 import numba
 import numpy as np
-from numba.extending import overload
+from numba.extending import overload, register_jitable
+
+from glider.physics.formulas import tell_compiler
+
+tell_compiler(register_jitable)
 
 # π in parts, so that subtracting multiples of it rounds only once: the first
 # has few enough digits for its multiples to be exact (Cody and Waite 1980).

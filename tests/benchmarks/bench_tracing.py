@@ -25,7 +25,6 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.sysid.fit.output_error import fit
-from glider.sysid.replay.problem import Problem
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.simulate import (
     CampaignPlan,
@@ -33,6 +32,7 @@ from glider.sysid.fit.simulate import (
 )
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from tests.helpers.campaigns import PRACTICE, campaign_path

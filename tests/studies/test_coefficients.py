@@ -24,12 +24,12 @@ from glider.studies.coefficients import (
     learn_residuals,
     residual_basis,
 )
-from glider.sysid.replay.problem import Problem
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
 )
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.vehicle import make_vehicle
