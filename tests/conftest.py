@@ -4,6 +4,7 @@ import hypothesis
 import matplotlib
 import pytest
 
+from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem

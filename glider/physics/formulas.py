@@ -1,8 +1,8 @@
 """The mark of a formula that compiled code may call.
 
 The compiler takes a third of a second to import. Whoever needs only the names and the
-numbers of effects need not wait for it: until `glider.physics.trigonometry` imports
-it, and with that all that compiles, a mark is only noted.
+numbers of effects need not wait for it: until `glider.compiled.kernel` imports it, a
+mark is only noted.
 """
 
 from collections.abc import Callable
