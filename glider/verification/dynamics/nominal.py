@@ -1,8 +1,8 @@
-"""A flight to build a funnel about: the feedback's own flight along its plan.
+"""The nominal flight of a funnel: the feedback's own flight along its plan.
 
 A plan by collocation is no exact flight between its knots, so that the error from it
-would never rest at zero. The nominal is what the glider flies under the plan's feedback
-from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
+would never settle at zero. The nominal is what the glider flies under the plan's
+feedback from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
 """
 
 import dataclasses
@@ -26,32 +26,35 @@ from glider.systems.plant import (
 )
 
 FLIGHT_STEP = 0.0005
-"""Of the integration [s]."""
+"""Longest step of the integration [s]."""
 
 _ELEVATOR = STATE_NAMES.index("elevator")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """A flight of a glider under u = u₀ - K (x - x₀), at some times."""
+    """A flight of a glider under u = u₀ - K (x - x₀), at some times.
+
+    The names of the arrays are keys in a funnel's file.
+    """
 
     model: GliderModel
-    """The glider."""
+    """Glider that flies."""
 
     state_names: tuple[str, ...]
-    """STATE_NAMES, then the effects' own states."""
+    """Names of the n states: STATE_NAMES, then the effects' own."""
 
     times: np.ndarray
-    """(T,) from 0 [s]."""
+    """Times (T,) from 0 [s]."""
 
     states: np.ndarray
-    """(T, n) x₀."""
+    """States x₀ (T, n)."""
 
     inputs: np.ndarray
-    """(T,) u₀ [rad/s]."""
+    """Elevator rates u₀ (T,) [rad/s]."""
 
     gains: np.ndarray
-    """(T, n) K."""
+    """Gains K (T, n)."""
 
 
 def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:

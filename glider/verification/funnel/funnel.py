@@ -1,4 +1,28 @@
-"""A funnel: ellipsoids along a flight that no deviation leaves. What is kept of it."""
+"""A funnel, and its file.
+
+A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`,
+
+    times   (T,)       times, increasing from 0 [s]
+    states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
+    inputs  (T,)       u₀, the elevator's rate [rad/s]
+    gains   (T, n)     K of the feedback u = u₀ - K (x - x₀)
+    S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1
+    slopes  (T, n, n)  Ṡ [1/s]; between the times S is the cubic Hermite polynomial
+    beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
+    weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
+    grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, for they are a
+                       hint that the check mends; lower triangles, column by column, in
+                       the basis of `glider.verification.sos.sphere`
+
+and `notes`, a JSON text with
+
+    format       "drake-glider funnel 1"
+    state_names  n names: STATE_NAMES, then the effects' own states
+    settings     the fields of FunnelSettings
+    solver       name of the solver that was tried first
+    seconds      duration of the computation [s]
+    model        the glider, the text of a file of `glider.physics.model`
+"""
 
 import dataclasses
 import functools
@@ -21,57 +45,61 @@ from glider.physics.model import (
 )
 from glider.systems.plant import is_time_varying
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.between import nominal_slopes
+from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.settings import FunnelSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Funnel:
-    """{x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
+    """The sets {x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
 
-    S is the cubic Hermite polynomial through its values and slopes.
+    S is the cubic Hermite polynomial through its values and slopes. The names of the
+    arrays are keys in the file.
     """
 
     nominal: Nominal
-    """x₀, and the feedback that keeps the glider inside."""
+    """Nominal flight x₀, and the feedback that keeps the glider inside."""
 
     settings: FunnelSettings
-    """What was asked for."""
+    """Settings that it was made with; the goal is there."""
 
     S: np.ndarray
-    """(T, n, n)."""
+    """Matrices S (T, n, n)."""
 
     slopes: np.ndarray
-    """(T, n, n) Ṡ [1/s]."""
+    """Slopes Ṡ (T, n, n) [1/s]."""
 
     beta: np.ndarray
-    """(T, n) the remainder of the Taylor polynomial that it bears [m/s², rad/s²]."""
+    """Bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²]."""
 
     weights: np.ndarray
-    """(T, n) λ of `glider.verification.funnel.remainder`."""
+    """Weights λ (T, n) of `glider.verification.funnel.remainder`."""
 
     grams: np.ndarray
-    """(T, E) one Gram matrix a time: the certificate."""
+    """Gram matrices (T, E), one a time: the certificate."""
 
     solver: str
-    """Which one shaped it."""
+    """Name of the solver that was tried first."""
 
     seconds: float
-    """That it took."""
+    """Duration of the computation [s]."""
 
     @property
     def num_states(self) -> int:
-        """Counts the states, the effects' own included."""
+        """Number of states n, the effects' own included."""
         return self.S.shape[1]
 
     @functools.cached_property
     def _curves(self) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
         return (
             CubicHermiteSpline(self.nominal.times, self.S, self.slopes),
-            CubicHermiteSpline(
-                self.nominal.times, self.nominal.states, nominal_slopes(self.nominal)
-            ),
+            nominal_path(self.nominal),
         )
+
+    def some_times(self, every: int) -> list[int]:
+        """Returns the indices of every so many times, the first and last included."""
+        last = len(self.nominal.times) - 1
+        return sorted({*range(0, last + 1, every), last})
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
@@ -109,9 +137,9 @@ class Funnel:
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_NOMINAL = ("times", "states", "inputs", "gains")
-_OWN = ("S", "slopes", "beta", "weights", "grams")
 _FORMAT = "drake-glider funnel 1"
+_NOMINAL_ARRAYS = ("times", "states", "inputs", "gains")
+_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
@@ -128,9 +156,9 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
         "seconds": funnel.seconds,
         "model": model,
     }
-    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL}
-    arrays |= {name: getattr(funnel, name) for name in _OWN}
-    # A Gram matrix is a hint that the check mends: half of its digits are enough.
+    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL_ARRAYS}
+    arrays |= {name: getattr(funnel, name) for name in _OWN_ARRAYS}
+    # The check mends a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, notes=np.array(json.dumps(notes)), **arrays)
@@ -140,15 +168,18 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
 
 
 def load_funnel(path: Path | str) -> Funnel:
-    """Loads a funnel; a file that is none is an InputError.
+    """Loads a funnel.
 
     Nothing is taken on trust but that the numbers fit together; whether they are a
     certificate is for `glider.verification.proof.check`.
+
+    Raises:
+        InputError: the file holds no funnel, or one of a time-varying glider.
     """
     try:
         with np.load(path, allow_pickle=False) as data:
             notes = json.loads(str(data["notes"]))
-            arrays = {name: data[name] for name in _NOMINAL + _OWN}
+            arrays = {name: data[name] for name in _NOMINAL_ARRAYS + _OWN_ARRAYS}
         if notes["format"] != _FORMAT:
             raise ValueError(f"its format is {notes['format']!r}, not {_FORMAT!r}")
         settings: dict[str, Any] = {
@@ -163,14 +194,14 @@ def load_funnel(path: Path | str) -> Funnel:
         nominal = Nominal(
             model=model,
             state_names=names,
-            **{name: arrays[name] for name in _NOMINAL},
+            **{name: arrays[name] for name in _NOMINAL_ARRAYS},
         )
         return Funnel(
             nominal=nominal,
             settings=FunnelSettings(**settings),
             solver=str(notes["solver"]),
             seconds=float(notes["seconds"]),
-            **{name: arrays[name] for name in _OWN},
+            **{name: arrays[name] for name in _OWN_ARRAYS},
         )
     except InputError:
         raise
@@ -193,6 +224,7 @@ def _read_model(text: str) -> GliderModel:
 
 
 def _check_shapes(arrays: dict[str, np.ndarray], n: int) -> None:
+    """Raises a ValueError where arrays are not finite or do not fit n states."""
     count = len(arrays["times"])
     size = n + n * (n + 1) // 2
     shapes: dict[str, tuple[int, ...]] = {
