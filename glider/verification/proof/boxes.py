@@ -24,8 +24,8 @@ RADIUS = 1.0 + BALL_ERROR
 """Radius of the ball, a little above 1: deviations are brought to it with rounding."""
 
 SLOPE_BLAME = 0.2
-"""Blame of a box's slope, which the ball bounds too, beside a blame of 1 of what is
-curved."""
+"""Blame of a box's linear terms, which the ball bounds too, beside a blame of 1 of those
+of higher degree."""
 
 
 def row_on_boxes(table, row, center, half):
@@ -123,13 +123,13 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
             if exponents[k, i] == 2 and exponents[k].sum() == 2:
                 square[k] = 1 + i
     bounds = np.empty(boxes)
-    linear, curved = np.empty(m), np.empty(m)
+    linear, quadratic = np.empty(m), np.empty(m)
     tries = np.empty(m + 2)
     for box in range(boxes):
         mixed = remainder[box]
         for k in range(1 + m, count):
             if square[k]:
-                curved[square[k] - 1] = coefficients[k, box]
+                quadratic[square[k] - 1] = coefficients[k, box]
             else:
                 mixed += abs(coefficients[k, box])
         known = mixed
@@ -159,12 +159,12 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
                 size = weight * (abs(room) + square_radius)
                 for i in range(m):
                     first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
-                    second = sign * curved[i] - weight * half[i, box] ** 2
+                    second = sign * quadratic[i] - weight * half[i, box] ** 2
                     if second < 0.0 and abs(first) < -2.0 * second:
                         value += first * first / (-4.0 * second)
                     else:
                         value += second + abs(first)
-                    size += abs(linear[i]) + abs(curved[i]) + 4.0 * weight
+                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
                 value += rounding * size
                 least = min(least, value)
             worst = max(worst, sign * coefficients[0, box] + least)

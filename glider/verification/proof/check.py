@@ -26,7 +26,7 @@ from glider.verification.sos.sphere import normalized
 
 LARGEST_DRIFT = 1e-4
 """Drift that the nominal of a funnel may have [m, rad, m/s, rad/s]. That of the shipped
-ones is 3e-9."""
+ones is below 1e-8."""
 
 STARTS = 8
 """Points where the ascent to the largest growth starts, besides the axes of its

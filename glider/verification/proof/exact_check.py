@@ -47,8 +47,8 @@ BALL_BITS = 30
 """Binary places of the coordinates of the ball. Any are right; few are fast."""
 
 GOAL_ROUNDING = 1e-9
-"""Relative amount by which S(T) may be below the goal's: where they are equal, as they
-often are, their difference is not definite."""
+"""Relative amount by which S(T) may be below the goal's: where they are equal, as in
+the shipped funnels, their difference is not definite."""
 
 
 def proven_slack(funnel: Funnel) -> float:

@@ -19,7 +19,7 @@ from glider.verification.proof.boxes import RADIUS
 from glider.verification.proof.enclosure import make_remainder
 
 BUDGET = 400_000
-"""Boxes at one time until the search gives up; the shipped funnels take 15,000."""
+"""Boxes at one time until the search gives up; the shipped funnels take 30,000."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
