@@ -28,7 +28,8 @@ from glider.systems.plant import (
 FLIGHT_STEP = 0.0005
 """Longest step of the integration [s]."""
 
-_ELEVATOR = STATE_NAMES.index("elevator")
+ELEVATOR = STATE_NAMES.index("elevator")
+"""Index of the elevator's angle in a state."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -93,7 +94,7 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     low, high = plant.model.parameters.elevator_limits
     limit = plant.model.parameters.elevator_rate_limit
     for u, x in zip(inputs, states, strict=True):
-        if limited_rate(u, x[_ELEVATOR], low, high, limit) != u:
+        if limited_rate(u, x[ELEVATOR], low, high, limit) != u:
             raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return Nominal(
         model=plant.model,

@@ -9,8 +9,7 @@ Inside the funnel both hold, so that its dynamics need no saturation.
 import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
-from glider.physics.state import STATE_NAMES
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import ELEVATOR, Nominal
 
 SHRINK = 0.995
 """Factor on the bounds, for what happens between the times where they are kept:
@@ -28,10 +27,9 @@ def servo_bounds(
     """
     parameters = nominal.model.parameters
     low, high = parameters.elevator_limits
-    elevator = STATE_NAMES.index("elevator")
-    ahead = nominal.states[:, elevator] + STOPPING_TIME * nominal.inputs
+    ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
     travel = -STOPPING_TIME * nominal.gains
-    travel[:, elevator] += 1.0
+    travel[:, ELEVATOR] += 1.0
     directions = np.stack([nominal.gains, travel], axis=1)
     bounds = np.stack(
         [

@@ -24,7 +24,7 @@ RADIUS = 1.0 + BALL_ERROR
 """Radius of the ball, a little above 1: deviations are brought to it with rounding."""
 
 SLOPE_BLAME = 0.2
-"""Blame of a box's linear terms, which the ball bounds too, beside a blame of 1 of those
+"""Blame of a box's linear terms, which the ball bounds too, beside 1 for those
 of higher degree."""
 
 

@@ -26,12 +26,12 @@ from glider.estimation.perching import (
     PROCESS,
 )
 from glider.physics.servo import limited_rate
-from glider.physics.state import STATE_NAMES
 from glider.simulation.closed_loop import AFTER
 from glider.simulation.miss import (
     PERCH_RADIUS,
     least_distance,
 )
+from glider.verification.dynamics.nominal import ELEVATOR
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.trials.flights import (
     draw_inside,
@@ -47,8 +47,6 @@ UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 TICKS = 4
 """Predictions of the filter to each sample of motion capture; the feedback follows
 each of them."""
-
-_ELEVATOR = STATE_NAMES.index("elevator")
 
 _limited_rates = np.vectorize(limited_rate, otypes=[float])
 
@@ -186,7 +184,7 @@ def fly_estimated(
         states[k + 1] = flown.states[:, 1]
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
-        rates = _limited_rates(command, means[k, :, _ELEVATOR], *limits)
+        rates = _limited_rates(command, means[k, :, ELEVATOR], *limits)
         means[k + 1], covariances = _filter(
             ekf, k / rate, means[k], covariances, rates, measured[k]
         )
