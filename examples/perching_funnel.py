@@ -57,8 +57,8 @@ from glider.simulation.monte_carlo import (
 from glider.sysid.pipeline import close_the_loop
 from glider.verification.funnel.funnel import save_funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.trials.attack import attack_funnel
 from glider.verification.trials.estimated import study_estimates
+from glider.verification.trials.falsify import falsify_funnel
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -123,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 save_funnel(args.save / files[name], study.funnel)
             status.update(f"the {name} funnel, flown by the true glider")
             try:
-                attack = attack_funnel(study.funnel, args.samples, rng, model=truth)
+                attack = falsify_funnel(study.funnel, args.samples, rng, model=truth)
             except InputError:  # The model has states that the true glider lacks.
                 attack = None
             foreign[name] = attack

@@ -37,8 +37,9 @@ Checks the certificate of a funnel: at each of its times, in exact arithmetic, t
 deviation leaves it, that the servo stays within its limits, and that it ends in the
 goal. Needs no solver and no plan: all is in the file, the glider too.
 
-The certificate is of third-order polynomials and bears a remainder beside them. With
---prove, the true one is proven to be no larger, at the same times.
+The certificate is of the third-order Taylor polynomials of the dynamics, with a bound
+of their remainder. With --prove, the remainder is proven to be within that bound, at
+the same times.
 
 exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
@@ -130,14 +131,16 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         type=int,
         default=1,
-        help="check every so many times only (default: all)",
+        help="check every N-th time only, and the last (default: all)",
     )
     check.add_argument(
         "--prove",
         action="store_true",
-        help="prove the remainder of the Taylor polynomials too; takes minutes",
+        help="prove the bound of the Taylor remainder too; takes minutes",
     )
-    check.add_argument("--json", action="store_true", help="print JSON instead")
+    check.add_argument(
+        "--json", action="store_true", help="print JSON instead of sentences"
+    )
     check.set_defaults(run=_check_funnel)
     return parser
 
@@ -231,9 +234,9 @@ def _check_funnel(args: argparse.Namespace) -> int:
         print(fault)
     if verdict.holds:
         print(
-            f"The certificate holds: at all {verdict.times} times, exactly, V falls by "
-            f"at least {verdict.slack:.2g} of itself a second on the boundary; between "
-            f"them, in floating point, by {-verdict.between:.2g}."
+            f"The certificate holds: on the boundary, at all {verdict.times} times, "
+            f"exactly, V̇/V <= {-verdict.slack:.2g} 1/s; between them, in floating "
+            f"point, V̇/V <= {verdict.between:.2g} 1/s."
         )
     else:
         print(f"The certificate does not hold: {len(verdict.faults)} faults.")

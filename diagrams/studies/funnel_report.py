@@ -1,4 +1,4 @@
-"""What a funnel promises and keeps, in numbers and in words."""
+"""A report of what a funnel promises and keeps, in numbers and in words."""
 
 import numpy as np
 
@@ -10,16 +10,18 @@ from glider.verification.proof.remainder_proof import (
     describe_proof,
     remainder_status,
 )
-from glider.verification.trials.attack import Attack
+from glider.verification.trials.falsify import Falsification
 
 
 def figures_of(
     funnel: Funnel,
     verdict: Verdict,
-    attack: Attack,
+    falsification: Falsification,
     proof: RemainderProof | None = None,
 ) -> dict:
     """Returns the key figures of a funnel: inlet, check, escapes, proof of remainder.
+
+    The keys are read by other programs.
 
     The inlet is given by the half-widths of its slices: how far one state alone may
     deviate at the launch.
@@ -34,9 +36,9 @@ def figures_of(
             "zdot": float(widths["zdot"]),
         },
         "seconds": funnel.seconds,
-        "samples": attack.samples,
-        "escapes": attack.escapes,
-        "largest_end": float(attack.ends.max()),
+        "samples": falsification.samples,
+        "escapes": falsification.escapes,
+        "largest_end": float(falsification.ends.max()),
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
         "states": list(funnel.nominal.state_names),
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],

@@ -1,4 +1,4 @@
-"""One glider's funnel: made or loaded, checked, attacked, flown in."""
+"""A study of one glider's funnel: made or loaded, checked, tried by flights."""
 
 import dataclasses
 from pathlib import Path
@@ -23,27 +23,25 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.remainder_proof import prove_remainder
 from glider.verification.sos.solving import SolverError
-from glider.verification.trials.attack import (
-    attack_funnel,
-    fly_inside,
-)
+from glider.verification.trials.falsify import falsify_funnel
+from glider.verification.trials.flights import fly_inside
 
 SHOWN = 40
-"""Flights from inside that are kept to look at."""
+"""Number of flights from inside that are kept to look at."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelStudy:
-    """A funnel and what became of it."""
+    """A funnel and what was found of it."""
 
     funnel: Funnel
-    """The funnel."""
+    """Funnel that was made or loaded."""
 
     figures: dict
-    """Of `figures_of`."""
+    """Key figures, of `figures_of`."""
 
     flights: np.ndarray
-    """(SHOWN, T, n) paths of launches from inside."""
+    """Paths (SHOWN, T, n) of launches from inside."""
 
 
 def certify_perch(
@@ -72,7 +70,7 @@ def study_funnel(
     progress: Progress,
     prove: bool = False,
 ) -> FunnelStudy:
-    """Makes a funnel for a model or loads one from a file, and tries it.
+    """Makes a funnel for a model or loads one from a file, checks it and tries it.
 
     Args:
         source: the model, or a file of a funnel.
@@ -89,8 +87,8 @@ def study_funnel(
         funnel = certify_perch(source, settings, progress)
     progress("checking the certificate in whole numbers")
     verdict = check_funnel(funnel, every)
-    progress("trying to break the funnel")
-    attack = attack_funnel(funnel, samples, rng)
+    progress("trying to falsify the funnel by flights")
+    falsification = falsify_funnel(funnel, samples, rng)
     proof = None
     if prove and verdict.holds and funnel.beta.any():
         proof = prove_remainder(
@@ -100,6 +98,6 @@ def study_funnel(
         )
     return FunnelStudy(
         funnel=funnel,
-        figures=figures_of(funnel, verdict, attack, proof),
+        figures=figures_of(funnel, verdict, falsification, proof),
         flights=fly_inside(funnel, SHOWN, rng),
     )

@@ -70,6 +70,10 @@ _COMPILING = threading.RLock()
 tell_compiler(register_jitable)
 
 
+machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
+"""Compiles a function of arrays that has no physics in it, and keeps it on disk."""
+
+
 class UncompilableError(InputError):
     """A formula is not of what numba compiles."""
 

@@ -1,6 +1,29 @@
 """The file of a funnel: notes and arrays in one .npz, read before they mean anything.
 
 NumPy is all that this needs, so that a file that is no funnel is refused at once.
+
+A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`,
+
+    times   (T,)       times, increasing from 0 [s]
+    states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
+    inputs  (T,)       u₀, the elevator's rate [rad/s]
+    gains   (T, n)     K of the feedback u = u₀ - K (x - x₀)
+    S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1
+    slopes  (T, n, n)  Ṡ [1/s]; between the times S is the cubic Hermite polynomial
+    beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
+    weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
+    grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, for they are a
+                       hint that the check mends; lower triangles, column by column, in
+                       the basis of `glider.verification.sos.sphere`
+
+and `notes`, a JSON text with
+
+    format       "drake-glider funnel 1"
+    state_names  n names: STATE_NAMES, then the effects' own states
+    settings     the fields of FunnelSettings
+    solver       name of the solver that was tried first
+    seconds      duration of the computation [s]
+    model        the glider, the text of a file of `glider.physics.model`
 """
 
 import dataclasses
@@ -46,10 +69,10 @@ class FunnelFile:
     """Text of the glider's model file."""
 
     solver: str
-    """Which one shaped the funnel."""
+    """Name of the solver that was tried first."""
 
     seconds: float
-    """That it took."""
+    """Duration of the computation [s]."""
 
     arrays: dict[str, np.ndarray]
     """Name to numbers, of the shapes in `_shapes`."""

@@ -1,4 +1,4 @@
-"""A funnel: ellipsoids along a flight that no deviation leaves. What is kept of it."""
+"""A funnel: a tube of states about a nominal flight, saved and loaded whole."""
 
 import dataclasses
 import functools
@@ -15,58 +15,62 @@ from glider.physics.model import (
     save_model,
 )
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.between import nominal_slopes
+from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.file import FunnelFile, read_file, write_file
 from glider.verification.funnel.settings import FunnelSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Funnel:
-    """{x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
+    """The sets {x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
 
-    S is the cubic Hermite polynomial through its values and slopes.
+    S is the cubic Hermite polynomial through its values and slopes. The names of the
+    arrays are keys in the file.
     """
 
     nominal: Nominal
-    """x₀, and the feedback that keeps the glider inside."""
+    """Nominal flight x₀, and the feedback that keeps the glider inside."""
 
     settings: FunnelSettings
-    """What was asked for."""
+    """Settings that it was made with; the goal is there."""
 
     S: np.ndarray
-    """(T, n, n)."""
+    """Matrices S (T, n, n)."""
 
     slopes: np.ndarray
-    """(T, n, n) Ṡ [1/s]."""
+    """Slopes Ṡ (T, n, n) [1/s]."""
 
     beta: np.ndarray
-    """(T, n) the remainder of the Taylor polynomial that it bears [m/s², rad/s²]."""
+    """Bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²]."""
 
     weights: np.ndarray
-    """(T, n) λ of `glider.verification.funnel.remainder`."""
+    """Weights λ (T, n) of `glider.verification.funnel.remainder`."""
 
     grams: np.ndarray
-    """(T, E) one Gram matrix a time: the certificate."""
+    """Gram matrices (T, E), one a time: the certificate."""
 
     solver: str
-    """Which one shaped it."""
+    """Name of the solver that was tried first."""
 
     seconds: float
-    """That it took."""
+    """Duration of the computation [s]."""
 
     @property
     def num_states(self) -> int:
-        """Counts the states, the effects' own included."""
+        """Number of states n, the effects' own included."""
         return self.S.shape[1]
 
     @functools.cached_property
     def _curves(self) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
         return (
             CubicHermiteSpline(self.nominal.times, self.S, self.slopes),
-            CubicHermiteSpline(
-                self.nominal.times, self.nominal.states, nominal_slopes(self.nominal)
-            ),
+            nominal_path(self.nominal),
         )
+
+    def some_times(self, every: int) -> list[int]:
+        """Returns the indices of every so many times, the first and last included."""
+        last = len(self.nominal.times) - 1
+        return sorted({*range(0, last + 1, every), last})
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
@@ -104,15 +108,15 @@ class Funnel:
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_NOMINAL = ("times", "states", "inputs", "gains")
-_OWN = ("S", "slopes", "beta", "weights", "grams")
+_NOMINAL_ARRAYS = ("times", "states", "inputs", "gains")
+_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
     """Writes a funnel as .npz, its glider included; `load_funnel` reads it."""
-    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL}
-    arrays |= {name: getattr(funnel, name) for name in _OWN}
-    # A Gram matrix is a hint that the check mends: half of its digits are enough.
+    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL_ARRAYS}
+    arrays |= {name: getattr(funnel, name) for name in _OWN_ARRAYS}
+    # The check mends a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
     write_file(
         path,
@@ -128,10 +132,13 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
 
 
 def load_funnel(path: Path | str) -> Funnel:
-    """Loads a funnel; a file that is none is an InputError.
+    """Loads a funnel.
 
     Nothing is taken on trust but that the numbers fit together; whether they are a
     certificate is for `glider.verification.proof.check`.
+
+    Raises:
+        InputError: the file holds no funnel, or one of a time-varying glider.
     """
     return funnel_of(read_file(path), path)
 
@@ -153,12 +160,12 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
         nominal=Nominal(
             model=model,
             state_names=file.state_names,
-            **{name: file.arrays[name] for name in _NOMINAL},
+            **{name: file.arrays[name] for name in _NOMINAL_ARRAYS},
         ),
         settings=settings,
         solver=file.solver,
         seconds=file.seconds,
-        **{name: file.arrays[name] for name in _OWN},
+        **{name: file.arrays[name] for name in _OWN_ARRAYS},
     )
 
 
