@@ -27,7 +27,7 @@ def changed_files() -> list[str]:
     return []
 
 
-def tests_of(path: str, root: Path = ROOT) -> str | None:
+def folder_of(path: str, root: Path = ROOT) -> str | None:
     """Returns the test file or the folder of tests of a changed file.
 
     None where none is known: of a deleted test, a page, a figure.
@@ -41,5 +41,5 @@ def tests_of(path: str, root: Path = ROOT) -> str | None:
 
 
 if __name__ == "__main__":
-    found = {tests_of(path) for path in changed_files() if path.endswith(".py")}
+    found = {folder_of(path) for path in changed_files() if path.endswith(".py")}
     print(*sorted({*filter(None, found), *ALWAYS}))

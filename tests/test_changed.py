@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.changed import ROOT, tests_of
+from tests.changed import ROOT, folder_of
 
 
 @pytest.mark.parametrize(
@@ -20,12 +20,12 @@ from tests.changed import ROOT, tests_of
         ("README.md", None),
     ],
 )
-def test_a_changed_file_means_the_tests_of_its_package(path, tests):
-    assert tests_of(path) == tests
+def test_a_changed_file_means_the_folder_of_its_package(path, tests):
+    assert folder_of(path) == tests
 
 
 def test_every_package_has_tests():
     packages = [p.parent for p in (ROOT / "glider").glob("*/__init__.py")]
-    assert {tests_of(f"glider/{p.name}/a.py") for p in packages} == {
+    assert {folder_of(f"glider/{p.name}/a.py") for p in packages} == {
         f"tests/{p.name}" for p in packages
     }
