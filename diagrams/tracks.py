@@ -1,4 +1,4 @@
-"""Plans and simulated flights as tracks for Meshcat."""
+"""Plans, simulated and logged flights as tracks for Meshcat."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from diagrams.scene import NUM_POSITIONS
 from diagrams.simulate import SimulatedFlight
 from glider.planning.plan import Plan
 from glider.simulation.stepped import Execution
+from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]
 
@@ -35,3 +36,14 @@ def execution_track(name: str, flown: Execution, color: Color | None = None) -> 
     """Returns a flight under a stepped plan."""
     poses = flown.states[:, :NUM_POSITIONS]
     return Track(name=name, times=flown.times, poses=poses, color=color)
+
+
+def motion_track(name: str, motion: Motion, color: Color | None = None) -> Track:
+    """Returns a logged flight, as measured or as a model flies it."""
+    return Track(
+        name=name,
+        times=motion.time,
+        poses=motion.poses,
+        color=color,
+        forces=motion.forces,
+    )

@@ -1,6 +1,5 @@
-"""Figures of what was planned and flown."""
+"""Figures of what studies found."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +7,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from diagrams.simulate import SimulatedFlight
+from diagrams.studies.perch_study import PerchStudy
 from diagrams.studies.rehearsal import Rehearsal
+from diagrams.studies.sampled import Comparison
 from glider.physics.state import STATE_NAMES
-from glider.planning.plan import Plan
 from glider.report.plots.style import STYLE
+from glider.studies.coefficients import corrected_coefficients
+from glider.studies.plots.coefficients import save_coefficients_figure
 from glider.studies.plots.perching import (
     AFTER,
     BEFORE,
@@ -19,17 +21,19 @@ from glider.studies.plots.perching import (
     plot_misses,
     plot_perches,
 )
+from glider.studies.plots.sampling import save_sampling_figure
+from glider.studies.residual_study import (
+    WORDS,
+    ResidualStudy,
+)
+from glider.studies.searches import Searches
 
 _ELEVATOR = STATE_NAMES.index("elevator")
 
 
-def save_perch_figure(
-    path: Path,
-    plan: Plan,
-    flights: Sequence[SimulatedFlight],
-    replayed: Sequence[SimulatedFlight],
-) -> None:
+def save_perch_figure(path: Path, study: PerchStudy) -> None:
     """Saves the paths and the elevator of a plan and its flights."""
+    plan, flights = study.plan, study.flights
     with rc_context(STYLE):
         figure = Figure(figsize=(9.5, 5.6), layout="constrained")
         top, bottom = figure.subplots(2, 1, height_ratios=[3, 2])
@@ -37,7 +41,7 @@ def save_perch_figure(
             top,
             plan.states,
             [flight.states for flight in flights],
-            [flight.states for flight in replayed],
+            [flight.states for flight in study.blind],
         )
         elevators = [_elevator(flight) for flight in flights]
         plot_commands(bottom, plan.times, plan.states[:, _ELEVATOR], elevators)
@@ -59,6 +63,32 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
             plot_misses(axes[2], rehearsal.misses, f"planned {name}", color)
         axes[2].legend(loc="best")
         figure.savefig(path, dpi=150)
+
+
+def save_searches_figure(path: Path, searches: Searches, flown: Comparison) -> None:
+    """Saves costs, the flights that the first searches drew, and the comparison."""
+    drawn = {}
+    for name, (first, *_) in searches.found.items():
+        samples = {k: searches.fly(tried) for k, tried in first.drawn.items()}
+        drawn[name] = samples, searches.fly(first.mean[None])[0]
+    save_sampling_figure(
+        path,
+        searches.costs,
+        drawn,
+        flown.plan.states,
+        [flight.states for flight in flown.replanned],
+        [flight.states for flight in flown.replayed],
+    )
+
+
+def save_residual_figure(path: Path, study: ResidualStudy) -> None:
+    """Saves the coefficients of the held-out flights, measured and of each model."""
+    seen = study.held_out
+    values = {
+        WORDS[name]: corrected_coefficients(seen, model.field)
+        for name, model in study.models.items()
+    }
+    save_coefficients_figure(path, seen.variables["alpha"], seen.measured, values)
 
 
 def _elevator(flight: SimulatedFlight) -> np.ndarray:

@@ -29,7 +29,9 @@ from glider.planning.dircol import (
 )
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from glider.report.wording import headline
 from glider.simulation.closed_loop import AFTER
+from glider.sysid.result import Result
 from glider.systems.plant import GliderPlant
 
 COMMAND_RATE = 50.0
@@ -62,6 +64,52 @@ class Rehearsal:
         """How many flights came within reach of the wire."""
         return sum(flight.perched for flight in self.flights)
 
+    def key_figures(self) -> dict[str, object]:
+        """Returns misses and successes, for a file."""
+        return {"miss_m": self.misses, "perched": self.perched}
+
+    def describe(self) -> str:
+        """Returns how many flights perch, and by how much the median one misses."""
+        return (
+            f"{self.perched} of {len(self.flights)} launches perch, "
+            f"median miss {1000 * np.median(self.misses):.1f} mm"
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What closing the loop is worth: rehearsals before and after."""
+
+    truth: GliderModel
+    """The glider that flies."""
+
+    before: Rehearsal
+    """With its drawing for a model."""
+
+    found: Result
+    """What the logs of those flights show."""
+
+    after: Rehearsal
+    """With the model that was found."""
+
+    def key_figures(self) -> dict[str, object]:
+        """Returns effects, misses and successes, for a file."""
+        return {
+            "effect_true": name_effects(self.truth),
+            "effect_found": [effect.kind for effect in self.found.effects],
+            "before": self.before.key_figures(),
+            "after": self.after.key_figures(),
+            "launches": len(self.before.flights),
+        }
+
+    def describe(self) -> str:
+        """Returns what was found, and how launches ended before and after."""
+        return (
+            f"{headline(self.found)}\n"
+            f"planned as drawn: {self.before.describe()}\n"
+            f"planned corrected: {self.after.describe()}"
+        )
+
 
 def load_truth(name: str) -> GliderModel:
     """Loads a glider with an effect: a model file, or one of models/truths by name.
@@ -78,6 +126,13 @@ def load_truth(name: str) -> GliderModel:
             "is needed."
         )
     return load_model(models_path("truths", f"{name}.yaml"))
+
+
+def name_effects(model: GliderModel) -> str:
+    """Returns the kinds of a model's effects, its field among them, or "nothing"."""
+    kinds = [effect.kind.kind for effect in model.effects]
+    kinds += [] if model.field is None else [model.field.kind]
+    return " + ".join(kinds) or "nothing"
 
 
 def rehearse(

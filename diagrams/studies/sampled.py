@@ -1,9 +1,7 @@
-"""Searches that sample, and a controller that does, against a plan replayed."""
+"""A controller that samples, against feedback along a plan and the plan replayed."""
 
 import dataclasses
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -20,18 +18,17 @@ from glider.control.mppi import (
     sequence_of,
 )
 from glider.control.tvlqr_drake import tracking_regulator
+from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import (
     Progress,
     plan,
 )
 from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import (
-    Search,
-    SequenceCost,
+from glider.planning.problem import (
+    PerchingProblem,
+    load_problem,
 )
-from glider.studies.plots.sampling import save_sampling_figure
 from glider.systems.plant import GliderPlant
 
 AFTER = 0.2
@@ -68,9 +65,19 @@ class Comparison:
             "MPPI, planning anew": self.replanned,
         }
 
-    def key_figures(self) -> dict[str, object]:
-        """Returns misses and successes, for a file."""
+    @property
+    def worst(self) -> SimulatedFlight:
+        """The flight of MPPI that misses by most."""
+        return max(self.replanned, key=lambda flight: flight.miss)
+
+    def key_figures(self, truth: str) -> dict[str, object]:
+        """Returns misses and successes, for a file.
+
+        Args:
+            truth: what the glider that flies is called.
+        """
         return {
+            "truth": truth,
             "miss_m": [flight.miss for flight in self.replanned],
             "perched": sum(flight.perched for flight in self.replanned),
             "open_loop_miss_m": [flight.miss for flight in self.replayed],
@@ -78,14 +85,30 @@ class Comparison:
             "real_time_factor": self.real_time_factor,
         }
 
+    def describe(self, truth: str) -> str:
+        """Returns a line for each policy, and how fast planning anew is.
+
+        Args:
+            truth: what the glider that flies is called.
+        """
+        lines = []
+        for name, flights in self.policies.items():
+            miss = 1000 * np.median([flight.miss for flight in flights])
+            lines.append(
+                f"{truth}, {name}: {sum(flight.perched for flight in flights)} of "
+                f"{len(flights)} perch, median miss {miss:.1f} mm"
+            )
+        speed = f"{self.real_time_factor:.1f} s of flight."
+        return "\n".join([*lines, f"MPPI needs 1 s of one core for {speed}"])
+
 
 def compare(
     truth: GliderModel,
-    model: GliderModel,
     problem: PerchingProblem,
-    replanning: PerchingProblem,
     starts: np.ndarray,
     *,
+    model: GliderModel | None = None,
+    replanning: PerchingProblem | None = None,
     seed: int = 0,
     warm: bool = True,
     progress: Progress | None = None,
@@ -94,10 +117,11 @@ def compare(
 
     Args:
         truth: the glider that flies.
-        model: what is believed of it.
         problem: of the plan.
-        replanning: whose goal and weights MPPI uses.
         starts: (B, 7) launch states.
+        model: what is believed of the glider; None for its drawing.
+        replanning: whose goal and weights MPPI uses; None for replanning.yaml of the
+            models.
         seed: of MPPI; every flight meets the same random numbers.
         warm: whether MPPI starts from the plan, or from no command at all.
         progress: told what is being done.
@@ -106,8 +130,11 @@ def compare(
         PlanningError: where the model cannot do what the problem asks.
     """
     say = progress or (lambda text: None)
+    model = GliderModel(parameters=truth.parameters) if model is None else model
     plant = GliderPlant(model)
     planned = plan(plant, problem, progress=lambda text: say(f"plan: {text}"))
+    if replanning is None:
+        replanning = load_problem(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(plant, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
     tracking = tracking_regulator(plant, planned)
@@ -136,51 +163,4 @@ def compare(
         tracked=flights[1],
         replanned=flights[2],
         real_time_factor=len(starts) * duration / seconds,
-    )
-
-
-def histories(found: Mapping[str, Sequence[Search]]) -> dict[str, np.ndarray]:
-    """Returns the costs of some searches by each method, (seeds, iterations + 1)."""
-    return {
-        name: np.array([search.costs for search in searches])
-        for name, searches in found.items()
-    }
-
-
-def spread(runs: np.ndarray) -> dict[str, list[float]]:
-    """Returns the median, the least and the largest cost of each iteration."""
-    return {
-        "cost": np.median(runs, axis=0).tolist(),
-        "lowest": np.min(runs, axis=0).tolist(),
-        "highest": np.max(runs, axis=0).tolist(),
-    }
-
-
-def save_sampled_figure(
-    path: Path,
-    cost: SequenceCost,
-    start: np.ndarray,
-    found: Mapping[str, Sequence[Search]],
-    flown: Comparison,
-) -> None:
-    """Saves costs, the flights that the first searches drew, and the comparison.
-
-    Args:
-        path: of the picture.
-        cost: that was searched with.
-        start: (n,) state at launch.
-        found: method to its searches.
-        flown: the comparison.
-    """
-    drawn = {}
-    for name, (first, *_) in found.items():
-        samples = {k: cost.fly(start, tried) for k, tried in first.drawn.items()}
-        drawn[name] = samples, cost.fly(start, first.mean[None])[0]
-    save_sampling_figure(
-        path,
-        histories(found),
-        drawn,
-        flown.plan.states,
-        [flight.states for flight in flown.replanned],
-        [flight.states for flight in flown.replayed],
     )
