@@ -13,7 +13,9 @@ from diagrams.studies.sampled import Comparison
 from glider.physics.state import STATE_NAMES
 from glider.report.plots.style import STYLE
 from glider.studies.coefficients import corrected_coefficients
+from glider.studies.learning_study import LearningStudy
 from glider.studies.plots.coefficients import save_coefficients_figure
+from glider.studies.plots.learning import save_learning_figure
 from glider.studies.plots.perching import (
     AFTER,
     BEFORE,
@@ -89,6 +91,12 @@ def save_residual_figure(path: Path, study: ResidualStudy) -> None:
         for name, model in study.models.items()
     }
     save_coefficients_figure(path, seen.variables["alpha"], seen.measured, values)
+
+
+def save_learning_study(path: Path, study: LearningStudy) -> None:
+    """Saves the rounds of learning: flights of the weights' loop, costs, misses."""
+    paths = [turn.flights[0].states for turn in study.weights]
+    save_learning_figure(path, paths, study.key_figures())
 
 
 def _elevator(flight: SimulatedFlight) -> np.ndarray:
