@@ -28,14 +28,19 @@ def flight_track(
 
 def plan_track(name: str, plan: Plan, color: Color | None = None) -> Track:
     """Returns a plan, at its knots."""
-    poses = plan.states[:, :NUM_POSITIONS]
-    return Track(name=name, times=plan.times, poses=poses, color=color)
+    return path_track(name, plan.times, plan.states, color)
 
 
 def execution_track(name: str, flown: Execution, color: Color | None = None) -> Track:
     """Returns a flight under a stepped plan."""
-    poses = flown.states[:, :NUM_POSITIONS]
-    return Track(name=name, times=flown.times, poses=poses, color=color)
+    return path_track(name, flown.times, flown.states, color)
+
+
+def path_track(
+    name: str, times: np.ndarray, states: np.ndarray, color: Color | None = None
+) -> Track:
+    """Returns states (K, n) at some times [s]."""
+    return Track(name=name, times=times, poses=states[:, :NUM_POSITIONS], color=color)
 
 
 def motion_track(name: str, motion: Motion, color: Color | None = None) -> Track:

@@ -12,8 +12,11 @@ from diagrams.studies.rehearsal import Rehearsal
 from diagrams.studies.sampled import Comparison
 from glider.physics.state import STATE_NAMES
 from glider.report.plots.style import STYLE
+from glider.studies.basis.basis_report import scores_of
+from glider.studies.basis.basis_study import BasisStudy
 from glider.studies.coefficients import corrected_coefficients
 from glider.studies.learning_study import LearningStudy
+from glider.studies.plots.basis import save_exercise_figure
 from glider.studies.plots.coefficients import save_coefficients_figure
 from glider.studies.plots.learning import save_learning_figure
 from glider.studies.plots.perching import (
@@ -97,6 +100,13 @@ def save_learning_study(path: Path, study: LearningStudy) -> None:
     """Saves the rounds of learning: flights of the weights' loop, costs, misses."""
     paths = [turn.flights[0].states for turn in study.weights]
     save_learning_figure(path, paths, study.key_figures())
+
+
+def save_basis_figure(path: Path, study: BasisStudy) -> None:
+    """Saves the scores and the held-out flight of the exercise."""
+    held_out = study.exercise.held_out
+    times, measured = held_out.times, held_out.states[0]
+    save_exercise_figure(path, scores_of(study.fits), times, measured, study.flown)
 
 
 def _elevator(flight: SimulatedFlight) -> np.ndarray:
