@@ -31,6 +31,11 @@ from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
 from glider.simulation.closed_loop import AFTER
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 from glider.systems.plant import GliderPlant
 
@@ -184,3 +189,25 @@ def rehearse(
         "rehearsal", truth.parameters, logs, CAPTURE_RATE, COMMAND_RATE
     )
     return Rehearsal(plan=planned, flights=flights, campaign=campaign)
+
+
+def trace_model(
+    truth: GliderModel,
+    flights: int,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> GliderModel:
+    """Returns what the logs of perches planned with the drawing tell of a glider.
+
+    Args:
+        truth: the glider that flies.
+        flights: how many.
+        rng: of the launches and of the noise of motion capture.
+        progress: told what is being done.
+    """
+    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
+    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    flown = rehearse(truth, drawing, problem, starts, rng, progress)
+    return close_the_loop(
+        flown.campaign, progress=progress or (lambda text: None)
+    ).model

@@ -18,7 +18,7 @@ from glider.planning.sampling import (
 )
 from glider.systems.plant import GliderPlant
 
-METHODS = {"CEM": cem, "MPPI": mppi}
+METHODS: dict[str, Callable[..., Search]] = {"CEM": cem, "MPPI": mppi}
 
 KEPT = (1, 10, 30, 100)
 """Iterations whose sequences are kept."""

@@ -79,7 +79,7 @@ def describe(study: BasisStudy) -> str:
         f"logged as published, pitch, elevator and command have signs {found.pitch}, "
         f"{found.elevator}, {found.command}; the tracer names {', '.join(traced)}"
     )
-    for name, errors in study.rollouts.items():
-        before, after = (error.weighted for error in errors.values())
+    for name, pair in study.rollouts.items():
+        before, after = (error.weighted for error in pair.values())
         lines.append(f"{name}: held-out rollout {before:.4f}, refined {after:.4f}")
     return "\n".join(lines)
