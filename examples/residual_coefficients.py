@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from diagrams import showing
 from diagrams.playback import GREEN, GREY, RED
 from diagrams.studies.figures import save_residual_figure
-from diagrams.tracks import motion_track
+from diagrams.tracks import path_track
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel, save_model
@@ -68,7 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_model(args.model, found.models[WORDS["26"]])
     showing.write_figure(args, save_residual_figure, found.study)
     colors = {WORDS["plate"]: GREY, WORDS["26"]: RED, WORDS["126"]: GREEN}
-    tracks = [motion_track(n, m, colors.get(n)) for n, m in found.motions.items()]
+    flown = found.motions.items()
+    tracks = [path_track(n, m.time, m.poses, colors.get(n)) for n, m in flown]
     title = f"{campaign.name}, {found.study.unseen[0].name}"
     drawing = refly.drawing_of(campaign)
     showing.show(args, tracks, title, parameters=drawing, has_wire=False)
