@@ -23,7 +23,6 @@ from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 
 
 def make_examples() -> dict[str, Diagram]:
@@ -32,12 +31,11 @@ def make_examples() -> dict[str, Diagram]:
     problem = PerchingProblem()
 
     def fly(model: GliderModel, **options: Any) -> Diagram:
-        plant = GliderPlant(model)
-        plan = dircol.plan(plant, problem)
-        regulator = tracking_regulator(plant, plan)
+        plan = dircol.plan(model, problem)
+        regulator = tracking_regulator(model, plan)
         return closed_loop(drawing, regulator, planned=model, **options)
 
-    plan = dircol.plan(GliderPlant(drawing), problem)
+    plan = dircol.plan(drawing, problem)
     return {
         "open_loop": open_loop(drawing, plan),
         "closed_loop": fly(drawing),

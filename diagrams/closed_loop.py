@@ -15,10 +15,9 @@ from diagrams.parts import (
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
-from glider.simulation.closed_loop import check_command_rate
+from glider.simulation.fly import check_command_rate
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
-from glider.systems.plant import GliderPlant
 
 
 def closed_loop(
@@ -113,7 +112,7 @@ def closed_loop(
 def _is_observed(planned: GliderModel | None, wanted: int) -> bool:
     if planned is None:
         return False
-    n = len(GliderPlant(planned).state_names)
+    n = planned.num_states
     if n != wanted:
         raise InputError(
             f"The planned model has {n} states, but its regulator wants {wanted}."

@@ -17,15 +17,13 @@ from diagrams.parts import (
     tape_rows,
 )
 from diagrams.simulate import (
-    SimulatedFlight,
     simulate_flights,
 )
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.estimation.perching import (
-    CAPTURE_RATE,
-    CAPTURE_STD,
+    CAPTURE,
     launch_prior,
     perching_ekf,
 )
@@ -33,8 +31,8 @@ from glider.estimation.running import Belief
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-from glider.simulation.closed_loop import AFTER
-from glider.systems.plant import GliderPlant
+from glider.simulation.flights import FlownFlight
+from glider.simulation.fly import AFTER
 from glider.systems.servo import ElevatorServo
 
 CAPTURED = ("x", "z", "pitch", "elevator")
@@ -45,10 +43,10 @@ CAPTURED = ("x", "z", "pitch", "elevator")
 class EstimatedPerches:
     """The same launches of one glider with and without a filter's eyes."""
 
-    on_state: list[SimulatedFlight]
+    on_state: list[FlownFlight]
     """The regulator gets the true state."""
 
-    on_estimate: list[SimulatedFlight]
+    on_estimate: list[FlownFlight]
     """It gets what a filter makes of motion capture."""
 
 
@@ -65,15 +63,14 @@ def fly_on_estimate(
         model: of plan, feedback and filter, and the glider that flies.
         plan: to track.
         starts: (B, 7) launches.
-        rng: draws the noise of motion capture, CAPTURE_STD.
+        rng: draws the noise of motion capture, CAPTURE.std.
         progress: told which launch is flown.
     """
-    plant, ekf = GliderPlant(model), perching_ekf(model)
-    seeing = closed_loop(model, tracking_regulator(plant, plan), all_states=True)
+    ekf = perching_ekf(model)
+    seeing = closed_loop(model, tracking_regulator(model, plan), all_states=True)
     prior = launch_prior(ekf, plan.states[0])
-    filtering = estimated_loop(model, tracking_regulator(plant, plan), ekf, prior)
-    shape = (len(starts), tape_rows(CAPTURE_RATE), len(CAPTURE_STD))
-    noise = rng.normal(size=shape) * CAPTURE_STD
+    filtering = estimated_loop(model, tracking_regulator(model, plan), ekf, prior)
+    noise = CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate))
     duration = plan.duration + AFTER
     return EstimatedPerches(
         on_state=simulate_flights(seeing, starts, duration, progress=progress),

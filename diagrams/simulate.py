@@ -1,6 +1,5 @@
 """Many flights of one diagram, which Drake need not build again."""
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -18,41 +17,10 @@ from glider.physics.state import (
     NUM_STATES,
     POSE_NAMES,
 )
-from glider.simulation.miss import (
-    PERCH_RADIUS,
-    path_miss,
-)
-from glider.systems.plant import initial_state
+from glider.simulation.flights import FlownFlight
+from glider.simulation.miss import path_miss
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SimulatedFlight:
-    """One flight of a diagram."""
-
-    times: np.ndarray
-    """(K,) of the integrator's steps [s]."""
-
-    states: np.ndarray
-    """(K, n) of the glider."""
-
-    rates: np.ndarray
-    """(K,) elevator rate that the servo gives the glider [rad/s]."""
-
-    forces: np.ndarray
-    """(K, 2) of wing and elevator along their normals [N]."""
-
-    miss: float
-    """Least distance of the center of mass from the wire [m]."""
-
-    log: Flight | None
-    """What motion capture and the commands' log hold, where there is one."""
-
-    @property
-    def perched(self) -> bool:
-        """Whether the wire was within reach."""
-        return self.miss < PERCH_RADIUS
 
 
 def simulate_flights(
@@ -65,7 +33,7 @@ def simulate_flights(
     capture_noise: np.ndarray | None = None,
     accuracy: float = 1e-6,
     progress: Callable[[str], None] | None = None,
-) -> list[SimulatedFlight]:
+) -> list[FlownFlight]:
     """Flies launches through one diagram of `open_loop` or `closed_loop`.
 
     Each flight starts from the diagram's default context: Drake 1.51.1 loses
@@ -75,12 +43,12 @@ def simulate_flights(
         diagram: with "glider" and "state_log".
         starts: (B, 7), the effects' own states at rest, or (B, n).
         duration: of the flights [s]; the plan's and what it takes to pass the
-            wire, `glider.simulation.closed_loop.AFTER`. With noise at most
+            wire, `glider.simulation.fly.AFTER`. With noise at most
             `diagrams.parts.LONGEST`.
         wire: (x, z) [m].
         feedback_noise: (B, H, m) one row for each command.
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample;
-            `draw_capture_noise` draws it.
+            `MotionCapture.draw` draws it.
         accuracy: of the integrator.
         progress: told which launch is flown.
     """
@@ -126,7 +94,7 @@ def reset(diagram: Diagram, context: Context, start: np.ndarray) -> None:
     context.SetTime(0.0)
     glider = diagram.GetSubsystemByName("glider")
     own = diagram.GetMutableSubsystemContext(glider, context)
-    own.SetContinuousState(initial_state(glider, start))
+    own.SetContinuousState(glider.model.initial_state(start))
     if diagram.HasSubsystemNamed("observer"):
         observer = diagram.GetSubsystemByName("observer")
         own = diagram.GetMutableSubsystemContext(observer, context)
@@ -136,33 +104,16 @@ def reset(diagram: Diagram, context: Context, start: np.ndarray) -> None:
             system.FindMutableLog(context).Clear()
 
 
-def draw_capture_noise(
-    rng: np.random.Generator,
-    flights: int,
-    rows: int,
-    *,
-    position: float = 0.0004,
-    pitch: float = 0.0025,
-    elevator: float = 0.005,
-) -> np.ndarray:
-    """Draws noise for motion capture, shape (flights, rows, 4).
-
-    The standard deviations are those of `glider.sysid.fit.simulate` [m, rad].
-    """
-    scale = [position, position, pitch, elevator]
-    return rng.normal(size=(flights, rows, len(scale))) * scale
-
-
 def _collect(
     diagram: Diagram, context: Context, wire: tuple[float, float], name: str
-) -> SimulatedFlight:
+) -> FlownFlight:
     times, states = _read(diagram, context, "state_log")
     _, rates = _read(diagram, context, "rate_log")
     _, forces = _read(diagram, context, "force_log")
     log = None
     if diagram.HasSubsystemNamed("capture_log"):
         log = capture_of(diagram, context, name)
-    return SimulatedFlight(
+    return FlownFlight(
         times=times,
         states=states,
         rates=rates[:, 0],

@@ -4,36 +4,28 @@ import numpy as np
 
 from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
-from diagrams.simulate import SimulatedFlight
 from glider.planning.plan import Plan
-from glider.simulation.stepped import Execution
+from glider.simulation.flights import FlownFlight
 from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]
 
 
-def flight_track(
-    name: str, flight: SimulatedFlight, color: Color | None = None
-) -> Track:
-    """Returns a flight with the forces on its wing and elevator."""
+def flight_track(name: str, flight: FlownFlight, color: Color | None = None) -> Track:
+    """Returns a flight, with the forces on wing and elevator where they are known."""
     kept = np.flatnonzero(np.append(np.diff(flight.times) > 0.0, True))
     return Track(
         name=name,
         times=flight.times[kept],
         poses=flight.states[kept, :NUM_POSITIONS],
         color=color,
-        forces=flight.forces[kept],
+        forces=None if flight.forces is None else flight.forces[kept],
     )
 
 
 def plan_track(name: str, plan: Plan, color: Color | None = None) -> Track:
     """Returns a plan, at its knots."""
     return path_track(name, plan.times, plan.states, color)
-
-
-def execution_track(name: str, flown: Execution, color: Color | None = None) -> Track:
-    """Returns a flight under a stepped plan."""
-    return path_track(name, flown.times, flown.states, color)
 
 
 def path_track(

@@ -40,24 +40,24 @@ from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from glider.studies.filter_flights import perching_glider, watch_twice
 from glider.studies.filter_study import CONSTANTS, settled_bound
-from glider.systems.plant import GliderPlant
 
 
 def fly(
     launches: int = 20, seed: int = 0, progress: showing.Progress = showing.silent
 ) -> FilterReport:
     """Filters a cruise and a perch in two ways, and perches on an estimate."""
-    plant, rng = GliderPlant(perching_glider()), np.random.default_rng(seed)
-    policy = compiled_policy(plant, plan(plant, PerchingProblem(), progress=progress))
+    model, problem = perching_glider(), PerchingProblem()
+    rng = np.random.default_rng(seed)
+    policy = compiled_policy(model, plan(model, problem, progress=progress))
     drifting, constant = watch_twice(policy, rng, progress)
-    starts = draw_launches(PerchingProblem(), LaunchSpread(), launches, rng)
+    starts = draw_launches(problem, LaunchSpread(), launches, rng)
     return FilterReport(
         plan=policy.plan,
         drifting=drifting,
         constant=constant,
-        settled=settled_bound(plant.model.parameters, rng, CONSTANTS),
-        consistency=watch_perches(plant.model, policy, PERCHES, rng).consistency,
-        flown=fly_on_estimate(plant.model, policy.plan, starts, rng, progress),
+        settled=settled_bound(model.parameters, rng, CONSTANTS),
+        consistency=watch_perches(model, policy, PERCHES, rng).consistency,
+        flown=fly_on_estimate(model, policy.plan, starts, rng, progress),
     )
 
 

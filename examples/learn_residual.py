@@ -31,7 +31,7 @@ from diagrams import showing
 from diagrams.playback import GREY, RED
 from diagrams.studies.figures import save_learning_study
 from diagrams.studies.rehearsal import load_truth
-from diagrams.tracks import execution_track
+from diagrams.tracks import flight_track
 from glider.physics.model import GliderModel
 from glider.studies import learning
 from glider.studies.learning_study import LearningStudy, learn_from_seed
@@ -60,18 +60,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--order", type=int, choices=(1, 4), default=4, help=words)
     showing.add_launches(parser, 3)
     args = showing.read_options(parser, arguments, figure="as PNG")
-    truth, problem = load_truth(args.truth), learning.learning_problem(args.order)
+    truth, settings = load_truth(args.truth), learning.learning_settings(args.order)
+    options = {"launches": args.launches, "seed": args.seed, "settings": settings}
     with showing.working("compile (once)") as progress:
-        options = {"launches": args.launches, "problem": problem, "progress": progress}
-        found = run(truth, args.weights, args.traced, seed=args.seed, **options)
+        found = run(truth, args.weights, args.traced, progress=progress, **options)
     print(found.describe())
     asked = {name: getattr(args, name) for name in ("truth", "order", "seed")}
     showing.write_json(args, found.key_figures() | asked)
     showing.write_figure(args, save_learning_study, found)
     tracks = [
-        execution_track("traced - last round", found.traced[-1].flights[0]),
-        execution_track("weights - last round", found.weights[-1].flights[0], GREY),
-        execution_track("planned with the drawing", found.weights[0].flights[0], RED),
+        flight_track("traced - last round", found.traced[-1].flights[0]),
+        flight_track("weights - last round", found.weights[-1].flights[0], GREY),
+        flight_track("planned with the drawing", found.weights[0].flights[0], RED),
     ]
     showing.show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 

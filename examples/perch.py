@@ -25,9 +25,8 @@ from glider.control.tvlqr_drake import tracking_regulator
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.simulation.closed_loop import AFTER
+from glider.simulation.fly import AFTER
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from glider.systems.plant import GliderPlant
 
 
 def fly(
@@ -36,9 +35,9 @@ def fly(
     """Plans, replays the plan, and flies it from launches that err."""
     model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
     starts = draw_launches(problem, LaunchSpread(), launches, rng)
-    planned = plan(GliderPlant(model), problem, progress=progress)
+    planned = plan(model, problem, progress=progress)
     replay = open_loop(model, planned)
-    loop = closed_loop(model, tracking_regulator(GliderPlant(model), planned))
+    loop = closed_loop(model, tracking_regulator(model, planned))
     duration = planned.duration + AFTER
     [replayed] = simulate_flights(replay, planned.states[:1], duration)
     return PerchStudy(

@@ -27,7 +27,7 @@ from diagrams.tracks import flight_track, plan_track
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from glider.studies.searches import Searches, search_all
+from glider.studies.searches import Searches, search_article
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ def fly(
     """Searches from many seeds; then flies a plan, and plans anew in flight."""
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
     starts = draw_launches(problem, LaunchSpread(), launches, rng)
-    found = search_all(searches, seed, progress)
+    found = search_article(searches, seed, progress)
     flown = compare(truth, problem, starts, seed=seed, progress=progress)
     return Result(searches=found, flown=flown)
 

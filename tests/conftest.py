@@ -4,10 +4,10 @@ import hypothesis
 import matplotlib
 import pytest
 
+from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 
 matplotlib.use("Agg")  # Tests open no window.
 
@@ -20,7 +20,7 @@ hypothesis.settings.load_profile("glider")
 @pytest.fixture(scope="session")
 def article_plan() -> Plan:
     """The article's problem, solved cold for the drawn glider."""
-    return plan(GliderPlant(), PerchingProblem())
+    return plan(GliderModel(), PerchingProblem())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from diagrams.simulate import SimulatedFlight
 from diagrams.studies.perch_study import PerchStudy
 from diagrams.studies.rehearsal import Rehearsal
 from diagrams.studies.sampled import Comparison
 from glider.physics.state import STATE_NAMES
 from glider.report.plots.style import STYLE
+from glider.simulation.flights import FlownFlight
 from glider.studies.basis.basis_report import scores_of
 from glider.studies.basis.basis_study import BasisStudy
 from glider.studies.coefficients import corrected_coefficients
@@ -73,12 +73,12 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
 def save_searches_figure(path: Path, searches: Searches, flown: Comparison) -> None:
     """Saves costs, the flights that the first searches drew, and the comparison."""
     drawn = {}
-    for name, (first, *_) in searches.found.items():
-        samples = {k: searches.fly(tried) for k, tried in first.drawn.items()}
-        drawn[name] = samples, searches.fly(first.mean[None])[0]
+    for name, kept in searches.drawn.items():
+        samples = {k: searches.fly(tried) for k, tried in kept.items()}
+        drawn[name] = samples, searches.plans[name][0].states
     save_sampling_figure(
         path,
-        searches.costs,
+        searches.histories(),
         drawn,
         flown.plan.states,
         [flight.states for flight in flown.replanned],
@@ -109,5 +109,5 @@ def save_basis_figure(path: Path, study: BasisStudy) -> None:
     save_exercise_figure(path, scores_of(study.fits), times, measured, study.flown)
 
 
-def _elevator(flight: SimulatedFlight) -> np.ndarray:
+def _elevator(flight: FlownFlight) -> np.ndarray:
     return np.column_stack([flight.times, flight.states[:, _ELEVATOR]])

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.estimated_loop import EstimatedPerches
-from diagrams.simulate import SimulatedFlight
 from glider.estimation.consistency import Consistency
 from glider.planning.plan import Plan
+from glider.simulation.flights import FlownFlight
 from glider.studies.filter_study import (
     RATE,
     SYMBOLS,
@@ -75,7 +75,7 @@ class FilterReport:
         }
 
     @property
-    def worst(self) -> SimulatedFlight:
+    def worst(self) -> FlownFlight:
         """The flight on the estimate that misses by most."""
         return max(self.flown.on_estimate, key=lambda flight: flight.miss)
 

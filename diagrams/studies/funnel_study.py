@@ -13,7 +13,6 @@ from glider.planning.dircol import (
     plan,
 )
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -108,10 +107,9 @@ def certify_perch(
         InputError: there is no certified funnel.
         PlanningError: there is no plan.
     """
-    plant = GliderPlant(model)
-    planned = plan(plant, PerchingProblem(), progress=progress)
+    planned = plan(model, PerchingProblem(), progress=progress)
     try:
-        policy = compiled_policy(plant, planned)
+        policy = compiled_policy(model, planned)
         return make_funnel(model, policy, settings, progress=progress)
     except SolverError as error:
         raise InputError(f"There is no funnel for this glider: {error}") from None

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from diagrams.simulate import SimulatedFlight
 from glider.planning.plan import Plan
+from glider.simulation.flights import FlownFlight
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -15,13 +15,13 @@ class PerchStudy:
     plan: Plan
     """What was flown."""
 
-    replayed: SimulatedFlight
+    replayed: FlownFlight
     """Its commands without feedback, from the launch that was planned."""
 
-    blind: list[SimulatedFlight]
+    blind: list[FlownFlight]
     """The same from launches that err."""
 
-    flights: list[SimulatedFlight]
+    flights: list[FlownFlight]
     """From those launches, with feedback."""
 
     @property
@@ -35,7 +35,7 @@ class PerchStudy:
         return sum(flight.perched for flight in self.flights)
 
     @property
-    def worst(self) -> SimulatedFlight:
+    def worst(self) -> FlownFlight:
         """The flight with feedback that misses by most."""
         return max(self.flights, key=lambda flight: flight.miss)
 

@@ -7,15 +7,12 @@ import numpy as np
 
 from diagrams.closed_loop import closed_loop
 from diagrams.parts import tape_rows
-from diagrams.simulate import (
-    SimulatedFlight,
-    draw_capture_noise,
-    simulate_flights,
-)
+from diagrams.simulate import simulate_flights
 from glider.campaign.logs import (
     Campaign,
     campaign_of,
 )
+from glider.campaign.motion_capture import MotionCapture
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.paths import models_path
@@ -30,20 +27,20 @@ from glider.planning.dircol import (
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
-from glider.simulation.closed_loop import AFTER
+from glider.simulation.flights import FlownFlight
+from glider.simulation.fly import AFTER
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
-from glider.systems.plant import GliderPlant
 
 COMMAND_RATE = 50.0
 """Of the feedback's commands, held between [Hz]."""
 
-CAPTURE_RATE = 120.0
-"""Of motion capture [Hz]."""
+CAPTURE = MotionCapture()
+"""What films the flights."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -53,7 +50,7 @@ class Rehearsal:
     plan: Plan
     """Made with the model, as is the feedback."""
 
-    flights: list[SimulatedFlight]
+    flights: list[FlownFlight]
     """Of the true glider."""
 
     campaign: Campaign
@@ -165,28 +162,27 @@ def rehearse(
         PlanningError: where the model cannot do what the problem asks.
     """
     say = progress or (lambda text: None)
-    plant = GliderPlant(model)
-    planned = plan(plant, problem, progress=lambda text: say(f"plan: {text}"))
+    planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
     say("feedback along the plan")
-    regulator = tracking_regulator(plant, planned)
+    regulator = tracking_regulator(model, planned)
     diagram = closed_loop(
         truth,
         regulator,
         planned=model,
         command_rate=COMMAND_RATE,
-        motion_capture=CAPTURE_RATE,
+        motion_capture=CAPTURE.rate,
     )
     flights = simulate_flights(
         diagram,
         starts,
         planned.duration + AFTER,
         wire=(problem.wire[0], problem.wire[1]),
-        capture_noise=draw_capture_noise(rng, len(starts), tape_rows(CAPTURE_RATE)),
+        capture_noise=CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate)),
         progress=lambda text: say(f"fly: {text}"),
     )
     logs = [flight.log for flight in flights if flight.log is not None]
     campaign = campaign_of(
-        "rehearsal", truth.parameters, logs, CAPTURE_RATE, COMMAND_RATE
+        "rehearsal", truth.parameters, logs, CAPTURE.rate, COMMAND_RATE
     )
     return Rehearsal(plan=planned, flights=flights, campaign=campaign)
 

@@ -7,10 +7,7 @@ import numpy as np
 
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
-from diagrams.simulate import (
-    SimulatedFlight,
-    simulate_flights,
-)
+from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
 from glider.control.mppi import (
     MppiController,
@@ -29,7 +26,7 @@ from glider.planning.problem import (
     PerchingProblem,
     load_problem,
 )
-from glider.systems.plant import GliderPlant
+from glider.simulation.flights import FlownFlight
 
 AFTER = 0.2
 """How long a flight goes on after the plan's end [s]: who plans anew may come later
@@ -43,13 +40,13 @@ class Comparison:
     plan: Plan
     """By collocation, for the glider that is believed in."""
 
-    replayed: list[SimulatedFlight]
+    replayed: list[FlownFlight]
     """The plan's commands without feedback."""
 
-    tracked: list[SimulatedFlight]
+    tracked: list[FlownFlight]
     """Linear-quadratic feedback along the plan, at COMMAND_RATE."""
 
-    replanned: list[SimulatedFlight]
+    replanned: list[FlownFlight]
     """MPPI from each measured state, at COMMAND_RATE; its first sequence is the
     plan's."""
 
@@ -57,7 +54,7 @@ class Comparison:
     """Time flown over processor time, of the flights of MPPI, plant included."""
 
     @property
-    def policies(self) -> dict[str, list[SimulatedFlight]]:
+    def policies(self) -> dict[str, list[FlownFlight]]:
         """What was flown, in words, and its flights."""
         return {
             "the plan replayed": self.replayed,
@@ -66,7 +63,7 @@ class Comparison:
         }
 
     @property
-    def worst(self) -> SimulatedFlight:
+    def worst(self) -> FlownFlight:
         """The flight of MPPI that misses by most."""
         return max(self.replanned, key=lambda flight: flight.miss)
 
@@ -131,13 +128,12 @@ def compare(
     """
     say = progress or (lambda text: None)
     model = GliderModel(parameters=truth.parameters) if model is None else model
-    plant = GliderPlant(model)
-    planned = plan(plant, problem, progress=lambda text: say(f"plan: {text}"))
+    planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
     if replanning is None:
         replanning = load_problem(models_path("problems", "replanning.yaml"))
-    cost = replanning_cost(plant, replanning, COMMAND_RATE)
+    cost = replanning_cost(model, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
-    tracking = tracking_regulator(plant, planned)
+    tracking = tracking_regulator(model, planned)
     duration = planned.duration + AFTER
     flights, seconds = [], 0.0
     controller = MppiController(cost, sequence, seed=seed)

@@ -1,24 +1,11 @@
-"""Loops over the dynamics, which `glider.compiled.kernel` compiles with the chain.
+"""Machine-code loops over the one physics, each behind a typed function.
 
-Each takes arrays and writes into arrays. A family, a module of this package, is
-compiled and kept on disk apart from the others, so that an edit of one leaves
-the others' machine code valid. It names, callees first,
+A module holds the loops of one `Family` as plain text of Python, and below them the
+functions that others call: they allocate what the loops write. Nothing else in the
+library calls numba.
 
-    LOOPS: the functions whose text is compiled behind that of `glider.physics.chain`,
-        so that `derivatives` means the glider with its effects;
-    ENTRIES: those of them that are called from Python;
-    USES: entries of other families that they call, shared in machine code.
+kernel: what compiles. runge_kutta: the step that all loops share. jacobian: exact
+slopes. rollouts, closed_loop: batches of gliders under tapes and under feedback.
+replay: flights along a log. ekf, ilqr, riccati, sampling: the loops of the filter and
+of the planners.
 """
-
-from glider.compiled import (
-    closed_loop,
-    ekf,
-    ilqr,
-    jacobian,
-    replay,
-    riccati,
-    rollouts,
-    sampling,
-)
-
-FAMILIES = (rollouts, jacobian, riccati, closed_loop, replay, ekf, sampling, ilqr)

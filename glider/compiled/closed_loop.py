@@ -1,20 +1,25 @@
 """Batches of gliders under feedback."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from glider.compiled.constants import BLOCK
+from glider.compiled.kernel import Family
 from glider.compiled.rollouts import slopes
-from glider.physics.servo import limited_rate
+from glider.compiled.runge_kutta import advance_block
+from glider.physics.model import GliderModel
+from glider.physics.servo import Servo, limited_rate
 
 
-def feed_back(row, offset, gain, error, work):
+def feed_back(row, feedback, error, work):
     """Writes into work[n, 1] the commands for states that are seen with an error."""
     n = work.shape[0] - 1
     for j in range(BLOCK):
-        work[n, 1, j] = offset[row]
-    for i in range(gain.shape[1]):
+        work[n, 1, j] = feedback.offset[row]
+    for i in range(feedback.gain.shape[1]):
         for j in range(BLOCK):
-            work[n, 1, j] -= gain[row, i] * (work[i, 0, j] + error[i, j])
+            work[n, 1, j] -= feedback.gain[row, i] * (work[i, 0, j] + error[i, j])
 
 
 def approach(wire, work, near):
@@ -32,49 +37,21 @@ def approach(wire, work, near):
         near[2, j] = min(near[2, j], x * x + z * z)
 
 
-def guided_step(k, work, step, offset, gain, hold, error, limits, p, c, field):
-    """Advances the states work[:n, 0] by step k; work[n, 1] holds the commands."""
+def guided_slopes(t, node, work, data):
+    """Writes the derivatives under feedback, servo limits included.
+
+    As `slopes`; without a hold the commands, work[n, 1], follow the state at once.
+    """
+    k, feedback, error, servo, theta = data
     n = work.shape[0] - 1
-    for i in range(n):
-        for j in range(BLOCK):
-            work[i, 2, j] = work[i, 0, j]
-            work[i, 3, j] = work[i, 0, j]
-    for stage in range(4):
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        half = (stage + 1) // 2
-        ahead = 0.5 * step if stage < 2 else step
-        if hold == 0:
-            feed_back(2 * k + half, offset, gain, error, work)
-        for j in range(BLOCK):
-            work[n, 0, j] = limited_rate(
-                work[n, 1, j], work[3, 0, j], limits[0], limits[1], limits[2]
-            )
-        slopes(step * (k + 0.5 * half), work, p, c, field)
-        for i in range(n):
-            for j in range(BLOCK):
-                work[i, 3, j] += step * weight * work[i, 1, j]
-                work[i, 0, j] = work[i, 2, j] + ahead * work[i, 1, j]
-    for i in range(n):
-        for j in range(BLOCK):
-            work[i, 0, j] = work[i, 3, j]
+    if feedback.hold == 0:
+        feed_back(2 * k + node, feedback, error, work)
+    for j in range(BLOCK):
+        work[n, 0, j] = limited_rate(work[n, 1, j], work[3, 0, j], servo)
+    slopes(t, node, work, theta)
 
 
-def guided(
-    start,
-    steps,
-    step,
-    offset,
-    gain,
-    hold,
-    noise,
-    limits,
-    wire,
-    p,
-    c,
-    field,
-    miss,
-    states,
-):
+def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
     """Flies a batch of gliders under the feedback u = offset - gain x.
 
     Blocks as in `rollouts`. The servo's `limited_rate` lies between command and
@@ -84,23 +61,19 @@ def guided(
         start: (B, n) states at launch.
         steps: their number, N.
         step: [s].
-        offset: (2 N + 1,) at the steps and half steps, or with a hold (H,), one
-            for each command [rad/s].
-        gain: (2 N + 1, m) or (H, m); the first m states are fed back.
-        hold: number of steps that a command is held; 0 for none.
-        noise: (B, H, m) added to the states fed back; (B, 0, m) for none.
-        limits: elevator's lower and upper stop [rad], rate limit [rad/s].
+        feedback: of N steps, see `Feedback`.
+        servo: its limits.
         wire: (x, z) [m].
-        p, c, field: as in `derivatives`.
+        theta: the gliders' numbers.
         miss: (B,), written: least distance of the path from the wire, by
             straight segments between the steps [m].
         states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
     """
     batch, n = start.shape
+    hold, noise, fed = feedback.hold, feedback.noise, feedback.gain.shape[1]
     keep = states.shape[1] > 1
-    p = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
     work = np.empty((n + 1, 4, BLOCK))
-    error = np.zeros((gain.shape[1], BLOCK))
+    error = np.zeros((fed, BLOCK))
     near = np.empty((3, BLOCK))
     path = np.empty((steps if keep else 1, n, BLOCK))
     for first in range(0, batch, BLOCK):
@@ -115,11 +88,12 @@ def guided(
             if hold > 0 and k % hold == 0:
                 if noise.shape[1] > 0:
                     for j in range(BLOCK):
-                        for i in range(gain.shape[1]):
+                        for i in range(fed):
                             row = first + min(j, count - 1)
                             error[i, j] = noise[row, k // hold, i]
-                feed_back(k // hold, offset, gain, error, work)
-            guided_step(k, work, step, offset, gain, hold, error, limits, p, c, field)
+                feed_back(k // hold, feedback, error, work)
+            data = (k, feedback, error, servo, theta)
+            advance_block(guided_slopes, step * k, work, step, 4, data)
             approach(wire, work, near)
             if keep:
                 path[k] = work[:n, 0]
@@ -134,6 +108,70 @@ def guided(
                     states[first + j, k + keep, i] = path[k, i, j]
 
 
-LOOPS = (slopes, feed_back, approach, guided_step, guided)
-ENTRIES = (guided,)
-USES = ()
+LOOPS = Family((slopes, feed_back, approach, guided_slopes, guided), (guided,))
+
+
+class Feedback(NamedTuple):
+    """A feedback u = offset - gain x of N steps, as a table."""
+
+    offset: np.ndarray
+    """(2 N + 1,) at the steps and half steps, or with a hold (H,), one for each
+    command [rad/s]."""
+
+    gain: np.ndarray
+    """(2 N + 1, m) or (H, m); the first m states are fed back."""
+
+    hold: int
+    """Number of steps that a command is held; 0 where it follows at once."""
+
+    noise: np.ndarray
+    """(B, H, m) added to the states fed back; (B, 0, m) for none."""
+
+
+def fly_feedback(
+    model: GliderModel,
+    starts: np.ndarray,
+    steps: int,
+    step: float,
+    feedback: Feedback,
+    *,
+    servo: Servo | None = None,
+    wire: tuple[float, float] = (0.0, 0.0),
+    keep_paths: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flies launches of a glider under a feedback.
+
+    Args:
+        model: the glider.
+        starts: (B, n) states at launch.
+        steps: their number, N.
+        step: [s].
+        feedback: of N steps.
+        servo: its limits; None for the model's.
+        wire: (x, z) [m].
+        keep_paths: whether to return all states.
+
+    Returns:
+        least distances from the wire (B,) [m], and states (B, N + 1, n), or
+        (B, 1, n), the last.
+    """
+    batch, n = starts.shape
+    miss = np.empty(batch)
+    states = np.empty((batch, steps + 1 if keep_paths else 1, n))
+    LOOPS.over(model.kinds, model.has_field).guided(
+        np.ascontiguousarray(starts, dtype=float),
+        steps,
+        step,
+        Feedback(
+            offset=np.ascontiguousarray(feedback.offset, dtype=float),
+            gain=np.ascontiguousarray(feedback.gain, dtype=float),
+            hold=feedback.hold,
+            noise=np.ascontiguousarray(feedback.noise, dtype=float),
+        ),
+        model.parameters.servo if servo is None else servo,
+        (float(wire[0]), float(wire[1])),
+        model.numbers,
+        miss,
+        states,
+    )
+    return miss, states

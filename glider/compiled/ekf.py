@@ -1,22 +1,45 @@
 """Extended Kalman filters, and flights for them to watch.
 
 All numbers that a glider's motion depends on stand in one vector z, as in
-`directional`: state, command, wind, parameters, coefficients. Behind the state each
-of them is a constant, an input that is known at every step, or a slow state that
-is estimated. x̄ is the state with the slow states behind it, N = n + m numbers.
+`derivatives_of`. Behind the state each of them is a constant, an input that is known
+at every step, or a slow state that is estimated. x̄ is the state with the slow states
+behind it, N = n + m numbers.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from glider.compiled.constants import TINY
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance
 from glider.physics.chain import (
-    derivatives,
+    NUM_INPUTS,
+    derivatives_of,
     measure,
+    theta_of,
 )
+from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 
 
-def ekf_advance(t, z, n, slow, decay, acting, step, count, field, value, slopes):
+def ekf_slope(t, node, y, data, rate):
+    """Writes the derivatives of the state y (n,), slow states at their decayed values.
+
+    `z` holds all numbers, `kept` the slow states at the step's start, `half` their
+    decay over half a step.
+    """
+    z, places, kept, half, n, field = data
+    for i in range(n):
+        z[i] = y[i]
+    for i in range(kept.shape[0]):
+        z[places[n + i]] = kept[i] * half[i] ** node
+    d = derivatives_of(t, z, n, field)
+    for i in range(n):
+        rate[i] = d[i]
+
+
+def ekf_advance(t, z, estimated, step, count, field, value, slopes):
     """Advances x̄ by Runge-Kutta steps, with the exact derivative of the result.
 
     By complex steps through all of the Runge-Kutta steps. A slow state decays as
@@ -24,22 +47,26 @@ def ekf_advance(t, z, n, slow, decay, acting, step, count, field, value, slopes)
 
     Args:
         t: [s].
-        z: as in `directional`.
-        n: number of states.
-        slow: (m,) indices into z.
-        decay: (m,) [1/s].
-        acting: indices into x̄ of what the motion depends on, at least one; by
-            the others the derivative is their own decay.
+        z: as in `derivatives_of`.
+        estimated: what is, see `Estimated`.
         step: [s].
         count: number of steps.
-        field: as in `derivatives`.
+        field: the residual Field.
         value: (N,), written.
         slopes: (N, N), written; or (0, 0).
     """
+    n, places, decay, acting = (
+        estimated.n,
+        estimated.places,
+        estimated.decay,
+        estimated.acting,
+    )
+    slow = decay.shape[0]
     exact = slopes.shape[0] > 0
     y = np.empty(z.shape[0], np.complex128)
-    start = np.empty(n, np.complex128)
-    total = np.empty(n, np.complex128)
+    x = np.empty(n, np.complex128)
+    kept = np.empty(slow, np.complex128)
+    work = np.empty((3, n), np.complex128)
     half = np.exp(-0.5 * step * decay)
     if exact:
         slopes[:] = 0.0
@@ -48,48 +75,36 @@ def ekf_advance(t, z, n, slow, decay, acting, step, count, field, value, slopes)
     for k in acting if exact else acting[:1]:
         y[:] = z
         if exact:
-            i = k if k < n else slow[k - n]
-            y[i] = z[i] + 1j * TINY
-        p, c = y[n + 3 : n + 12], y[n + 12 :]
+            y[places[k]] = z[places[k]] + 1j * TINY
+        x[:] = y[:n]
         for lap in range(count):
-            start[:] = y[:n]
-            total[:] = y[:n]
-            for stage in range(4):
-                weight = step / 6.0 if stage in (0, 3) else step / 3.0
-                ahead = 0.5 * step if stage < 2 else step
-                now = t + step * (lap + 0.5 * ((stage + 1) // 2))
-                d = derivatives(now, y, y[n], y[n + 1], y[n + 2], p, c, field)
-                for i in range(n):
-                    total[i] += weight * d[i]
-                    y[i] = start[i] + ahead * d[i]
-                if stage in (0, 2):
-                    for i in range(slow.shape[0]):
-                        y[slow[i]] *= half[i]
-            y[:n] = total
+            for i in range(slow):
+                kept[i] = y[places[n + i]]
+            data = (y, places, kept, half, n, field)
+            advance(ekf_slope, t + step * lap, x, step, 4, data, work)
         for j in range(n if exact else 0):
-            slopes[j, k] = y[j].imag / TINY
+            slopes[j, k] = x[j].imag / TINY
         for j in range(value.shape[0]):
-            value[j] = y[j if j < n else slow[j - n]].real
+            value[j] = x[j].real if j < n else y[places[j]].real
 
 
-def ekf_measure(z, n, slow, seen, value, slopes):
+def ekf_measure(z, estimated, field, value, slopes):
     """What is measured of x̄, with derivatives: the pose, then x[3:].
 
     Args:
-        z, n, slow: as in `ekf_advance`.
-        seen: indices into x̄ of what the pose depends on, at least one.
+        z, estimated, field: as in `ekf_advance`.
         value: (M,), written; M from 3 to n.
         slopes: (M, N), written; or (0, 0).
     """
+    n, seen = estimated.n, estimated.seen
     y = z.astype(np.complex128)
-    p, c = y[n + 3 : n + 12], y[n + 12 :]
     exact = slopes.shape[0] > 0
     slopes[:] = 0.0
     for k in seen if exact else seen[:1]:
-        i = k if k < n else slow[k - n]
+        i = estimated.places[k]
         if exact:
             y[i] = z[i] + 1j * TINY
-        pose = measure(y, p, c)
+        pose = measure(y, theta_of(y[n + NUM_INPUTS :], field))
         y[i] = z[i]
         for j in range(3):
             value[j] = pose[j].real
@@ -210,26 +225,7 @@ def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
 
 
 def ekf_run(
-    t,
-    z,
-    n,
-    slow,
-    decay,
-    acting,
-    seen,
-    entry,
-    step,
-    count,
-    field,
-    process,
-    noise,
-    inputs,
-    measured,
-    means,
-    covariances,
-    innovations,
-    spreads,
-    squares,
+    t, z, estimated, clock, field, process, noise, inputs, measured, belief, seen
 ):
     """Runs an extended Kalman filter along a batch of flights.
 
@@ -240,19 +236,21 @@ def ekf_run(
     Args:
         t: at the start [s].
         z: the constants in their places; the rest is overwritten.
-        n, slow, decay, acting, step, count, field: as in `ekf_advance`.
-        seen: as in `ekf_measure`.
-        entry: (r,) indices into z of the known inputs.
+        estimated, field: as in `ekf_advance`.
+        clock: Runge-Kutta step [s] and their count to a sample.
         process: (N,) variances that a prediction adds.
         noise: (M, M) covariance of a measurement.
         inputs: (B, K, r), each held for a sample.
         measured: (B, K, M) at the samples' ends.
-        means: (B, K + 1, N); the first is given, the others are written.
-        covariances: (B, K + 1, N, N), likewise.
-        innovations: (B, K, M), written.
-        spreads: (B, K, M, M), written: covariances of the innovations.
-        squares: (B, K), written: the innovations' νᵀ S⁻¹ ν.
+        belief: means (B, K + 1, N) and covariances (B, K + 1, N, N); the first are
+            given, the others are written.
+        seen: innovations (B, K, M), their covariances (B, K, M, M), and their squares
+            νᵀ S⁻¹ ν (B, K), written.
     """
+    step, count = clock
+    means, covariances = belief
+    innovations, spreads, squares = seen
+    n, places, entry = estimated.n, estimated.places, estimated.entry
     size, rows = means.shape[2], measured.shape[2]
     mean = np.empty(size)
     covariance = np.empty((size, size))
@@ -267,15 +265,13 @@ def ekf_run(
             for i in range(entry.shape[0]):
                 z[entry[i]] = inputs[b, k, i]
             for i in range(size):
-                z[i if i < n else slow[i - n]] = mean[i]
+                z[places[i]] = mean[i]
             now = t + k * count * step
-            ekf_advance(
-                now, z, n, slow, decay, acting, step, count, field, mean, slopes
-            )
+            ekf_advance(now, z, estimated, step, count, field, mean, slopes)
             ekf_predict(n, covariance, slopes, process, work[0])
             for i in range(size):
-                z[i if i < n else slow[i - n]] = mean[i]
-            ekf_measure(z, n, slow, seen, shown, shows)
+                z[places[i]] = mean[i]
+            ekf_measure(z, estimated, field, shown, shows)
             known = True
             for i in range(rows):
                 shown[i] = measured[b, k, i] - shown[i]
@@ -294,40 +290,25 @@ def ekf_run(
 
 
 def ekf_fly(
-    t,
-    z,
-    n,
-    slow,
-    decay,
-    acting,
-    seen,
-    entry,
-    step,
-    count,
-    field,
-    gain,
-    limits,
-    shocks,
-    errors,
-    inputs,
-    states,
-    measured,
+    t, z, estimated, clock, field, gain, servo, shaken, inputs, states, measured
 ):
     """Flies a batch of gliders under feedback and noise, for a filter to watch.
 
     The motion is exactly what `ekf_run` takes it for.
 
     Args:
-        t, z, n, slow, decay, acting, seen, entry, step, count, field: as in `ekf_run`.
+        t, z, estimated, clock, field: as in `ekf_run`.
         gain: (K, f, n) of the feedback of the true state to the first f inputs.
-        limits: elevator's lower and upper stop [rad], rate limit [rad/s]; the
-            first input is the elevator's rate.
-        shocks: (B, K, N) added to x̄ at the end of each sample.
-        errors: (B, K, M) of the measurements.
+        servo: limits of the first input, the elevator's rate.
+        shaken: what is added to x̄ at the end of each sample (B, K, N), and to the
+            measurements (B, K, M).
         inputs: (B, K, r); the feedback is subtracted and the limits kept, in place.
         states: (B, K + 1, N); the first is given, the others are written.
         measured: (B, K, M), written.
     """
+    step, count = clock
+    shocks, errors = shaken
+    n, places, entry = estimated.n, estimated.places, estimated.entry
     size = states.shape[2]
     now = np.empty(size)
     none = np.empty((0, 0))
@@ -337,24 +318,193 @@ def ekf_fly(
             for i in range(gain.shape[1]):
                 for j in range(n):
                     inputs[b, k, i] -= gain[k, i, j] * now[j]
-            inputs[b, k, 0] = limited_rate(
-                inputs[b, k, 0], now[3], limits[0], limits[1], limits[2]
-            )
+            inputs[b, k, 0] = limited_rate(inputs[b, k, 0], now[3], servo)
             for i in range(entry.shape[0]):
                 z[entry[i]] = inputs[b, k, i]
             for i in range(size):
-                z[i if i < n else slow[i - n]] = now[i]
+                z[places[i]] = now[i]
             start = t + k * count * step
-            ekf_advance(start, z, n, slow, decay, acting, step, count, field, now, none)
+            ekf_advance(start, z, estimated, step, count, field, now, none)
             for i in range(size):
                 now[i] += shocks[b, k, i]
-                z[i if i < n else slow[i - n]] = now[i]
-            ekf_measure(z, n, slow, seen, measured[b, k], none)
+                z[places[i]] = now[i]
+            ekf_measure(z, estimated, field, measured[b, k], none)
             for i in range(measured.shape[2]):
                 measured[b, k, i] += errors[b, k, i]
             states[b, k + 1] = now
 
 
-LOOPS = (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run, ekf_fly)
-ENTRIES = (ekf_advance, ekf_run, ekf_fly)
-USES = ()
+LOOPS = Family(
+    (
+        ekf_slope,
+        ekf_advance,
+        ekf_measure,
+        ekf_predict,
+        ekf_correct,
+        ekf_run,
+        ekf_fly,
+    ),
+    (ekf_advance, ekf_run, ekf_fly),
+)
+
+
+class Estimated(NamedTuple):
+    """Which of a glider's numbers a filter estimates, and where they stand in z."""
+
+    n: int
+    """Number of states."""
+
+    places: np.ndarray
+    """(N,) indices into z of x̄."""
+
+    decay: np.ndarray
+    """(m,) of the slow states [1/s]."""
+
+    acting: np.ndarray
+    """Indices into x̄ of what the motion depends on, at least one; by the others the
+    derivative is their own decay."""
+
+    seen: np.ndarray
+    """Indices into x̄ of what the pose depends on, at least one."""
+
+    entry: np.ndarray
+    """(r,) indices into z of the known inputs."""
+
+
+class Clock(NamedTuple):
+    """How a filter steps from sample to sample."""
+
+    step: float
+    """Runge-Kutta step [s]."""
+
+    steps: int
+    """Number of them to a sample."""
+
+
+def predict_estimate(
+    model: GliderModel,
+    t: float,
+    z: np.ndarray,
+    estimated: Estimated,
+    clock: Clock,
+    differentiate: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns x̄ (N,) after `clock.steps` steps, and its derivative (N, N) or (0, 0).
+
+    Args:
+        model: the glider.
+        t: now [s].
+        z: all numbers now, as in `derivatives_of`.
+        estimated: what is.
+        clock: of the prediction.
+        differentiate: whether to return the derivative by x̄ now.
+    """
+    size = len(estimated.places)
+    value = np.empty(size)
+    slopes = np.empty((size, size) if differentiate else (0, 0))
+    LOOPS.over(model.kinds, model.has_field).ekf_advance(
+        t, z, estimated, clock.step, clock.steps, model.residual_field, value, slopes
+    )
+    return value, slopes
+
+
+def filter_flights(
+    model: GliderModel,
+    t: float,
+    z: np.ndarray,
+    estimated: Estimated,
+    clock: Clock,
+    process: np.ndarray,
+    noise: np.ndarray,
+    flown: tuple[np.ndarray, np.ndarray],
+    prior: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Runs an extended Kalman filter along flights, see `ekf_run`.
+
+    Args:
+        model: the glider.
+        t: at the start [s].
+        z: constants in their places, as in `derivatives_of`.
+        estimated: what is.
+        clock: of a sample.
+        process: (N,) variances that a prediction adds.
+        noise: (M, M) covariance of a measurement.
+        flown: inputs (B, K, r) and measurements (B, K, M).
+        prior: mean (N,) and covariance (N, N) of x̄ at the start.
+
+    Returns:
+        means (B, K + 1, N), covariances (B, K + 1, N, N), innovations (B, K, M), their
+        covariances (B, K, M, M) and squares νᵀ S⁻¹ ν (B, K).
+    """
+    inputs, measured = flown
+    (batch, samples, rows), size = measured.shape, len(estimated.places)
+    belief = (
+        np.empty((batch, samples + 1, size)),
+        np.empty((batch, samples + 1, size, size)),
+    )
+    belief[0][:, 0], belief[1][:, 0] = prior
+    seen = (
+        np.empty((batch, samples, rows)),
+        np.empty((batch, samples, rows, rows)),
+        np.empty((batch, samples)),
+    )
+    LOOPS.over(model.kinds, model.has_field).ekf_run(
+        t,
+        z.copy(),
+        estimated,
+        clock,
+        model.residual_field,
+        process,
+        noise,
+        inputs,
+        measured,
+        belief,
+        seen,
+    )
+    return *belief, *seen
+
+
+def fly_estimated(
+    model: GliderModel,
+    z: np.ndarray,
+    estimated: Estimated,
+    clock: Clock,
+    gain: np.ndarray,
+    shaken: tuple[np.ndarray, np.ndarray],
+    inputs: np.ndarray,
+    starts: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Flies gliders as a filter takes them to fly, see `ekf_fly`.
+
+    Args:
+        model: the glider.
+        z: constants in their places.
+        estimated: what is.
+        clock: of a sample.
+        gain: (K, f, n) of the true state, subtracted from the first f inputs.
+        shaken: shocks of x̄ (B, K, N) and errors of measurements (B, K, M).
+        inputs: (B, K, r) without the feedback.
+        starts: (B, N) x̄.
+
+    Returns:
+        inputs (B, K, r), x̄ (B, K + 1, N) and what is measured of it (B, K, M).
+    """
+    shocks, errors = shaken
+    batch, samples, size = shocks.shape
+    states, measured = np.empty((batch, samples + 1, size)), np.empty(errors.shape)
+    states[:, 0] = starts
+    inputs = inputs.copy()
+    LOOPS.over(model.kinds, model.has_field).ekf_fly(
+        0.0,
+        z.copy(),
+        estimated,
+        clock,
+        model.residual_field,
+        np.ascontiguousarray(gain),
+        model.parameters.servo,
+        shaken,
+        inputs,
+        states,
+        measured,
+    )
+    return inputs, states, measured

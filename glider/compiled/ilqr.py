@@ -1,37 +1,24 @@
 """Iterative LQR over explicit steps."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from glider.compiled.jacobian import directional
+from glider.compiled import jacobian
+from glider.compiled.jacobian import directional, stacked
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance
 from glider.physics.chain import derivatives
+from glider.physics.model import GliderModel
+from glider.physics.servo import Servo, rate_bounds
 
 
-def rate_bounds(elevator, step, limits):
-    """Least and largest rate that keep the servo's limits over a step [rad/s].
-
-    Its rate limit, or what takes the elevator to its stop.
-    """
-    top = max(min((limits[1] - elevator) / step, limits[2]), -limits[2])
-    return min(max((limits[0] - elevator) / step, -limits[2]), top), top
-
-
-def ilqr_step(t, x, u, step, order, p, c, field, work, end):
-    """Writes into end (n,) where a state is after one step; work is (2, n)."""
-    n = x.shape[0]
-    for i in range(n):
-        work[0, i] = x[i]
-        end[i] = x[i]
-    for stage in range(order):
-        weight = 1.0 if order == 1 else (1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0)
-        d = derivatives(
-            t + 0.5 * step * ((stage + 1) // 2), work[0], u, 0.0, 0.0, p, c, field
-        )
-        ahead = 0.5 * step if stage < 2 else step
-        for i in range(n):
-            work[1, i] = d[i]
-        for i in range(n):
-            end[i] += step * weight * work[1, i]
-            work[0, i] = x[i] + ahead * work[1, i]
+def ilqr_slope(t, node, x, data, rate):
+    """Writes the derivatives under a command that is held."""
+    u, theta = data
+    d = derivatives(t, x, u, 0.0, 0.0, theta)
+    for i in range(x.shape[0]):
+        rate[i] = d[i]
 
 
 def ilqr_roll(
@@ -43,11 +30,8 @@ def ilqr_roll(
     feed,
     gains,
     costs,
-    goal,
-    limits,
-    p,
-    c,
-    field,
+    servo,
+    theta,
     new_states,
     new_inputs,
 ):
@@ -61,10 +45,9 @@ def ilqr_roll(
         inputs: (N,) ū [rad/s].
         feed: (N,) k.
         gains: (N, n) K.
-        costs: (3, n + 1): q for each state and r; Q and R; F and no more.
-        goal: (n,).
-        limits: elevator's lower and upper stop [rad], rate limit [rad/s].
-        p, c, field: as in `derivatives`.
+        costs: q and r, Q and R, F and the goal, see `GoalCosts`.
+        servo: its limits.
+        theta: the glider's numbers.
         new_states: (N + 1, n), written but for the launch.
         new_inputs: (N,), written.
 
@@ -74,68 +57,69 @@ def ilqr_roll(
         and ½ Σ_k ((x_k - x̄_k)ᵀ q (x_k - x̄_k) + r (u_k - ū_k)²).
     """
     n = states.shape[1]
-    work = np.empty((2, n))
+    work = np.empty((3, n))
     steps = inputs.shape[0]
     cost = hold = 0.0
     for k in range(steps):
         x = new_states[k]
         u = inputs[k] + share * feed[k]
         for i in range(n):
-            change, error = x[i] - states[k, i], x[i] - goal[i]
+            change, error = x[i] - states[k, i], x[i] - costs.goal[i]
             u += gains[k, i] * change
-            hold += 0.5 * costs[0, i] * change * change
-            cost += 0.5 * costs[1, i] * error * error
-        low, high = rate_bounds(x[3], step, limits)
+            hold += 0.5 * costs.hold[i] * change * change
+            cost += 0.5 * costs.stage[i] * error * error
+        low, high = rate_bounds(x[3], servo, step)
         u = min(max(u, low), high)
         change = u - inputs[k]
-        hold += 0.5 * costs[0, n] * change * change
-        cost += 0.5 * costs[1, n] * u * u
+        hold += 0.5 * costs.hold[n] * change * change
+        cost += 0.5 * costs.stage[n] * u * u
         new_inputs[k] = u
-        ilqr_step(k * step, x, u, step, order, p, c, field, work, new_states[k + 1])
+        new_states[k + 1] = x
+        advance(ilqr_slope, k * step, new_states[k + 1], step, order, (u, theta), work)
     for i in range(n):
-        error = new_states[steps, i] - goal[i]
-        cost += 0.5 * costs[2, i] * error * error
+        error = new_states[steps, i] - costs.goal[i]
+        cost += 0.5 * costs.final[i] * error * error
     return cost, hold
 
 
-def ilqr_linearize(step, order, states, inputs, p, c, field, jacobian):
+def ilqr_tangent(t, node, both, data, rate):
+    """Writes the derivatives of a state and of the matrix ∂x/∂(x_k, u_k) behind it."""
+    z, along, slopes, field = data
+    n = slopes.shape[0]
+    z[:n] = both[:n]
+    for i in range(n):
+        for j in range(n + 1):
+            along[i, j] = both[n + i * (n + 1) + j]
+    directional(t, z, along, n, field, rate[:n], slopes)
+    for i in range(n):
+        for j in range(n + 1):
+            rate[n + i * (n + 1) + j] = slopes[i, j]
+
+
+def ilqr_linearize(step, order, states, inputs, z, field, jacobian):
     """Writes ∂x_k+1/∂x_k and, as the last column, ∂x_k+1/∂u_k: (N, n, n + 1).
 
-    Each stage's slopes are taken along what the stages before make of a unit
-    vector, which is the chain rule of the step.
+    The step of the state together with its tangent, which is the chain rule of the
+    step. `z` is of `stacked`; states and inputs are overwritten.
     """
     n = states.shape[1]
     along = np.zeros((n + 1, n + 1)).T  # As the plant asks: compiled only once.
+    along[n, n] = 1.0
     slopes = np.empty((n, n + 1))
-    z = np.zeros(n + 12 + c.shape[0])
-    value = np.empty(n)
-    z[n + 3 : n + 12] = p
-    z[n + 12 :] = c
+    both = np.empty(n + n * (n + 1))
+    work = np.empty((3, both.shape[0]))
+    data = (z, along, slopes, field)
     for k in range(inputs.shape[0]):
-        z[:n] = states[k]
         z[n] = inputs[k]
-        for i in range(n + 1):
-            for j in range(n + 1):
-                along[i, j] = 1.0 if i == j else 0.0
-                if i < n:
-                    jacobian[k, i, j] = along[i, j]
-        for stage in range(order):
-            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-            if order == 1:
-                weight = 1.0
-            ahead = 0.5 * step if stage < 2 else step
-            t = step * (k + 0.5 * ((stage + 1) // 2))
-            directional(t, z, along, n, field, value, slopes)
-            for i in range(n):
-                z[i] = states[k, i] + ahead * value[i]
-                for j in range(n + 1):
-                    jacobian[k, i, j] += step * weight * slopes[i, j]
-                    along[i, j] = (1.0 if i == j else 0.0) + ahead * slopes[i, j]
+        both[:n] = states[k]
+        both[n:] = 0.0
+        for i in range(n):
+            both[n + i * (n + 1) + i] = 1.0
+        advance(ilqr_tangent, k * step, both, step, order, data, work)
+        jacobian[k] = both[n:].reshape((n, n + 1))
 
 
-def ilqr_backward(
-    damping, step, states, inputs, jacobian, costs, goal, limits, feed, gains
-):
+def ilqr_backward(damping, step, states, inputs, jacobian, costs, servo, feed, gains):
     """Writes the policy k, K that improves most on a nominal flight x̄, ū.
 
     By dynamic programming over the linear steps; the curvature of the dynamics is
@@ -148,7 +132,7 @@ def ilqr_backward(
         states: (N + 1, n) x̄.
         inputs: (N,) ū [rad/s].
         jacobian: (N, n, n + 1) of `ilqr_linearize`.
-        costs, goal, limits: as in `ilqr_roll`.
+        costs, servo: as in `ilqr_roll`.
         feed: (N,), written: k.
         gains: (N, n), written: K.
 
@@ -164,8 +148,8 @@ def ilqr_backward(
     slope, gain, cross = np.empty(n + 1), np.empty(n), np.empty(n)
     first = second = 0.0
     for i in range(n):
-        v[i, i] = costs[2, i]
-        s[i] = costs[2, i] * (states[steps, i] - goal[i])
+        v[i, i] = costs.final[i]
+        s[i] = costs.final[i] * (states[steps, i] - costs.goal[i])
     for k in range(steps - 1, -1, -1):
         a = jacobian[k]
         for i in range(n):
@@ -185,10 +169,10 @@ def ilqr_backward(
                     product += a[m, i] * va[m, j]
                 total[i, j] = product
                 total[j, i] = product
-            total[i, i] += costs[0, i] + costs[1, i]
+            total[i, i] += costs.hold[i] + costs.stage[i]
         for i in range(n):
-            slope[i] += costs[1, i] * (states[k, i] - goal[i])
-        slope[n] += costs[1, n] * inputs[k]
+            slope[i] += costs.stage[i] * (states[k, i] - costs.goal[i])
+        slope[n] += costs.stage[n] * inputs[k]
 
         stiff = total[n, n]
         for j in range(n):
@@ -200,11 +184,11 @@ def ilqr_backward(
         push = -slope[n] / stiff
         for j in range(n):
             gain[j] = -cross[j] / stiff
-        low, high = rate_bounds(states[k, 3], step, limits)
+        low, high = rate_bounds(states[k, 3], servo, step)
         if push <= low - inputs[k] or push >= high - inputs[k]:
             push = min(max(push, low - inputs[k]), high - inputs[k])
             gain[:] = 0.0
-            if abs(inputs[k] + push) < limits[2]:  # A stop moves with the elevator.
+            if abs(inputs[k] + push) < servo.rate:  # A stop moves with the elevator.
                 gain[3] = -1.0 / step
 
         first += push * slope[n]
@@ -220,6 +204,112 @@ def ilqr_backward(
     return first, second
 
 
-LOOPS = (rate_bounds, ilqr_step, ilqr_roll, ilqr_linearize, ilqr_backward)
-ENTRIES = (ilqr_roll, ilqr_linearize, ilqr_backward)
-USES = ("directional",)
+LOOPS = Family(
+    (ilqr_slope, ilqr_roll, ilqr_tangent, ilqr_linearize),
+    (ilqr_roll, ilqr_linearize),
+    uses=(jacobian.LOOPS,),
+)
+
+BACKWARD = Family((ilqr_backward,), (ilqr_backward,))
+"""No physics in it: one serves all gliders."""
+
+
+class GoalCosts(NamedTuple):
+    """Weights of states and, where one more, of the command behind them."""
+
+    hold: np.ndarray
+    """(n + 1,) q, r of leaving the flight of the iteration before."""
+
+    stage: np.ndarray
+    """(n + 1,) Q, R of the distance from the goal on the way."""
+
+    final: np.ndarray
+    """(n,) F of the distance at the end."""
+
+    goal: np.ndarray
+    """(n,)."""
+
+
+def roll(
+    model: GliderModel,
+    share: float,
+    step: float,
+    order: int,
+    nominal: tuple[np.ndarray, np.ndarray],
+    policy: tuple[np.ndarray, np.ndarray],
+    costs: GoalCosts,
+    servo: Servo,
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Flies a policy about a nominal flight from its launch, see `ilqr_roll`.
+
+    Args:
+        model: the glider.
+        share: of the feed-forward.
+        step: [s].
+        order: 1 or 4.
+        nominal: states (N + 1, n) and inputs (N,) [rad/s].
+        policy: feed-forward (N,) and gains (N, n).
+        costs: of a flight.
+        servo: its limits.
+
+    Returns:
+        states, inputs, the flight's cost and what it pays for leaving the nominal.
+    """
+    states, inputs = np.empty_like(nominal[0]), np.empty_like(nominal[1])
+    states[0] = nominal[0][0]
+    cost, hold = LOOPS.over(model.kinds, model.has_field).ilqr_roll(
+        share,
+        step,
+        order,
+        *nominal,
+        *policy,
+        costs,
+        servo,
+        model.numbers,
+        states,
+        inputs,
+    )
+    return states, inputs, cost, hold
+
+
+def linearize_steps(
+    model: GliderModel, step: float, order: int, states: np.ndarray, inputs: np.ndarray
+) -> np.ndarray:
+    """Returns ∂x_k+1/∂x_k and, as the last column, ∂x_k+1/∂u_k: (N, n, n + 1)."""
+    n = states.shape[1]
+    jacobian = np.empty((len(inputs), n, n + 1))
+    theta = model.numbers
+    LOOPS.over(model.kinds, model.has_field).ilqr_linearize(
+        step, order, states, inputs, stacked(n, theta), theta.field, jacobian
+    )
+    return jacobian
+
+
+def improve_policy(
+    damping: float,
+    step: float,
+    nominal: tuple[np.ndarray, np.ndarray],
+    jacobian: np.ndarray,
+    costs: GoalCosts,
+    servo: Servo,
+) -> tuple[tuple[np.ndarray, np.ndarray], tuple[float, float]]:
+    """Returns the policy that improves most on a nominal flight; see `ilqr_backward`.
+
+    Args:
+        damping: weight of leaving the nominal's next state.
+        step: [s].
+        nominal: states (N + 1, n) and inputs (N,) [rad/s].
+        jacobian: of `linearize_steps`.
+        costs: of a flight.
+        servo: its limits.
+
+    Returns:
+        feed-forward (N,) and gains (N, n), and what they promise: the cost changes by
+        share * first + share² * second.
+    """
+    states, inputs = nominal
+    policy = np.zeros(len(inputs)), np.zeros((len(inputs), states.shape[1]))
+    promise = BACKWARD.over().ilqr_backward(
+        damping, step, states, inputs, jacobian, costs, servo, *policy
+    )
+    return policy, promise

@@ -3,7 +3,10 @@
 import numpy as np
 
 from glider.compiled.constants import TINY
-from glider.physics.chain import derivatives
+from glider.compiled.kernel import Family, UncompilableError, compile_errors
+from glider.physics.chain import NUM_INPUTS, derivatives_of
+from glider.physics.model import GliderModel
+from glider.physics.numbers import Theta
 
 
 def directional(t, z, directions, n, field, value, slopes):
@@ -14,10 +17,10 @@ def directional(t, z, directions, n, field, value, slopes):
 
     Args:
         t: [s].
-        z: (n + 3 + 9 + len(c),) state, command [rad/s], wind (x, z) [m/s], p, c.
+        z: as in `derivatives_of`.
         directions: (r, m); row i belongs to z[i], missing rows are zero.
         n: number of states.
-        field: as in `derivatives`.
+        field: the residual Field.
         value: (n,), written.
         slopes: (n, m), written.
     """
@@ -26,14 +29,40 @@ def directional(t, z, directions, n, field, value, slopes):
         if directions.shape[1] > 0:
             for i in range(directions.shape[0]):
                 y[i] = z[i] + 1j * TINY * directions[i, k]
-        p, c = y[n + 3 : n + 12], y[n + 12 :]
-        d = derivatives(t, y, y[n], y[n + 1], y[n + 2], p, c, field)
+        d = derivatives_of(t, y, n, field)
         for i in range(len(d)):
             value[i] = d[i].real
             if directions.shape[1] > 0:
                 slopes[i, k] = d[i].imag / TINY
 
 
-LOOPS = (directional,)
-ENTRIES = (directional,)
-USES = ()
+LOOPS = Family((directional,), (directional,))
+
+
+def stacked(n: int, theta: Theta) -> np.ndarray:
+    """Returns the z of `derivatives_of` with state and inputs at zero."""
+    return np.concatenate([np.zeros(n + NUM_INPUTS), theta.p, theta.c])
+
+
+def differentiate(
+    model: GliderModel, t: float, z: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the derivatives (n,) and their slopes (n, m) along directions.
+
+    Args:
+        model: whose effects and residual field act; its numbers stand in z.
+        t: [s].
+        z: as in `derivatives_of`, see `stacked`.
+        directions: (r, m), in Fortran's order so that one type is compiled.
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
+    """
+    n = model.num_states
+    value, slopes = np.empty(n), np.empty((n, directions.shape[1]))
+    loop = LOOPS.over(model.kinds, model.has_field).directional
+    try:
+        loop(t, z, directions, n, model.residual_field, value, slopes)
+    except compile_errors() as error:
+        raise UncompilableError(str(error)) from None
+    return value, slopes

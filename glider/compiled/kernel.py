@@ -1,10 +1,11 @@
-"""The dynamics and their loops, compiled by numba and kept on disk.
+"""Loops over the dynamics, compiled by numba and kept on disk.
 
-`compiled(effects)` gives the loops of `glider.compiled` over the chain with these
-effects. At the first use of one it writes the text of the chain, of the effects'
-sums and of that loop's family as one module into the user's cache folder and
-imports it. The file's name holds a digest of every source that it depends on,
-so that an edit never meets an old binary; numba keeps the machine code beside it.
+A `Family` is a few functions of one module that loop over the chain of
+`glider.physics.chain`. Asked for a glider's effects, it writes the text of the chain,
+of the effects' sums and of its own functions as one module into the user's cache
+folder and imports it. The file's name holds a digest of every source that it depends
+on, so that an edit never meets an old binary; numba keeps the machine code beside it.
+An edit of one family leaves the others' machine code valid.
 """
 
 import functools
@@ -22,36 +23,129 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from glider.compiled import (
-    FAMILIES,
-    constants,
-)
+from glider.compiled import constants, runge_kutta
+from glider.errors import InputError
 from glider.physics import (
     aerodynamics,
     chain,
+    numbers,
+    parameters,
     servo,
     trigonometry,
 )
-from glider.physics.compose import (
-    formulas,
-    source,
-)
-from glider.physics.effects import effect as effect_module
-from glider.physics.effects import field
-from glider.physics.effects.effect import EffectKind
+from glider.physics.compose import formulas, source
+from glider.physics.effects import EffectKind, effect, field
 
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 """Liberties that the compiler may take with rounding; NaN and infinity stay."""
 
-_FAMILY_OF = {f.__name__: family for family in FAMILIES for f in family.ENTRIES}
-
-_TEXT_OF = {
-    family: "\n\n".join(inspect.getsource(f) for f in family.LOOPS)
-    for family in FAMILIES
+_SOURCES = {
+    module.__name__.rpartition(".")[2]: inspect.getsource(module)
+    for module in (
+        sys.modules[__name__],
+        aerodynamics,
+        chain,
+        constants,
+        effect,
+        field,
+        numbers,
+        parameters,
+        servo,
+        trigonometry,
+    )
 }
 """Read now: the files may be edited while this process runs."""
 
+_STEP = inspect.getsource(runge_kutta)
+
+_HEAD = """\
+import numpy as np
+from glider.compiled.constants import BLOCK, DIFFERENCE, TINY
+from glider.physics.servo import limited_rate, rate_bounds
+"""
+
 _COMPILING = threading.RLock()
+
+
+class UncompilableError(InputError):
+    """A formula is not of what numba compiles."""
+
+
+class Family:
+    """Functions that loop over the dynamics and are compiled together.
+
+    `derivatives` and the other functions of the chain, and those of
+    `glider.compiled.runge_kutta`, may be called by name: in the compiled text they
+    mean the glider with its effects.
+
+    Args:
+        functions: callees first.
+        entries: those of them that are called from Python.
+        uses: families whose entries these functions call, shared in machine code.
+    """
+
+    def __init__(
+        self,
+        functions: tuple[Callable, ...],
+        entries: tuple[Callable, ...],
+        uses: tuple["Family", ...] = (),
+    ) -> None:
+        """Reads the functions' text now: their file may change while this runs."""
+        self.text = "\n\n".join(inspect.getsource(f) for f in functions)
+        self.entries = tuple(f.__name__ for f in entries)
+        self.uses = uses
+        self._made: dict[tuple, types.SimpleNamespace] = {}
+
+    def over(
+        self, kinds: tuple[EffectKind, ...] = (), has_field: bool = False
+    ) -> types.SimpleNamespace:
+        """Returns the compiled entries for these effects, as attributes.
+
+        Numba compiles each at its first call with a type of numbers; what is
+        compiled is kept on disk when every formula can be imported by name, else (a
+        formula typed into a notebook) for this process only.
+        """
+        key = kinds, has_field
+        if key not in self._made:
+            with _COMPILING:  # Threads that meet here share one.
+                if key not in self._made:
+                    self._made[key] = self._make(kinds, has_field)
+        return self._made[key]
+
+    def module_text(self, kinds: tuple[EffectKind, ...], has_field: bool) -> str:
+        """Returns the text that is compiled, without the formulas' names."""
+        physics = source(kinds, has_field, skip_absent=True)
+        return "\n\n".join([_HEAD, physics, _STEP, self.text])
+
+    def _make(
+        self, kinds: tuple[EffectKind, ...], has_field: bool
+    ) -> types.SimpleNamespace:
+        text = self.module_text(kinds, has_field)
+        shared: dict[str, Callable] = {}
+        for family in self.uses:
+            shared |= vars(family.over(kinds, has_field))
+        cache = _importable(kinds)
+        if cache:
+            imports = [
+                f"from {f.__module__} import {f.__name__} as {alias}"
+                for alias, f in formulas(kinds).items()
+            ]
+            text = "\n".join(imports) + "\n\n" + text + "\n"
+            names = _import(self._digest(text, kinds), text)
+        else:
+            names = {"__name__": "glider_kernel", **formulas(kinds)}
+            exec(compile(text, "<glider kernel>", "exec"), names)
+        names |= shared
+        _wrap(names, self.entries, kinds, cache)
+        return types.SimpleNamespace(**{name: names[name] for name in self.entries})
+
+    def _digest(self, text: str, kinds: tuple[EffectKind, ...]) -> str:
+        modules = {inspect.getmodule(f) for f in formulas(kinds).values()}
+        files = sorted(inspect.getsource(m) for m in modules if m is not None)
+        called = [family.text for family in self.uses]
+        versions = [numba.__version__, np.__version__, sys.version]
+        seed = "\n".join([text, *called, *files, *_SOURCES.values(), *versions])
+        return hashlib.sha256(seed.encode()).hexdigest()[:16]
 
 
 def cache_folder() -> Path:
@@ -69,33 +163,34 @@ def cache_folder() -> Path:
     return folder
 
 
-def _importable(effects: tuple[EffectKind, ...]) -> bool:
+def check_compiles(formula: Callable, arguments: tuple) -> object:
+    """Returns what a formula's machine code makes of arguments.
+
+    Raises:
+        Exception: whatever the compiler or the formula raises.
+    """
+    return numba.njit(formula)(*arguments)
+
+
+def compile_errors() -> type[Exception]:
+    """Returns the exception of a formula that does not compile."""
+    return numba.core.errors.NumbaError
+
+
+@functools.cache
+def _importable(kinds: tuple[EffectKind, ...]) -> bool:
     return all(
         getattr(f, "__module__", "__main__") != "__main__"
         and f.__qualname__.isidentifier()
-        for f in formulas(effects).values()
+        for f in formulas(kinds).values()
     )
 
 
-def _text(
-    family: types.ModuleType, effects: tuple[EffectKind, ...], has_field: bool
-) -> str:
-    """Returns the text of the module to compile, without the formulas' names."""
-    parts = [
-        "import numpy as np",
-        "from glider.compiled.constants import BLOCK, DIFFERENCE, TINY",
-        "from glider.physics.servo import limited_rate",
-        source(effects, has_field, skip_absent=True),
-        _TEXT_OF[family],
-    ]
-    return "\n\n".join(parts)
-
-
 def _wrap(
-    names: dict, entries: set[str], effects: tuple[EffectKind, ...], cache: bool
+    names: dict, entries: tuple[str, ...], kinds: tuple[EffectKind, ...], cache: bool
 ) -> None:
     """Compiles, in place, every function that the text of the module defined."""
-    for name in formulas(effects):
+    for name in formulas(kinds):
         names[name] = numba.njit(names[name])
     for name, value in list(names.items()):
         if (
@@ -112,59 +207,6 @@ def _wrap(
             )
 
 
-def _digest(
-    text: str, family: types.ModuleType, effects: tuple[EffectKind, ...]
-) -> str:
-    modules = {inspect.getmodule(f) for f in formulas(effects).values()}
-    modules |= {aerodynamics, chain, effect_module, field, servo, trigonometry}
-    modules |= {sys.modules[__name__], constants}
-    files = sorted(inspect.getsource(m) for m in modules if m is not None)
-    called = [_TEXT_OF[_FAMILY_OF[name]] for name in family.USES]
-    versions = [numba.__version__, np.__version__, sys.version]
-    seed = "\n".join([text, *called, *files, *versions])
-    return hashlib.sha256(seed.encode()).hexdigest()[:16]
-
-
-class Kernel:
-    """The loops of `glider.compiled` for given effects, as attributes.
-
-    A family is made ready when the first of its loops is asked for.
-    """
-
-    def __init__(self, effects: tuple[EffectKind, ...], has_field: bool) -> None:
-        self._effects = effects
-        self._has_field = has_field
-
-    def __getattr__(self, name: str) -> Callable:
-        if name not in _FAMILY_OF:
-            raise AttributeError(f"no loop is called '{name}'")
-        with _COMPILING:  # Threads that meet here share one.
-            if name not in self.__dict__:
-                self.__dict__.update(self._load(_FAMILY_OF[name]))
-        return self.__dict__[name]
-
-    def _load(self, family: types.ModuleType) -> dict[str, Callable]:
-        """Returns the entries of a family, compiled."""
-        effects = self._effects
-        text = _text(family, effects, self._has_field)
-        entries = {f.__name__ for f in family.ENTRIES}
-        shared = {name: getattr(self, name) for name in family.USES}
-        cache = _importable(effects)
-        if cache:
-            imports = [
-                f"from {f.__module__} import {f.__name__} as {alias}"
-                for alias, f in formulas(effects).items()
-            ]
-            text = "\n".join(imports) + "\n\n" + text + "\n"
-            names = _import(_digest(text, family, effects), text)
-        else:
-            names = {"__name__": "glider_kernel", **formulas(effects)}
-            exec(compile(text, "<glider kernel>", "exec"), names)
-        names |= shared
-        _wrap(names, entries, effects, cache)
-        return {name: names[name] for name in entries}
-
-
 def _import(digest: str, text: str) -> dict:
     """Writes a module into the cache folder, imports it and returns its names."""
     name = f"glider_kernel_{digest}"
@@ -178,14 +220,3 @@ def _import(digest: str, text: str) -> dict:
     sys.modules[name] = module
     SourceFileLoader(name, str(path)).exec_module(module)
     return module.__dict__
-
-
-@functools.lru_cache(maxsize=32)
-def compiled(effects: tuple[EffectKind, ...] = (), has_field: bool = False) -> Kernel:
-    """Returns the compiled loops of `glider.compiled` for these effects.
-
-    Numba compiles each loop at its first call with a type of numbers; what is
-    compiled is kept on disk when every formula can be imported by name, else (a
-    formula typed into a notebook) for this process only.
-    """
-    return Kernel(effects, has_field)

@@ -1,126 +1,134 @@
-"""Flights along a log: its times, its elevator, its nodes."""
+"""Flights along a log: its times, its elevator, its nodes.
+
+Here a model is one vector theta, parameters and coefficients, as a fit changes it.
+"""
 
 import numpy as np
 
 from glider.compiled.constants import DIFFERENCE
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance
 from glider.physics.chain import (
     accelerations,
+    actuator_rates,
+    actuator_terms,
     derivatives,
     measure,
     meet_air,
+    theta_of,
 )
+from glider.physics.compose import initial_extra
+from glider.physics.effects import NO_FIELD, EffectKind, Field
 
 
-def log_step(t, x, step, elevator, rate, p, c, field, work):
-    """Advances x by one Runge-Kutta step with the elevator's path prescribed.
+def log_slope(t, node, x, data, rate):
+    """Writes the derivatives with the elevator's path prescribed.
 
-    Here x[3] is the elevator's constant offset from that path.
-
-    Args:
-        elevator: (3,) its path at the start, the middle and the end [rad].
-        rate: its mean rate over the step [rad/s].
+    Here x[3] is the elevator's constant offset from that path, elevator (3,) the path
+    at the start, the middle and the end of the step [rad], and its mean rate is known.
     """
-    total, y = work[0], work[1]
-    total[:] = 0.0
-    y[:] = x
-    for stage in range(4):
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        offset = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
-        y[3] = x[3] + elevator[(stage + 1) // 2]
-        d = derivatives(t + offset, y, rate + 0.0 * x[0], 0.0, 0.0, p, c, field)
-        ahead = 0.5 * step if stage < 2 else step
-        for i in range(x.shape[0]):
-            total[i] += weight * d[i]
-            y[i] = x[i] + ahead * d[i]
-    total[3] = 0.0
-    for i in range(x.shape[0]):
-        x[i] += step * total[i]
+    elevator, elevator_rate, theta, y = data
+    n = x.shape[0]
+    for i in range(n):
+        y[i] = x[i]
+    y[3] += elevator[node]
+    d = derivatives(t, y, elevator_rate + 0.0 * x[0], 0.0, 0.0, theta)
+    for i in range(n):
+        rate[i] = d[i]
+    rate[3] = 0.0
 
 
-def log_rollout(times, start, elevator, rate, theta, field, states):
+def log_step(t, x, step, elevator, rate, theta, work):
+    """Advances x by one Runge-Kutta step of `log_slope`; work is (4, n)."""
+    data = (elevator, rate, theta, work[3])
+    advance(log_slope, t, x, step, 4, data, work)
+
+
+def log_rollout(times, start, elevator, rate, numbers, field, states):
     """Flies from one start along a log's times, elevator prescribed.
 
     Args:
         times: (K + 1,).
         start: (n,).
-        elevator: (K, 3) as in `log_step`.
+        elevator: (K, 3) as in `log_slope`.
         rate: (K,).
-        theta: parameters (9,) and coefficients, one after the other.
+        numbers: parameters (9,) and coefficients, one after the other.
+        field: the residual Field.
         states: (K + 1, n), written.
     """
-    p, c = theta[:9], theta[9:]
+    theta = theta_of(numbers, field)
     x = start.copy()
-    work = np.empty((2, x.shape[0]), x.dtype)
+    work = np.empty((4, x.shape[0]), x.dtype)
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        log_step(times[k], x, step, elevator[k], rate[k], p, c, field, work)
+        log_step(times[k], x, step, elevator[k], rate[k], theta, work)
         states[k + 1] = x
 
 
-def log_translation(times, start, pitch, elevator, rate, theta, field, states):
+def log_translation_slope(t, node, x, data, rate):
+    """Writes the derivatives with the pitch and its rate prescribed as well.
+
+    pitch (3, 2): both at the start, the middle and the end of the step.
+    """
+    pitch, elevator, elevator_rate, theta, y = data
+    n = x.shape[0]
+    for i in range(n):
+        y[i] = x[i]
+    y[2] = pitch[node, 0]
+    y[3] += elevator[node]
+    y[6] = pitch[node, 1]
+    d = derivatives(t, y, elevator_rate + 0.0 * x[0], 0.0, 0.0, theta)
+    for i in range(n):
+        rate[i] = d[i]
+    rate[3] = 0.0
+
+
+def log_translation(times, start, pitch, elevator, rate, numbers, field, states):
     """As `log_rollout`, with the pitch and its rate prescribed as well.
 
     Args:
-        pitch: (K, 3, 2) pitch and pitch rate at the start, middle and end of
-            each step.
+        pitch: (K, 3, 2) as in `log_translation_slope`.
     """
-    p, c = theta[:9], theta[9:]
-    n = start.shape[0]
+    theta = theta_of(numbers, field)
     x = start.copy()
-    work = np.empty((2, n), x.dtype)
-    total, y = work[0], work[1]
+    work = np.empty((4, x.shape[0]), x.dtype)
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        total[:] = 0.0
-        y[:] = x
-        for stage in range(4):
-            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-            point = (stage + 1) // 2
-            y[2] = pitch[k, point, 0]
-            y[3] = x[3] + elevator[k, point]
-            y[6] = pitch[k, point, 1]
-            t = times[k] + 0.5 * step * point
-            d = derivatives(t, y, rate[k] + 0.0 * x[0], 0.0, 0.0, p, c, field)
-            ahead = 0.5 * step if stage < 2 else step
-            for i in range(n):
-                total[i] += weight * d[i]
-                y[i] = x[i] + ahead * d[i]
-        total[3] = 0.0
-        for i in range(n):
-            x[i] += step * total[i]
+        data = (pitch[k], elevator[k], rate[k], theta, work[3])
+        advance(log_translation_slope, times[k], x, step, 4, data, work)
         x[2] = pitch[k, 2, 0]
         x[6] = pitch[k, 2, 1]
         states[k + 1] = x
 
 
-def log_advance(times, nodes, elevator, rate, theta, field, ends):
+def log_advance(times, nodes, elevator, rate, numbers, field, ends):
     """Flies each interval of a log from its own node; ends (K, n) is written."""
-    p, c = theta[:9], theta[9:]
-    work = np.empty((2, nodes.shape[1]), nodes.dtype)
+    theta = theta_of(numbers, field)
+    work = np.empty((4, nodes.shape[1]), nodes.dtype)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         ends[k] = nodes[k]
-        log_step(times[k], ends[k], step, elevator[k], rate[k], p, c, field, work)
+        log_step(times[k], ends[k], step, elevator[k], rate[k], theta, work)
 
 
-def log_extras(times, nodes, elevator, rate, theta, field):
+def log_extras(times, nodes, elevator, rate, numbers, field):
     """Flies the effects' own states along given nodes; nodes[1:, 7:] is written."""
-    p, c = theta[:9], theta[9:]
+    theta = theta_of(numbers, field)
     n = nodes.shape[1]
     x = np.empty_like(nodes[0])
-    work = np.empty((2, n), nodes.dtype)
+    work = np.empty((4, n), nodes.dtype)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         x[:] = nodes[k]
-        log_step(times[k], x, step, elevator[k], rate[k], p, c, field, work)
+        log_step(times[k], x, step, elevator[k], rate[k], theta, work)
         for i in range(7, n):
             nodes[k + 1, i] = x[i]
 
 
 def log_shoot(
-    times, nodes, elevator, rate, theta, free, scale, field, ends, by_x, by_theta
+    times, nodes, elevator, rate, numbers, free, scale, field, ends, by_x, by_theta
 ):
     """Flies each interval of a log from its own node, with derivatives.
 
@@ -132,33 +140,35 @@ def log_shoot(
         nodes: (K + 1, n) states at the times.
         elevator: (K, 3).
         rate: (K,).
-        theta: parameters and coefficients.
-        free: (m,) indices into theta.
-        scale: typical sizes of theta.
+        numbers: parameters and coefficients.
+        free: (m,) indices into them.
+        scale: typical sizes of them.
+        field: the residual Field.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, n), written: ∂end/∂node.
-        by_theta: (K, n, m), written: ∂end/∂theta[free].
+        by_theta: (K, n, m), written: ∂end/∂numbers[free].
     """
     n = nodes.shape[1]
-    p, c = theta[:9], theta[9:]
+    theta = theta_of(numbers, field)
+    moved = numbers.copy()
     x = np.empty_like(nodes[0])
-    work = np.empty((2, n), x.dtype)
-    log_advance(times, nodes, elevator, rate, theta, field, ends)
+    work = np.empty((4, n), x.dtype)
+    log_advance(times, nodes, elevator, rate, numbers, field, ends)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         for j in range(n):
             x[:] = nodes[k]
             x[j] += DIFFERENCE
-            log_step(times[k], x, step, elevator[k], rate[k], p, c, field, work)
+            log_step(times[k], x, step, elevator[k], rate[k], theta, work)
             for i in range(n):
                 by_x[k, i, j] = (x[i] - ends[k, i]) / DIFFERENCE
         for j in range(free.shape[0]):
             x[:] = nodes[k]
             size = DIFFERENCE * scale[free[j]]
-            kept = theta[free[j]]
-            theta[free[j]] += size
-            log_step(times[k], x, step, elevator[k], rate[k], p, c, field, work)
-            theta[free[j]] = kept
+            moved[free[j]] += size
+            other = theta_of(moved, field)
+            log_step(times[k], x, step, elevator[k], rate[k], other, work)
+            moved[free[j]] = numbers[free[j]]
             for i in range(n):
                 by_theta[k, i, j] = (x[i] - ends[k, i]) / size
 
@@ -188,43 +198,44 @@ def log_propagate(by_x, inputs, states):
                 states[k + 1, i, j] = total
 
 
-def log_measure(nodes, theta, free, scale, pose, by_x, by_theta):
+def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
     """What the sensors show of each node, with derivatives.
 
     Args:
         nodes: (K, n) states.
-        theta: parameters and coefficients.
-        free: (m,) indices into theta.
-        scale: typical sizes of theta.
+        numbers: parameters and coefficients.
+        free: (m,) indices into them.
+        scale: typical sizes of them.
+        field: the residual Field; no sensor looks at it.
         pose: (K, 3), written.
         by_x: (K, 3, n), written.
         by_theta: (K, 3, m), written.
     """
     n = nodes.shape[1]
-    p, c = theta[:9], theta[9:]
+    theta = theta_of(numbers, field)
+    moved = numbers.copy()
     x = np.empty_like(nodes[0])
     for k in range(nodes.shape[0]):
         x[:] = nodes[k]
-        y = measure(x, p, c)
+        y = measure(x, theta)
         for i in range(3):
             pose[k, i] = y[i]
         for j in range(n):
             x[j] += DIFFERENCE
-            y = measure(x, p, c)
+            y = measure(x, theta)
             x[j] = nodes[k, j]
             for i in range(3):
                 by_x[k, i, j] = (y[i] - pose[k, i]) / DIFFERENCE
         for j in range(free.shape[0]):
             size = DIFFERENCE * scale[free[j]]
-            kept = theta[free[j]]
-            theta[free[j]] += size
-            y = measure(x, p, c)
-            theta[free[j]] = kept
+            moved[free[j]] += size
+            y = measure(x, theta_of(moved, field))
+            moved[free[j]] = numbers[free[j]]
             for i in range(3):
                 by_theta[k, i, j] = (y[i] - pose[k, i]) / size
 
 
-def log_flow(times, nodes, elevator, rate, theta, field, values):
+def log_flow(times, nodes, elevator, rate, numbers, field, values):
     """Flow and acceleration at each node of a log.
 
     Args:
@@ -233,14 +244,14 @@ def log_flow(times, nodes, elevator, rate, theta, field, values):
         values: (K, 9), written: V, sin α, cos α, velocity through the air (x, z),
             accelerations (ẍ, z̈, θ̈), elevator.
     """
-    p, c = theta[:9], theta[9:]
+    theta = theta_of(numbers, field)
     x = np.empty_like(nodes[0])
     for k in range(nodes.shape[0]):
         x[:] = nodes[k]
         x[3] += elevator[k]
         u = rate[k] + 0.0 * x[0]
-        flow, terms = meet_air(times[k], x, u, 0.0, 0.0, p, c, field)
-        a = accelerations(flow, terms, x, c)
+        flow, terms = meet_air(times[k], x, u, 0.0, 0.0, theta)
+        a = accelerations(flow, terms, x, theta.c)
         values[k, 0] = flow.speed
         values[k, 1] = flow.sin_alpha
         values[k, 2] = flow.cos_alpha
@@ -252,16 +263,277 @@ def log_flow(times, nodes, elevator, rate, theta, field, values):
         values[k, 8] = x[3]
 
 
-LOOPS = (
-    log_step,
-    log_rollout,
-    log_translation,
-    log_advance,
-    log_extras,
-    log_shoot,
-    log_propagate,
-    log_measure,
-    log_flow,
+def actuator_slope(t, node, y, data, rate):
+    """Writes the rates of the elevator's angle and of the actuators' own states."""
+    command, c, x = data
+    own = y.shape[0] - 1
+    x[3] = y[0]
+    for i in range(own):
+        x[7 + i] = y[1 + i]
+    rate[0] = actuator_terms(command, x, c)
+    rates = actuator_rates(command, x, c)
+    for i in range(own):
+        rate[1 + i] = rates[i]
+
+
+def log_actuator(times, commands, c, limits, states):
+    """Turns an elevator through actuators along held commands, between its stops.
+
+    Args:
+        times: (K + 1,) [s].
+        commands: (K,) held over each interval [rad/s].
+        c: coefficients of the actuators.
+        limits: travel of the elevator [rad].
+        states: (K + 1, 1 + m) the elevator's angle and the actuators' own states;
+            the first row is given, the others are written.
+    """
+    size = states.shape[1]
+    x = np.zeros(6 + size)
+    y = states[0].copy()
+    work = np.empty((3, size))
+    for k in range(times.shape[0] - 1):
+        step = times[k + 1] - times[k]
+        advance(actuator_slope, times[k], y, step, 4, (commands[k], c, x), work)
+        y[0] = min(max(y[0], limits[0]), limits[1])
+        states[k + 1] = y
+
+
+ACTUATORS = Family((actuator_slope, log_actuator), (log_actuator,))
+
+LOOPS = Family(
+    (
+        log_slope,
+        log_step,
+        log_rollout,
+        log_translation_slope,
+        log_translation,
+        log_advance,
+        log_extras,
+        log_shoot,
+        log_propagate,
+        log_measure,
+        log_flow,
+    ),
+    (
+        log_rollout,
+        log_translation,
+        log_advance,
+        log_extras,
+        log_shoot,
+        log_propagate,
+        log_measure,
+        log_flow,
+    ),
 )
-ENTRIES = LOOPS
-USES = ()
+
+Kinds = tuple[EffectKind, ...]
+"""The effects that the compiled dynamics hold, whose coefficients a theta has."""
+
+
+ACTUATOR_STEP = 0.00025
+"""Longest step of an actuator [s]."""
+
+
+def turn_elevator(
+    actuators: tuple[tuple[EffectKind, tuple[float, ...]], ...],
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    start: float,
+    limits: tuple[float, float],
+) -> np.ndarray:
+    """Returns the elevator's angle behind actuators at some times [rad].
+
+    Args:
+        actuators: kinds and their coefficients; at rest before the first command.
+        switch_times: (k,) when each command begins to act [s], increasing.
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        query: (m,) times [s].
+        start: angle before the first command [rad].
+        limits: travel of the elevator [rad].
+    """
+    kinds = tuple(kind for kind, _ in actuators)
+    c = np.array([value for _, values in actuators for value in values])
+    first, last = switch_times[0], max(query.max(), switch_times[-1]) + ACTUATOR_STEP
+    even = np.linspace(first, last, int((last - first) / ACTUATOR_STEP) + 2)
+    times = np.union1d(even, switch_times)
+    held = commands[np.searchsorted(switch_times, times[:-1], side="right") - 1]
+    rest = initial_extra(kinds, None, 0.0, c)
+    states = np.empty((len(times), 1 + len(rest)))
+    states[0] = [start, *rest]
+    ACTUATORS.over(kinds).log_actuator(times, held, c, limits, states)
+    return np.interp(query, times, states[:, 0])
+
+
+def roll_out(
+    kinds: Kinds,
+    times: np.ndarray,
+    start: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+) -> np.ndarray:
+    """Returns the states (K + 1, n) of a flight along a log's times.
+
+    Args:
+        kinds: the effects.
+        times: (K + 1,) [s].
+        start: (n,).
+        elevator: (K, 3) its path at the start, middle and end of each step [rad].
+        rate: (K,) its mean rates [rad/s].
+        numbers: parameters (9,) and coefficients, one after the other.
+        field: the residual field.
+    """
+    states = np.empty((len(times), len(start)))
+    LOOPS.over(kinds, True).log_rollout(
+        times, start, elevator, rate, numbers, field, states
+    )
+    return states
+
+
+def translate(
+    kinds: Kinds,
+    times: np.ndarray,
+    start: np.ndarray,
+    pitch: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+) -> np.ndarray:
+    """Returns states as `roll_out` does, with the pitch prescribed.
+
+    `pitch` (K, 3, 2) is pitch and pitch rate at start, middle and end of each step.
+    """
+    states = np.empty((len(times), len(start)))
+    LOOPS.over(kinds, True).log_translation(
+        times, start, pitch, elevator, rate, numbers, field, states
+    )
+    return states
+
+
+def advance_nodes(
+    kinds: Kinds,
+    times: np.ndarray,
+    nodes: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+) -> np.ndarray:
+    """Returns the ends (K, n) of a log's intervals, each flown from its own node.
+
+    `nodes` is (K + 1, n); the other arguments as in `roll_out`.
+    """
+    ends = np.empty_like(nodes[1:])
+    LOOPS.over(kinds, True).log_advance(
+        times, nodes, elevator, rate, numbers, field, ends
+    )
+    return ends
+
+
+def with_extras(
+    kinds: Kinds,
+    times: np.ndarray,
+    nodes: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+) -> np.ndarray:
+    """Returns nodes (K + 1, n) with the effects' own states flown along them.
+
+    They begin as in the first node; the other arguments as in `roll_out`.
+    """
+    full = nodes.copy()
+    LOOPS.over(kinds, True).log_extras(times, full, elevator, rate, numbers, field)
+    return full
+
+
+def shoot(
+    kinds: Kinds,
+    times: np.ndarray,
+    nodes: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+    free: np.ndarray,
+    scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Flies each interval of a log from its own node, with derivatives.
+
+    Args:
+        kinds, times, nodes, elevator, rate, numbers, field: as in `advance_nodes`.
+        free: (m,) indices into the numbers.
+        scale: typical sizes of the numbers.
+
+    Returns:
+        the ends (K, n), and their derivatives by the node (K, n, n) and by the free
+        numbers (K, n, m).
+    """
+    intervals, n = len(nodes) - 1, nodes.shape[1]
+    ends, by_x = np.empty((intervals, n)), np.empty((intervals, n, n))
+    by_theta = np.empty((intervals, n, len(free)))
+    LOOPS.over(kinds, True).log_shoot(
+        times, nodes, elevator, rate, numbers, free, scale, field, ends, by_x, by_theta
+    )
+    return ends, by_x, by_theta
+
+
+def propagate(by_x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Returns how each state of a flight moves with the first one and with inputs.
+
+    Args:
+        by_x: (K, n, n) how each interval's end moves with its node.
+        inputs: (K, n, m) how it moves with m further columns.
+
+    Returns:
+        (K + 1, n, n + m).
+    """
+    intervals, n, _ = by_x.shape
+    states = np.empty((intervals + 1, n, n + inputs.shape[2]))
+    LOOPS.over().log_propagate(by_x, inputs, states)
+    return states
+
+
+def measure_nodes(
+    kinds: Kinds,
+    nodes: np.ndarray,
+    numbers: np.ndarray,
+    free: np.ndarray,
+    scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns what the sensors show of states (K, n), with derivatives.
+
+    The poses (K, 3), their derivatives by the state (K, 3, n) and by the free numbers
+    (K, 3, m); the arguments as in `shoot`.
+    """
+    rows, n = nodes.shape
+    pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n))
+    by_theta = np.empty((rows, 3, len(free)))
+    LOOPS.over(kinds, True).log_measure(
+        nodes, numbers, free, scale, NO_FIELD, pose, by_x, by_theta
+    )
+    return pose, by_x, by_theta
+
+
+def flow_at(
+    kinds: Kinds,
+    times: np.ndarray,
+    nodes: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    numbers: np.ndarray,
+    field: Field,
+) -> np.ndarray:
+    """Returns flow and acceleration at states (K, n), see `log_flow`, (K, 9).
+
+    `elevator` (K,) [rad] and `rate` (K,) [rad/s] are at the times.
+    """
+    values = np.empty((len(nodes), 9))
+    LOOPS.over(kinds, True).log_flow(
+        times, nodes, elevator, rate, numbers, field, values
+    )
+    return values

@@ -2,15 +2,24 @@
 
 import numpy as np
 
-from glider.compiled.jacobian import directional
+from glider.compiled import jacobian
+from glider.compiled.jacobian import directional, stacked
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance
+from glider.physics.model import GliderModel
 
 
-def riccati_slope(a, e, q, r, s, back, slope):
+def riccati_slope(t, node, flat, data, rate):
     """Writes -Ṡ and, as its last column, -ṡ; see `riccati`.
 
-    `a` is A and, as its last column, B; `back` is scratch.
+    `flat` holds S and s (n, n + 1). Of the data, `jacobian` is A and, as its last
+    column, B at the times, `at` counts them and falls with the node; `back` is scratch.
     """
+    at, jacobian, excess, q, r, back = data
     n = q.shape[0]
+    s, slope = flat.reshape((n, n + 1)), rate.reshape((n, n + 1))
+    a, e = jacobian[at - node], excess[at - node]
+    drive = 0.0
     for j in range(n + 1):  # Bᵀ S, Bᵀ s.
         push = 0.0
         for i in range(n):
@@ -31,7 +40,7 @@ def riccati_slope(a, e, q, r, s, back, slope):
         slope[i, n] = total
 
 
-def riccati(times, states, slopes, inputs, q, r, s, p, c, field, gain, offset, cost):
+def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost):
     """Linearizes about a nominal path and integrates the Riccati equations back.
 
     With A, B along the path, e = f(x₀, u₀) - ẋ₀ and K = R⁻¹ Bᵀ S:
@@ -49,7 +58,8 @@ def riccati(times, states, slopes, inputs, q, r, s, p, c, field, gain, offset, c
         q: (n, n) Q.
         r: R.
         s: (n, n) S at the end.
-        p, c, field: as in `derivatives`.
+        z: of `stacked`; states and inputs are overwritten.
+        field: the residual Field.
         gain: (M + 1, n), written: K at every other time.
         offset: (M + 1,), written: k₀.
         cost: (M + 1, n, n + 1), written: S and, as its last column, s.
@@ -58,9 +68,6 @@ def riccati(times, states, slopes, inputs, q, r, s, p, c, field, gain, offset, c
     jacobian = np.empty((count, n, n + 1))
     excess = np.empty((count, n))
     each = np.zeros((n + 1, n + 1)).T  # As the plant asks: compiled only once.
-    z = np.zeros(n + 12 + c.shape[0])
-    z[n + 3 : n + 12] = p
-    z[n + 12 :] = c
     for i in range(n + 1):
         each[i, i] = 1.0
     for k in range(count):
@@ -69,10 +76,9 @@ def riccati(times, states, slopes, inputs, q, r, s, p, c, field, gain, offset, c
         directional(times[k], z, each, n, field, excess[k], jacobian[k])
         excess[k] -= slopes[k]
 
-    now = np.empty((n, n + 1))
-    here = np.empty((n, n + 1))
-    total = np.empty((n, n + 1))
-    slope = np.empty((n, n + 1))
+    flat = np.empty(n * (n + 1))
+    now = flat.reshape((n, n + 1))
+    work = np.empty((3, n * (n + 1)))
     back = np.empty(n)
     now[:, :n] = s
     now[:, n] = 0.0
@@ -89,23 +95,52 @@ def riccati(times, states, slopes, inputs, q, r, s, p, c, field, gain, offset, c
         if k == 0:
             break
         step = times[2 * k] - times[2 * k - 2]
-        here[:] = now
-        total[:] = now
-        for stage in range(4):
-            at = 2 * k - (stage + 1) // 2
-            riccati_slope(jacobian[at], excess[at], q, r, here, back, slope)
-            weight = step / 6.0 if stage in (0, 3) else step / 3.0
-            ahead = 0.5 * step if stage < 2 else step
-            for i in range(n):
-                for j in range(n + 1):
-                    total[i, j] += weight * slope[i, j]
-                    here[i, j] = now[i, j] + ahead * slope[i, j]
+        data = (2 * k, jacobian, excess, q, r, back)
+        advance(riccati_slope, times[2 * k], flat, step, 4, data, work)
         for i in range(n):  # Symmetry, which rounding would lose slowly.
-            now[i, n] = total[i, n]
-            for j in range(n):
-                now[i, j] = 0.5 * (total[i, j] + total[j, i])
+            for j in range(i):
+                now[i, j] = now[j, i] = 0.5 * (now[i, j] + now[j, i])
 
 
-LOOPS = (riccati_slope, riccati)
-ENTRIES = (riccati,)
-USES = ("directional",)
+LOOPS = Family((riccati_slope, riccati), (riccati,), uses=(jacobian.LOOPS,))
+
+
+def solve_riccati(
+    model: GliderModel,
+    times: np.ndarray,
+    nominal: tuple[np.ndarray, np.ndarray, np.ndarray],
+    state_weight: np.ndarray,
+    rate_weight: float,
+    final_weight: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns gains, corrections and cost-to-go along a nominal path, see `riccati`.
+
+    Args:
+        model: the glider.
+        times: (2 M + 1,) uniform [s].
+        nominal: states (2 M + 1, n), their slopes, inputs (2 M + 1,) at the times.
+        state_weight: (n, n) Q.
+        rate_weight: R.
+        final_weight: (n, n) S at the end.
+
+    Returns:
+        K (M + 1, n), k₀ (M + 1,) [rad/s], and S with s as its last column
+        (M + 1, n, n + 1), at every other time.
+    """
+    n, count = model.num_states, len(times) // 2
+    gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
+    cost = np.empty((count + 1, n, n + 1))
+    theta = model.numbers
+    LOOPS.over(model.kinds, model.has_field).riccati(
+        times,
+        *nominal,
+        state_weight,
+        rate_weight,
+        final_weight,
+        stacked(n, theta),
+        theta.field,
+        gains,
+        corrections,
+        cost,
+    )
+    return gains, corrections, cost

@@ -3,62 +3,42 @@
 import numpy as np
 
 from glider.compiled.constants import BLOCK
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance_block
 from glider.physics.chain import derivatives
+from glider.physics.model import GliderModel
 
 
-def slopes(t, work, p, c, field):
+def slopes(t, node, work, theta):
     """Writes into work[:n, 1] the derivatives of the states work[:n, 0].
 
     work[n, 0] holds the commands.
     """
     n = work.shape[0] - 1
     for j in range(BLOCK):
-        d = derivatives(t, work[:, 0, j], work[n, 0, j], 0.0, 0.0, p, c, field)
+        d = derivatives(t, work[:, 0, j], work[n, 0, j], 0.0, 0.0, theta)
         for i in range(len(d)):
             work[i, 1, j] = d[i]
 
 
-def runge_kutta_block(t, work, step, p, c, field):
-    """Advances the states work[:n, 0] by one step; work[:, 1:] is scratch."""
-    n = work.shape[0] - 1
-    for i in range(n):
-        for j in range(BLOCK):
-            work[i, 2, j] = work[i, 0, j]
-            work[i, 3, j] = work[i, 0, j]
-    for stage in range(4):
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        offset = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
-        ahead = 0.5 * step if stage < 2 else step
-        slopes(t + offset, work, p, c, field)
-        for i in range(n):
-            for j in range(BLOCK):
-                work[i, 3, j] += step * weight * work[i, 1, j]
-                work[i, 0, j] = work[i, 2, j] + ahead * work[i, 1, j]
-    for i in range(n):
-        for j in range(BLOCK):
-            work[i, 0, j] = work[i, 3, j]
-
-
-def rollouts(start, command, step, p, c, field, order, states):
+def rollouts(start, command, step, order, theta, states):
     """Flies a batch of gliders under command tapes in still air.
 
     Gliders go in blocks, and of a block all take a step before any takes the
     next: so the compiler puts several gliders into one instruction. For that it
-    must see that nothing overlaps, hence one work array of a fixed width and
-    parameters as a tuple.
+    must see that nothing overlaps, hence one work array of a fixed width.
 
     Args:
         start: (B, n) states at launch.
         command: (B, N) elevator-rate commands, each held for one step [rad/s].
         step: [s].
-        p, c, field: as in `derivatives`.
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        theta: the gliders' numbers.
         states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
     """
     batch, n = start.shape
     steps = command.shape[1]
     keep = states.shape[1] > 1
-    p = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8])
     work = np.empty((n + 1, 4, BLOCK), start.dtype)
     path = np.empty((steps if keep else 1, n, BLOCK), start.dtype)
     for first in range(0, batch, BLOCK):
@@ -69,13 +49,7 @@ def rollouts(start, command, step, p, c, field, order, states):
         for k in range(steps):
             for j in range(BLOCK):
                 work[n, 0, j] = command[first + min(j, count - 1), k]
-            if order == 1:
-                slopes(k * step, work, p, c, field)
-                for i in range(n):
-                    for j in range(BLOCK):
-                        work[i, 0, j] += step * work[i, 1, j]
-            else:
-                runge_kutta_block(k * step, work, step, p, c, field)
+            advance_block(slopes, k * step, work, step, order, theta)
             if keep:
                 path[k] = work[:n, 0]
         if not keep:
@@ -88,6 +62,39 @@ def rollouts(start, command, step, p, c, field, order, states):
                     states[first + j, k + keep, i] = path[k, i, j]
 
 
-LOOPS = (slopes, runge_kutta_block, rollouts)
-ENTRIES = (rollouts,)
-USES = ()
+LOOPS = Family((slopes, rollouts), (rollouts,))
+
+
+def fly_tapes(
+    model: GliderModel,
+    starts: np.ndarray,
+    commands: np.ndarray,
+    step: float,
+    *,
+    order: int = 4,
+    only_last: bool = False,
+) -> np.ndarray:
+    """Flies launches of a glider under command tapes in still air.
+
+    Args:
+        model: the glider.
+        starts: (B, n) states at launch.
+        commands: (B, N) elevator-rate commands, each held for a step [rad/s].
+        step: [s].
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        only_last: whether to return the last states alone.
+
+    Returns:
+        states (B, N + 1, n), or (B, 1, n).
+    """
+    batch, n = starts.shape
+    states = np.empty((batch, 1 if only_last else commands.shape[1] + 1, n))
+    LOOPS.over(model.kinds, model.has_field).rollouts(
+        np.ascontiguousarray(starts, dtype=float),
+        np.ascontiguousarray(commands, dtype=float),
+        step,
+        order,
+        model.numbers,
+        states,
+    )
+    return states

@@ -1,55 +1,45 @@
 """Costs of command sequences, sampled by the dozen or by the thousand."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from glider.compiled import rollouts as tapes
 from glider.compiled.constants import BLOCK
+from glider.compiled.kernel import Family
 from glider.compiled.rollouts import rollouts
+from glider.physics.model import GliderModel
+from glider.physics.servo import Servo, rate_bounds
 
 
-def cost_to_go(
-    states, command, nominal, price, step, goal, weights, rate_cost, free_end, to_go
-):
+def cost_to_go(states, command, nominal, price, step, cost, to_go):
     """Writes what a flight costs from each of its steps on; see `sampled_costs`."""
     steps = command.shape[0]
     for k in range(steps, -1, -1):
         final = 0.0
-        if k == steps or (free_end and k > 0):
-            for i in range(goal.shape[0]):
-                final += weights[i] * (states[k, i] - goal[i]) ** 2
+        may_end = cost.free_end and k > 0
+        if k == steps or may_end:
+            for i in range(cost.goal.shape[0]):
+                final += cost.weights[i] * (states[k, i] - cost.goal[i]) ** 2
         if k == steps:
             least = final
         else:
             v = command[k]
             pull = nominal[k] * (v - 0.5 * nominal[k])
-            least += rate_cost * step * v * v + price * pull
+            least += cost.rate * step * v * v + price * pull
             # A flight that has left the numbers (NaN) ends before.
-            if free_end and k > 0 and not least < final:
+            if may_end and not least < final:
                 least = final
         to_go[k] = least
 
 
 def sampled_costs(
-    start,
-    command,
-    nominal,
-    price,
-    step,
-    order,
-    limits,
-    goal,
-    weights,
-    rate_cost,
-    free_end,
-    p,
-    c,
-    field,
-    to_go,
-    states,
+    start, command, nominal, price, step, order, servo, cost, theta, to_go, states
 ):
     """Flies one launch under many command sequences and says what each costs.
 
     With the stage cost
-        l_k = rate_cost step v_k² + price (ν_k v_k - ν_k² / 2)
+        l_k = rate step v_k² + price (ν_k v_k - ν_k² / 2)
     of commands v about a nominal sequence ν and the final cost
         f(x) = (x - goal)ᵀ diag(weights) (x - goal)
     the cost-to-go is S_N = f(x_N), S_k = l_k + S_{k+1}; with a free end it is
@@ -63,12 +53,10 @@ def sampled_costs(
         price: of the likelihood ratio; 0 for none.
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
-        limits: elevator's lower and upper stop [rad], rate limit [rad/s]; the
-            glider gets commands that keep them, as far as no effect delays them.
-        goal, weights: (7,).
-        rate_cost: [1/(rad²/s)].
-        free_end: whether the flight may end before its last step.
-        p, c, field: as in `derivatives`.
+        servo: its limits; the glider gets commands that keep them, as far as no
+            effect delays them.
+        cost: of a flight, see `FlightCost`.
+        theta: the glider's numbers.
         to_go: (B, N + 1), written.
         states: (B, N + 1, n), written; or (0, N + 1, n) to keep none.
     """
@@ -84,30 +72,81 @@ def sampled_costs(
         for j in range(BLOCK):  # What is left of the last block repeats a glider.
             elevator = start[3]
             for k in range(steps):
-                rate = command[first + min(j, count - 1), k]
-                rate = min(max(rate, -limits[2]), limits[2])
-                rate = max(rate, (limits[0] - elevator) / step)
-                rate = min(rate, (limits[1] - elevator) / step)
+                low, high = rate_bounds(elevator, servo, step)
+                rate = min(max(command[first + min(j, count - 1), k], low), high)
                 elevator += rate * step
                 given[j, k] = rate
-        rollouts(starts, given, step, p, c, field, order, path)
+        rollouts(starts, given, step, order, theta, path)
         for j in range(count):
-            cost_to_go(
-                path[j],
-                command[first + j],
-                nominal,
-                price,
-                step,
-                goal,
-                weights,
-                rate_cost,
-                free_end,
-                to_go[first + j],
-            )
+            row = first + j
+            cost_to_go(path[j], command[row], nominal, price, step, cost, to_go[row])
             if states.shape[0] > 0:
-                states[first + j] = path[j]
+                states[row] = path[j]
 
 
-LOOPS = (cost_to_go, sampled_costs)
-ENTRIES = (sampled_costs,)
-USES = ("rollouts",)
+LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,))
+
+
+class FlightCost(NamedTuple):
+    """What a flight under a sequence of commands costs, see `sampled_costs`."""
+
+    goal: np.ndarray
+    """(7,) state to end in."""
+
+    weights: np.ndarray
+    """(7,) of the squared distance from it."""
+
+    rate: float
+    """Weight of the squared elevator rate [1/(rad²/s)]."""
+
+    free_end: bool
+    """Whether the flight may end before its last step."""
+
+
+def cost_sequences(
+    model: GliderModel,
+    start: np.ndarray,
+    commands: np.ndarray,
+    step: float,
+    cost: FlightCost,
+    servo: Servo,
+    *,
+    order: int,
+    nominal: np.ndarray | None = None,
+    price: float = 0.0,
+    keep_states: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the costs-to-go of command sequences, and their flights.
+
+    Args:
+        model: the glider.
+        start: (n,) state at launch.
+        commands: (B, N) [rad/s], each held for a step.
+        step: [s].
+        cost: of a flight.
+        servo: limits that the commands are kept within.
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        nominal: (N,) that the likelihood ratio is taken about [rad/s].
+        price: its weight.
+        keep_states: whether to return the flights.
+
+    Returns:
+        costs-to-go (B, N + 1), and states (B, N + 1, n) or (0, N + 1, n).
+    """
+    batch, steps = commands.shape
+    to_go = np.empty((batch, steps + 1))
+    states = np.empty((batch if keep_states else 0, steps + 1, len(start)))
+    LOOPS.over(model.kinds, model.has_field).sampled_costs(
+        start,
+        commands,
+        np.zeros(steps) if nominal is None else nominal,
+        price,
+        step,
+        order,
+        servo,
+        cost,
+        model.numbers,
+        to_go,
+        states,
+    )
+    return to_go, states

@@ -6,7 +6,6 @@ regulator therefore holds the line and the speed, not the place along the line.
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from pydrake.systems.controllers import LinearQuadraticRegulator
@@ -15,7 +14,8 @@ from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximati
 from scipy.optimize import least_squares
 
 from glider.errors import InputError
-from glider.systems.plant import initial_state
+from glider.physics.model import GliderModel
+from glider.systems.plant import GliderPlant
 
 _TOLERANCE = 1e-8  # Accelerations of a trim [m/s², rad/s²].
 
@@ -63,11 +63,11 @@ class CruiseWeights:
             )
 
 
-def find_trim(plant: Any, speed: float | None = None) -> Trim:
+def find_trim(model: GliderModel, speed: float | None = None) -> Trim:
     """Finds pitch, elevator and velocity without acceleration at rate 0.
 
     Args:
-        plant: a GliderPlant.
+        model: the glider.
         speed: of the flight [m/s], on the slope that results; None for level
             flight at the speed that results, which needs thrust.
 
@@ -76,12 +76,11 @@ def find_trim(plant: Any, speed: float | None = None) -> Trim:
     """
     if speed is not None and not (math.isfinite(speed) and speed > 0.0):
         raise InputError(f"The speed is {speed} m/s; a positive number is needed.")
-    p = plant.model.parameters
+    p = model.parameters
     v = 7.0 if speed is None else speed
     alpha = min(p.mass * p.gravity / (p.air_density * p.wing_area * v * v), 0.6)
 
-    context = plant.CreateDefaultContext()
-    plant.GetInputPort("elevator_rate").FixValue(context, [0.0])
+    theta, derivatives = model.numbers, model.chain.derivatives
 
     def state_of(unknown):
         pitch, elevator, last = unknown
@@ -89,11 +88,11 @@ def find_trim(plant: Any, speed: float | None = None) -> Trim:
             velocity = (last, 0.0)
         else:
             velocity = (speed * math.cos(last), speed * math.sin(last))
-        return initial_state(plant, [0.0, 0.0, pitch, elevator, *velocity, 0.0])
+        return model.initial_state([0.0, 0.0, pitch, elevator, *velocity, 0.0])
 
     def accelerations(unknown):
-        context.SetContinuousState(state_of(unknown))
-        return plant.EvalTimeDerivatives(context).CopyToVector()[4:7]
+        rates = derivatives(0.0, state_of(unknown), 0.0, 0.0, 0.0, theta)
+        return np.array(rates[4:7])
 
     if speed is None:
         guess, low, high = [-alpha, alpha, v], [-0.7, -1.5, 0.5], [0.7, 1.5, 60.0]
@@ -116,7 +115,7 @@ def find_trim(plant: Any, speed: float | None = None) -> Trim:
 
 
 def cruise_regulator(
-    plant: Any, trim: Trim, weights: CruiseWeights | None = None
+    model: GliderModel, trim: Trim, weights: CruiseWeights | None = None
 ) -> AffineSystem:
     """Makes the System u = -K (x - x_trim), without the place along the line.
 
@@ -124,7 +123,7 @@ def cruise_regulator(
     its normal n = (-sin γ, cos γ), then all states but x and z.
 
     Args:
-        plant: a GliderPlant.
+        model: the glider.
         trim: what to hold, of `find_trim`.
         weights: None for the defaults.
 
@@ -136,6 +135,7 @@ def cruise_regulator(
     """
     weights = CruiseWeights() if weights is None else weights
     n = len(trim.state)
+    plant = GliderPlant(model)
     context = plant.CreateDefaultContext()
     context.SetContinuousState(trim.state)
     port = plant.GetInputPort("elevator_rate")

@@ -7,6 +7,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from glider.control.policy import sample_plan
 from glider.errors import InputError
+from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import (
@@ -89,7 +90,7 @@ class MppiController(LeafSystem):
 
 
 def replanning_cost(
-    plant: Any,
+    model: GliderModel,
     problem: PerchingProblem,
     command_rate: float = COMMAND_RATE,
     steps: int = HORIZON,
@@ -100,13 +101,13 @@ def replanning_cost(
     wrongly comes early or late.
 
     Args:
-        plant: the glider that is believed in.
+        model: the glider that is believed in.
         problem: whose goal and weights to use.
         command_rate: of updates [Hz].
         steps: commands in a sequence.
     """
     return SequenceCost(
-        plant,
+        model,
         problem,
         step=1.0 / command_rate,
         steps=steps,

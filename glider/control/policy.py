@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from glider.errors import InputError
-from glider.physics.state import NUM_STATES
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
 
 
@@ -75,35 +75,88 @@ class TrackingPolicy:
     cost_slope: np.ndarray
     """(M + 1, n) s."""
 
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states that are fed back."""
+        return self.plan.state_names
 
-def check_plan(plant: Any, plan: Plan) -> None:
-    """Raises InputError unless the plan has the states of the plant."""
-    if tuple(plan.state_names) != tuple(plant.state_names):
+    @property
+    def duration(self) -> float:
+        """Duration of the plan [s]."""
+        return self.plan.duration
+
+    def count(self, step: float) -> int:
+        """Returns how many equal steps, none longer, the plan divides into."""
+        return aligned_count(self.plan, step)
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the policy as u = offset - gain x at some times.
+
+        After the plan's end its last values stay, as with Drake's regulator.
+
+        Args:
+            times: (J,) [s].
+
+        Returns:
+            offset (J,) [rad/s] and gain (J, n).
+        """
+        at = np.clip(times, 0.0, self.duration)
+        gain = CubicSpline(self.times, self.gains)(at)
+        correction = CubicSpline(self.times, self.corrections)(at)
+        nominal, _, inputs = sample_plan(self.plan, at)
+        return inputs - correction + np.sum(gain * nominal, axis=1), gain
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HeldPolicy:
+    """The feedback of a plan with held commands, u_k = inputs[k] + gains[k] x̃_k.
+
+    The rigid body's states are fed back; the effects' own, which nobody measures, are
+    taken to be as planned. After the plan the elevator stands still.
+    """
+
+    plan: Plan
+    """The plan; without gains its commands are given as they are."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states that are fed back."""
+        return STATE_NAMES
+
+    @property
+    def duration(self) -> float:
+        """Duration of the plan [s]."""
+        return self.plan.duration
+
+    @property
+    def command_rate(self) -> float:
+        """Rate of the commands [Hz]."""
+        return 1.0 / float(self.plan.times[1])
+
+    def count(self, step: float) -> int:
+        """Returns how many equal steps, none longer, the plan divides into."""
+        return aligned_count(self.plan, step)
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns u = offset - gain x at times (J,): (J,) [rad/s] and (J, 7)."""
+        offset, gain = np.zeros(len(times)), np.zeros((len(times), NUM_STATES))
+        knot = np.searchsorted(self.plan.times, times + 1e-9, side="right") - 1
+        flown = np.flatnonzero(knot < len(self.plan.inputs))
+        knot = knot[flown]
+        if self.plan.gains is not None:
+            gain[flown] = -self.plan.gains[knot, :NUM_STATES]
+        nominal = self.plan.states[knot, :NUM_STATES]
+        offset[flown] = self.plan.inputs[knot] + np.sum(gain[flown] * nominal, axis=1)
+        return offset, gain
+
+
+def check_plan(model: GliderModel, plan: Plan) -> None:
+    """Raises InputError unless the plan has the states of the glider."""
+    if tuple(plan.state_names) != model.state_names:
         raise InputError(
             f"The plan has the states {', '.join(plan.state_names)}; those of the "
-            f"plant, {', '.join(plant.state_names)}, are needed."
+            f"glider, {', '.join(model.state_names)}, are needed."
         )
-
-
-def sample_policy(
-    policy: TrackingPolicy, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the policy as u = offset - gain x at some times.
-
-    After the plan's end its last values stay, as with Drake's regulator.
-
-    Args:
-        policy: the policy.
-        times: (J,) [s].
-
-    Returns:
-        offset (J,) [rad/s] and gain (J, n).
-    """
-    at = np.clip(times, 0.0, policy.plan.duration)
-    gain = CubicSpline(policy.times, policy.gains)(at)
-    correction = CubicSpline(policy.times, policy.corrections)(at)
-    nominal, _, inputs = sample_plan(policy.plan, at)
-    return inputs - correction + np.sum(gain * nominal, axis=1), gain
 
 
 def sample_plan(
@@ -111,7 +164,11 @@ def sample_plan(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns states (J, n), their slopes (J, n) and inputs (J,) at some times."""
     path = CubicHermiteSpline(plan.times, plan.states, plan.slopes)
-    inputs = np.interp(times, plan.times, plan.inputs)
+    if plan.is_held:
+        knot = np.searchsorted(plan.times, times, side="right") - 1
+        inputs = plan.inputs[np.minimum(knot, len(plan.inputs) - 1)]
+    else:
+        inputs = np.interp(times, plan.times, plan.inputs)
     return path(times), path(times, 1), inputs
 
 

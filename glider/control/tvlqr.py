@@ -1,10 +1,8 @@
 """The tracking feedback by compiled code, where many are needed."""
 
-from typing import Any
-
 import numpy as np
 
-from glider.compiled.kernel import compiled
+from glider.compiled.riccati import solve_riccati
 from glider.control.policy import (
     TrackingPolicy,
     TrackingWeights,
@@ -13,7 +11,7 @@ from glider.control.policy import (
     sample_plan,
     weight_matrix,
 )
-from glider.physics.parameters import parameter_vector
+from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 
 STEP = 0.003
@@ -21,7 +19,7 @@ STEP = 0.003
 
 
 def compiled_policy(
-    plant: Any,
+    model: GliderModel,
     plan: Plan,
     weights: TrackingWeights | None = None,
     step: float = STEP,
@@ -29,36 +27,28 @@ def compiled_policy(
     """Computes a tracking feedback as `glider.control.tvlqr_drake.tracking_gains` does.
 
     Jacobians along the plan by complex steps, then one Runge-Kutta pass of the
-    Riccati equations on a fixed grid (`glider.compiled.riccati`).
+    Riccati equations on a fixed grid (`compiled.riccati`).
 
     Args:
-        plant: the GliderPlant that the plan is for.
+        model: the glider that the plan is for.
         plan: what to follow.
         weights: of the feedback; None for the article's.
         step: longest step of the pass [s].
 
     Raises:
-        InputError: the plan is for another plant.
+        InputError: the plan is for another glider.
     """
-    check_plan(plant, plan)
+    check_plan(model, plan)
     weights = TrackingWeights() if weights is None else weights
-    n, count = len(plant.state_names), aligned_count(plan, step)
+    n, count = model.num_states, aligned_count(plan, step)
     times = np.linspace(0.0, plan.duration, 2 * count + 1)
-    gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
-    cost = np.empty((count + 1, n, n + 1))
-    model = plant.model
-    compiled(plant.kinds, model.field is not None).riccati(
+    gains, corrections, cost = solve_riccati(
+        model,
         times,
-        *sample_plan(plan, times),
+        sample_plan(plan, times),
         weight_matrix(weights.state, n),
         weights.rate,
         weight_matrix(weights.final, n),
-        parameter_vector(model.parameters),
-        model.coefficients,
-        model.residual_field,
-        gains,
-        corrections,
-        cost,
     )
     return TrackingPolicy(
         plan=plan,

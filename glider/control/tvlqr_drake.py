@@ -7,8 +7,6 @@ article's final weights the last gain is small, so that the glider flies on
 through the wire with its elevator almost at rest.
 """
 
-from typing import Any
-
 import numpy as np
 from pydrake.systems.controllers import (
     FiniteHorizonLinearQuadraticRegulator,
@@ -25,7 +23,9 @@ from glider.control.policy import (
     check_plan,
     weight_matrix,
 )
+from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
+from glider.systems.plant import GliderPlant
 
 SCHEME, ACCURACY = "runge_kutta5", 1e-6
 """Of Drake's backward pass: gains to 1e-6 of their largest. The default scheme,
@@ -36,12 +36,12 @@ TABLE_STEP = 0.001
 
 
 def tracking_gains(
-    plant: Any, plan: Plan, weights: TrackingWeights | None = None
+    model: GliderModel, plan: Plan, weights: TrackingWeights | None = None
 ) -> FiniteHorizonLinearQuadraticRegulatorResult:
     """Computes the feedback along a plan by Drake.
 
     Args:
-        plant: the GliderPlant that the plan is for.
+        model: the glider that the plan is for.
         plan: what to follow.
         weights: of the feedback; None for the article's.
 
@@ -50,13 +50,13 @@ def tracking_gains(
         x̃ᵀ S x̃ + 2 x̃ᵀ sx + s0, which certificates start from.
 
     Raises:
-        InputError: the plan is for another plant.
+        InputError: the plan is for another glider.
     """
-    return FiniteHorizonLinearQuadraticRegulator(**_arguments(plant, plan, weights))
+    return FiniteHorizonLinearQuadraticRegulator(**_arguments(model, plan, weights))
 
 
 def tracking_regulator(
-    plant: Any, plan: Plan, weights: TrackingWeights | None = None
+    model: GliderModel, plan: Plan, weights: TrackingWeights | None = None
 ) -> System:
     """Makes the System of `tracking_gains`.
 
@@ -65,7 +65,7 @@ def tracking_regulator(
     It runs Drake's pass again, and a System fits into one Diagram only.
     """
     regulator = MakeFiniteHorizonLinearQuadraticRegulator(
-        **_arguments(plant, plan, weights)
+        **_arguments(model, plan, weights)
     )
     regulator.set_name("regulator")
     return regulator
@@ -98,10 +98,11 @@ def policy_of(
     )
 
 
-def _arguments(plant: Any, plan: Plan, weights: TrackingWeights | None) -> dict:
-    check_plan(plant, plan)
+def _arguments(model: GliderModel, plan: Plan, weights: TrackingWeights | None) -> dict:
+    check_plan(model, plan)
+    plant = GliderPlant(model)
     weights = TrackingWeights() if weights is None else weights
-    n = len(plant.state_names)
+    n = model.num_states
     options = FiniteHorizonLinearQuadraticRegulatorOptions()
     options.Qf = weight_matrix(weights.final, n)
     options.x0 = plan.state_trajectory

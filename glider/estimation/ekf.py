@@ -12,27 +12,21 @@ square-root filter does.
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.kernel import (
-    Kernel,
-    compiled,
-)
+from glider.compiled.ekf import Clock, Estimated
+from glider.compiled.jacobian import stacked
 from glider.errors import InputError
-from glider.physics.compose import compose
+from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    PARAMETER_NAMES,
-    parameter_vector,
-)
+from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import (
     NUM_STATES,
     POSE_NAMES,
+    STATE_NAMES,
 )
-from glider.systems.plant import GliderPlant
 
 STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""
@@ -66,59 +60,38 @@ class Ekf:
     """A filter ready to run; `make_ekf` makes it.
 
     Attributes:
-        model: the glider, without absent effects.
+        model: the glider.
         names: of x̄: the states, then the slow states.
-        num_states: n.
         slow: the slow states.
         known: inputs that are known beside the elevator's rate.
-        period: between samples [s].
-        step: of Runge-Kutta [s]; `count` of them are a period.
-        count: see `step`.
+        period: time between samples [s].
+        clock: Runge-Kutta steps of a period.
         process: (N,) variances per second.
         noise: (M, M) covariance of a measurement.
-        kernel: the compiled loops.
-        z: (n + 12 + coefficients,) constants in their places.
-        places: (N,) indices into z of x̄.
-        decay: (m,) [1/s].
-        acting: indices into x̄ of what the motion depends on.
-        seen: indices into x̄ of what the pose depends on.
-        entry: (1 + known,) indices into z of the inputs.
+        z: constants in their places, as in `physics.chain.derivatives_of`.
+        estimated: where x̄ and the inputs stand in z, and what they act on.
     """
 
     model: GliderModel
     names: tuple[str, ...]
-    num_states: int
     slow: tuple[SlowState, ...]
     known: tuple[str, ...]
     period: float
-    step: float
-    count: int
+    clock: Clock
     process: np.ndarray
     noise: np.ndarray
-    kernel: Kernel
     z: np.ndarray
-    places: np.ndarray
-    decay: np.ndarray
-    acting: np.ndarray
-    seen: np.ndarray
-    entry: np.ndarray
+    estimated: Estimated
 
-    def loop_arguments(self, time: float) -> tuple:
-        """Returns what `ekf_run` and `ekf_fly` both begin with, from a time on [s]."""
-        n = self.num_states
-        return (
-            time,
-            self.z.copy(),
-            n,
-            self.places[n:],
-            self.decay,
-            self.acting,
-            self.seen,
-            self.entry,
-            self.step,
-            self.count,
-            self.model.residual_field,
-        )
+    @property
+    def num_states(self) -> int:
+        """Number of the glider's states n."""
+        return self.estimated.n
+
+    @property
+    def num_inputs(self) -> int:
+        """Number of inputs r: the elevator's rate and the known ones."""
+        return len(self.estimated.entry)
 
     @property
     def measured_names(self) -> tuple[str, ...]:
@@ -159,11 +132,10 @@ def make_ekf(
             raise InputError(
                 f"make_ekf: '{name}' is {value}; a positive number is needed."
             )
-    plant = GliderPlant(model)
-    model, n = plant.model, len(plant.state_names)
+    n = model.num_states
     process = _checked_process(process, n)
     noise = _checked_noise(noise, n)
-    places = _places(plant)
+    places = _places(model)
     for name in (*(s.name for s in slow), *known):
         if name not in places:
             raise InputError(
@@ -185,59 +157,55 @@ def make_ekf(
                 "none of the first two negative."
             )
 
-    parameters = parameter_vector(model.parameters)
-    z = np.concatenate([np.zeros(n + 3), parameters, model.coefficients])
+    z = stacked(n, model.numbers)
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
-    acting, seen = _depend(plant, z, taken)
+    acting, seen = _depend(model, z, taken)
     period = 1.0 / rate
     count = math.ceil(period / step - 1e-9)
     return Ekf(
         model=model,
-        names=(*plant.state_names, *(s.name for s in slow)),
-        num_states=n,
+        names=(*model.state_names, *(s.name for s in slow)),
         slow=tuple(slow),
         known=tuple(known),
         period=period,
-        step=period / count,
-        count=count,
+        clock=Clock(step=period / count, steps=count),
         process=np.append(process, [s.walk for s in slow]),
         noise=noise,
-        kernel=compiled(plant.kinds, model.field is not None),
         z=z,
-        places=taken,
-        decay=np.array([s.decay for s in slow], dtype=float),
-        acting=acting,
-        seen=seen,
-        entry=np.array([n, *(places[name] for name in known)]),
+        estimated=Estimated(
+            n=n,
+            places=taken,
+            decay=np.array([s.decay for s in slow], dtype=float),
+            acting=acting,
+            seen=seen,
+            entry=np.array([n, *(places[name] for name in known)]),
+        ),
     )
 
 
-def _places(plant: Any) -> dict[str, int]:
+def _places(model: GliderModel) -> dict[str, int]:
     """Returns where each number that may be slow or known stands in z."""
-    n = len(plant.state_names)
     names = [*WIND_NAMES, *PARAMETER_NAMES]
-    names += [f"{e.kind}.{c.name}" for e in plant.kinds for c in e.coefficients]
-    return {name: n + 1 + i for i, name in enumerate(names)}
+    names += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
+    return {name: model.num_states + 1 + i for i, name in enumerate(names)}
 
 
-def _depend(plant: Any, z: np.ndarray, places: np.ndarray) -> tuple:
+def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
     """Returns which of x̄ the motion depends on, and which the pose.
 
     A NaN reaches all that is computed from it.
     """
-    n = len(plant.state_names)
-    chain = compose(plant.kinds, plant.model.field is not None)
+    n, chain, field = model.num_states, model.chain, model.residual_field
+    moving = slice(STATE_NAMES.index("xdot"), NUM_STATES)
     acting, seen = [], []
     for k, place in enumerate(places):
         y = z.copy()
-        y[4:7] += 1.0  # In motion: nothing is divided by zero.
+        y[moving] += 1.0  # In motion: nothing is divided by zero.
         y[place] = np.nan
-        x, p, c = y[:n], y[n + 3 : n + 12], y[n + 12 :]
-        field = plant.model.residual_field
-        rates = chain.derivatives(0.0, x, y[n], y[n + 1], y[n + 2], p, c, field)
-        if np.any(np.isnan(rates)):
+        if np.any(np.isnan(chain.derivatives_of(0.0, y, n, field))):
             acting.append(k)
-        if np.any(np.isnan(chain.measure(x, p, c))):
+        theta = chain.theta_of(y[n + NUM_INPUTS :], field)
+        if np.any(np.isnan(chain.measure(y[:n], theta))):
             seen.append(k)
     return np.array(acting), np.array(seen)
 

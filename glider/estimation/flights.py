@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.ekf import fly_estimated
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief
@@ -58,38 +59,35 @@ def fly_watched(
     batch, size = starts.shape
     inputs = np.asarray(inputs, dtype=float)
     samples, n, rows = inputs.shape[-2], ekf.num_states, len(ekf.noise)
-    if size != len(ekf.names) or inputs.shape[-1] != len(ekf.entry):
+    if size != len(ekf.names) or inputs.shape[-1] != ekf.num_inputs:
         raise InputError(
             f"fly_watched: starts of shape {starts.shape} and inputs of shape "
             f"{inputs.shape} are given; (B, {len(ekf.names)}) and "
-            f"(B, K, {len(ekf.entry)}) are needed."
+            f"(B, K, {ekf.num_inputs}) are needed."
         )
     gain = np.zeros((samples, 0, n)) if gain is None else np.asarray(gain, dtype=float)
     if gain.ndim != 3 or (
-        (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > len(ekf.entry)
+        (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > ekf.num_inputs
     ):
         raise InputError(
             f"fly_watched: the gain has shape {gain.shape}; ({samples}, f, {n}) with "
-            f"f at most {len(ekf.entry)} is needed."
+            f"f at most {ekf.num_inputs} is needed."
         )
-    inputs = np.broadcast_to(inputs, (batch, samples, len(ekf.entry))).copy()
+    inputs = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs)).copy()
     shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
     if rng is not None:
         if is_shaken:
             shocks = rng.normal(size=shocks.shape) * np.sqrt(ekf.process * ekf.period)
         errors = rng.normal(size=errors.shape) @ np.linalg.cholesky(ekf.noise).T
-    states, measured = np.empty((batch, samples + 1, size)), np.empty(errors.shape)
-    states[:, 0] = starts
-    drawing = ekf.model.parameters
-    ekf.kernel.ekf_fly(
-        *ekf.loop_arguments(0.0),
-        np.ascontiguousarray(gain),
-        np.array([*drawing.elevator_limits, drawing.elevator_rate_limit]),
-        shocks,
-        errors,
+    inputs, states, measured = fly_estimated(
+        ekf.model,
+        ekf.z,
+        ekf.estimated,
+        ekf.clock,
+        gain,
+        (shocks, errors),
         inputs,
-        states,
-        measured,
+        starts,
     )
     times = ekf.period * np.arange(samples + 1)
     return WatchedFlights(times=times, states=states, inputs=inputs, measured=measured)

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.control.policy import (
     TrackingPolicy,
-    sample_policy,
 )
 from glider.estimation.consistency import (
     Consistency,
@@ -28,11 +28,8 @@ from glider.estimation.running import (
 )
 from glider.physics.model import GliderModel
 
-CAPTURE_RATE = 120.0
-"""Of motion capture [Hz]."""
-
-CAPTURE_STD = (0.001, 0.001, 0.0025, 0.005)
-"""Of a measured x, z, pitch and elevator [m, rad]."""
+CAPTURE = MotionCapture(position=0.001)
+"""What the filter is told of motion capture."""
 
 PROCESS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-2)
 """Variances that the states gain per second: gusts of some cm/s, no more."""
@@ -61,16 +58,16 @@ class WatchedPerches:
 def perching_ekf(
     model: GliderModel, slow: tuple[SlowState, ...] = (), elevator: bool = True
 ) -> Ekf:
-    """Makes a filter of motion capture at CAPTURE_RATE.
+    """Makes a filter of CAPTURE.
 
     Args:
         model: the glider.
         slow: what else to estimate.
         elevator: whether its angle is measured too.
     """
-    variances = np.square(CAPTURE_STD[: 4 if elevator else 3])
+    variances = np.square(CAPTURE.std[: 4 if elevator else 3])
     return make_ekf(
-        model, rate=CAPTURE_RATE, process=PROCESS, noise=variances, slow=slow
+        model, rate=CAPTURE.rate, process=PROCESS, noise=variances, slow=slow
     )
 
 
@@ -91,8 +88,8 @@ def watch_perches(
     """
     ekf = perching_ekf(model, DRAWN)
     prior = launch_prior(ekf, policy.plan.states[0])
-    samples = round(policy.plan.duration * CAPTURE_RATE)
-    offset, gain = sample_policy(policy, np.arange(samples) / CAPTURE_RATE)
+    samples = round(policy.duration * CAPTURE.rate)
+    offset, gain = policy.sample(np.arange(samples) / CAPTURE.rate)
     starts = draw_starts(prior, flights, rng)
     flown = fly_watched(ekf, starts, offset[:, None], rng, gain=gain[:, None, :])
     found = run_ekf(ekf, prior, flown.inputs, flown.measured)

@@ -6,13 +6,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from glider.compiled.ekf import Clock, filter_flights, predict_estimate
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.physics.state import NUM_STATES
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,7 +55,7 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     Raises:
         InputError: what is given does not fit the filter, or is no number.
     """
-    full = initial_state(GliderPlant(ekf.model), state)
+    full = ekf.model.initial_state(state)
     if full.shape != (ekf.num_states,) or not np.all(np.isfinite(full)):
         raise InputError(
             f"make_prior: the state is {full}; ({NUM_STATES},) or "
@@ -78,9 +75,10 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
             f"make_prior: the standard deviations are {spread}; finite numbers, "
             "none negative, are needed."
         )
+    places = ekf.estimated.places[ekf.num_states :]
     means = [
         ekf.z[place] if s.mean is None else s.mean
-        for s, place in zip(ekf.slow, ekf.places[ekf.num_states :], strict=True)
+        for s, place in zip(ekf.slow, places, strict=True)
     ]
     return Belief(mean=np.append(full, means), covariance=np.diag(spread**2))
 
@@ -117,34 +115,26 @@ def run_ekf(
     """
     inputs = np.ascontiguousarray(inputs, dtype=float)
     measured = np.ascontiguousarray(measured, dtype=float)
-    size, rows = len(ekf.names), len(ekf.noise)
+    rows = len(ekf.noise)
     shapes = (inputs.shape[-1:], measured.shape[-1:], measured.ndim)
-    if shapes != ((len(ekf.entry),), (rows,), 3) or (
+    if shapes != ((ekf.num_inputs,), (rows,), 3) or (
         inputs.shape[:2] != measured.shape[:2]
     ):
         raise InputError(
             f"run_ekf: the inputs have shape {inputs.shape}, the measurements "
-            f"{measured.shape}; (B, K, {len(ekf.entry)}) and (B, K, {rows}) are needed."
+            f"{measured.shape}; (B, K, {ekf.num_inputs}) and (B, K, {rows}) are needed."
         )
     check_belief(ekf, prior, "run_ekf")
-    batch, samples = inputs.shape[:2]
-    means = np.empty((batch, samples + 1, size))
-    covariances = np.empty((batch, samples + 1, size, size))
-    means[:, 0], covariances[:, 0] = prior.mean, prior.covariance
-    innovations = np.empty((batch, samples, rows))
-    spreads = np.empty((batch, samples, rows, rows))
-    squares = np.empty((batch, samples))
-    ekf.kernel.ekf_run(
-        *ekf.loop_arguments(time),
+    means, covariances, innovations, spreads, squares = filter_flights(
+        ekf.model,
+        time,
+        ekf.z,
+        ekf.estimated,
+        ekf.clock,
         ekf.process * ekf.period,
         ekf.noise,
-        inputs,
-        measured,
-        means,
-        covariances,
-        innovations,
-        spreads,
-        squares,
+        (inputs, measured),
+        (prior.mean, prior.covariance),
     )
     return Estimates(
         means=means,
@@ -180,29 +170,14 @@ def predict_mean(
     Raises:
         InputError: what is given does not fit the filter.
     """
-    n, size = ekf.num_states, len(ekf.names)
-    shapes = np.shape(mean), np.shape(inputs)
-    if shapes != ((size,), (len(ekf.entry),)):
+    shapes, size = (np.shape(mean), np.shape(inputs)), len(ekf.names)
+    if shapes != ((size,), (ekf.num_inputs,)):
         raise InputError(
             f"predict_mean: the mean and the inputs have shapes {shapes[0]} and "
-            f"{shapes[1]}; ({size},) and ({len(ekf.entry)},) are needed."
+            f"{shapes[1]}; ({size},) and ({ekf.num_inputs},) are needed."
         )
     z = ekf.z.copy()
-    z[ekf.places], z[ekf.entry] = mean, inputs
-    count = max(math.ceil(duration / ekf.step - 1e-9), 1)
-    value = np.empty(size)
-    slopes = np.empty((size, size) if differentiate else (0, 0))
-    ekf.kernel.ekf_advance(
-        time,
-        z,
-        n,
-        ekf.places[n:],
-        ekf.decay,
-        ekf.acting,
-        duration / count,
-        count,
-        ekf.model.residual_field,
-        value,
-        slopes,
-    )
-    return value, slopes
+    z[ekf.estimated.places], z[ekf.estimated.entry] = mean, inputs
+    count = max(math.ceil(duration / ekf.clock.step - 1e-9), 1)
+    clock = Clock(step=duration / count, steps=count)
+    return predict_estimate(ekf.model, time, z, ekf.estimated, clock, differentiate)

@@ -111,7 +111,7 @@ class ExtendedKalmanFilter(LeafSystem):
         return self._model_known()
 
     def _model_known(self):
-        return self._ekf.z[self._ekf.entry[1:]]
+        return self._ekf.z[self._ekf.estimated.entry[1:]]
 
     def _calc_state(self, context, output):
         mean = self._part(context, "estimate")

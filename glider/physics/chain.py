@@ -17,10 +17,15 @@ from glider.physics.effects.effect import (
     Flow,
     Motion,
 )
+from glider.physics.numbers import Theta
+from glider.physics.parameters import NUM_PARAMETERS, Parameters
 from glider.physics.trigonometry import (
     cos,
     sin,
 )
+
+NUM_INPUTS = 3
+"""Command [rad/s] and wind (x, z) [m/s]."""
 
 
 def actuator_terms(rate, x, c):
@@ -109,15 +114,15 @@ def flow_of(motion, wind_x, wind_z, p):
         speed,
         sin_alpha,
         cos_alpha,
-        p[0],
-        p[1],
-        p[2],
-        p[3],
-        p[4],
-        p[5],
-        p[6],
-        p[7],
-        p[8],
+        p.mass,
+        p.pitch_inertia,
+        p.wing_area,
+        p.elevator_area,
+        p.wing_offset,
+        p.hinge_offset,
+        p.elevator_offset,
+        p.air_density,
+        p.gravity,
     )
 
 
@@ -174,14 +179,13 @@ def elevator_force(flow, plate, deflection, downwash, factor):
     return force, arm * force
 
 
-def meet_air(t, x, rate, wind_x, wind_z, p, c, field):
+def meet_air(t, x, rate, wind_x, wind_z, theta):
     """Returns the Flow of a state and the residual field's terms in it."""
     motion = motion_of(t, x, rate)
-    more_x, more_z = air_terms(motion, x, c)
-    flow = flow_of(motion, wind_x + more_x, wind_z + more_z, p)
-    terms = residual_terms(flow, field)
-    flow = flow_of(motion, wind_x + more_x + terms[0], wind_z + more_z + terms[1], p)
-    return flow, terms
+    more_x, more_z = air_terms(motion, x, theta.c)
+    air_x, air_z = wind_x + more_x, wind_z + more_z
+    terms = residual_terms(flow_of(motion, air_x, air_z, theta.p), theta.field)
+    return flow_of(motion, air_x + terms[0], air_z + terms[1], theta.p), terms
 
 
 def wrench(flow, terms, x, c):
@@ -235,8 +239,8 @@ def accelerations(flow, terms, x, c):
     return x, z, moment / (flow.pitch_inertia * (1.0 + inertia_change))
 
 
-def derivatives(t, x, u, wind_x, wind_z, p, c, field):
-    """The dynamics: ẋ = f(t, x, u, w; p, c).
+def derivatives(t, x, u, wind_x, wind_z, theta):
+    """The dynamics: ẋ = f(t, x, u, w; θ).
 
     Args:
         t: time [s]; only a field that depends on it uses it.
@@ -244,15 +248,14 @@ def derivatives(t, x, u, wind_x, wind_z, p, c, field):
         u: commanded elevator rate [rad/s].
         wind_x: velocity of the air, world x [m/s].
         wind_z: the same, world z [m/s].
-        p: (9,) parameters in the order of PARAMETER_NAMES.
-        c: coefficients of the composed effects, one after the other.
-        field: the residual Field.
+        theta: the glider's numbers.
 
     Returns:
         ẋ as a tuple of 7 + extra scalars.
     """
+    c = theta.c
     rate = actuator_terms(u, x, c)
-    flow, terms = meet_air(t, x, rate, wind_x, wind_z, p, c, field)
+    flow, terms = meet_air(t, x, rate, wind_x, wind_z, theta)
     xdd, zdd, pitchdd = accelerations(flow, terms, x, c)
     return (
         flow.xdot,
@@ -267,8 +270,38 @@ def derivatives(t, x, u, wind_x, wind_z, p, c, field):
     )
 
 
-def measure(x, p, c):
+def measure(x, theta):
     """Returns the pose (x, z, pitch) that the sensors show of a state."""
-    motion = motion_of(0.0, x, 0.0)
-    error_x, error_z, error_pitch = sensor_terms(flow_of(motion, 0.0, 0.0, p), x, c)
+    flow = flow_of(motion_of(0.0, x, 0.0), 0.0, 0.0, theta.p)
+    error_x, error_z, error_pitch = sensor_terms(flow, x, theta.c)
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
+
+
+def theta_of(numbers, field):
+    """Returns the Theta of a vector: parameters, then coefficients."""
+    p = Parameters(
+        numbers[0],
+        numbers[1],
+        numbers[2],
+        numbers[3],
+        numbers[4],
+        numbers[5],
+        numbers[6],
+        numbers[7],
+        numbers[8],
+    )
+    return Theta(p, numbers[NUM_PARAMETERS:], field)
+
+
+def derivatives_of(t, z, n, field):
+    """Returns ẋ from one vector of all numbers that it depends on.
+
+    Args:
+        t: [s].
+        z: (n + 3 + 9 + len(c),) state, command [rad/s], wind (x, z) [m/s], parameters,
+            coefficients.
+        n: number of states.
+        field: the residual Field.
+    """
+    theta = theta_of(z[n + NUM_INPUTS :], field)
+    return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)

@@ -17,15 +17,12 @@ from glider.physics.effects.effect import (
     EffectKind,
 )
 from glider.physics.effects.field import field_terms
-from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES
-
-NUM_PARAMETERS = len(PARAMETER_NAMES)
 
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
-_HOOK_OF_STAGE = {
+_HOOKS = {
     "air": ("air_terms", "motion"),
     "geometry": ("geometry_terms", "flow"),
     "surface": ("surface_terms", "flow"),
@@ -81,8 +78,10 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
         return f"{name}_{i}({', '.join(arguments)})"
 
     lines = []
-    for stage, (hook, first) in _HOOK_OF_STAGE.items():
-        members = [i for i, e in enumerate(effects) if e.stage == stage]
+    for stage, (hook, first) in _HOOKS.items():
+        # A pose shows a fault of its log too.
+        stages = (stage, "log") if stage == "sensor" else (stage,)
+        members = [i for i, e in enumerate(effects) if e.stage in stages]
         sums: dict[str, list[str]] = {term: [] for term in STAGES[stage]}
         lines.append(f"def {hook}({first}, x, c):")
         for i in members:

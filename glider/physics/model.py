@@ -7,11 +7,14 @@ field: {kind: unexplained, variables: [x], ...}      # optional
 """
 
 import dataclasses
+import functools
+import types
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import yaml
+from numpy.typing import ArrayLike
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from glider.errors import (
@@ -19,7 +22,9 @@ from glider.errors import (
     InputError,
     one_line,
 )
+from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.effects import (
+    FIELD_VARIABLES,
     KINDS,
     NO_FIELD,
     Effect,
@@ -30,35 +35,119 @@ from glider.physics.effects.field import (
     FieldData,
     make_field,
 )
+from glider.physics.numbers import Theta
 from glider.physics.parameters import (
     GliderParameters,
     check_parameters,
 )
+from glider.physics.state import NUM_STATES, STATE_NAMES
+
+_TIME = FIELD_VARIABLES.index("t")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GliderModel:
-    """A glider: its drawing and what the drawing lacks.
+    """A glider: the flat-plate vehicle and what it lacks.
 
     Attributes:
-        parameters: the drawing.
-        effects: from the library or the user's own.
+        parameters: the vehicle.
+        effects: from the library or the user's own. A servo_lag or command_delay of
+            zero duration does not act: it has no state.
         field: the residual field as data, or None.
+
+    Raises:
+        InputError: an effect is given twice.
     """
 
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
     field: FieldData | None = None
 
-    @property
-    def coefficients(self) -> np.ndarray:
-        """Those of the effects, one effect after the other."""
-        return np.array([value for effect in self.effects for value in effect.values])
+    def __post_init__(self):
+        """Raises InputError where an effect is given twice."""
+        names = [e.kind.kind for e in self.effects]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise InputError(f"GliderModel: effect '{twice[0]}' is given twice.")
+
+    def __getstate__(self) -> dict[str, object]:
+        """Returns the fields alone: composed functions do not pickle."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+
+    @functools.cached_property
+    def _acting(self) -> tuple[Effect, ...]:
+        return tuple(e for e in self.effects if not e.kind.states or any(e.values))
+
+    @functools.cached_property
+    def kinds(self) -> tuple[EffectKind, ...]:
+        """Kinds of the effects that act."""
+        return tuple(e.kind for e in self._acting)
 
     @property
+    def has_field(self) -> bool:
+        """Whether there is a residual field."""
+        return self.field is not None
+
+    @functools.cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """STATE_NAMES, then the effects' own states."""
+        extra = (f"{e.kind}.{name}" for e in ordered(self.kinds) for name in e.states)
+        return (*STATE_NAMES, *extra)
+
+    @property
+    def num_states(self) -> int:
+        """Number of states n, the effects' own included."""
+        return len(self.state_names)
+
+    @property
+    def numbers(self) -> Theta:
+        """All numbers of the dynamics, as arrays of their own."""
+        return Theta(
+            p=self.parameters.numbers,
+            c=np.array([value for effect in self._acting for value in effect.values]),
+            field=self.residual_field,
+        )
+
+    @functools.cached_property
     def residual_field(self) -> Field:
-        """The arrays of the residual field."""
+        """The arrays of the residual field; read them only."""
         return NO_FIELD if self.field is None else make_field(self.field)
+
+    @property
+    def chain(self) -> types.SimpleNamespace:
+        """The dynamics as functions of scalars, see `compose`."""
+        return compose(self.kinds, self.has_field)
+
+    @property
+    def is_time_varying(self) -> bool:
+        """Whether the same state flies differently at another time."""
+        return bool(np.any(self.residual_field.inverse_widths[:, _TIME] != 0.0))
+
+    def initial_state(self, state: ArrayLike) -> np.ndarray:
+        """Returns the full state in still air with the effects' own states at rest.
+
+        Args:
+            state: (7,) of STATE_NAMES, or already the full one (n,); or many of them,
+                the columns of (7, B) or (n, B).
+
+        Raises:
+            InputError: where the length is neither.
+        """
+        x, n = np.asarray(state, dtype=float), self.num_states
+        if len(x) == n:
+            return x
+        if len(x) != NUM_STATES:
+            raise InputError(
+                f"initial_state: the state has {len(x)} numbers; {NUM_STATES} or {n} "
+                "are needed."
+            )
+        theta = self.numbers
+        # The plates meet the air before any effect has a state to look at.
+        full = np.concatenate([x, np.zeros((n - NUM_STATES, *x.shape[1:]))])
+        flow, _ = self.chain.meet_air(0.0, full, 0.0, 0.0, 0.0, theta)
+        for k, value in enumerate(initial_extra(self.kinds, flow, 0.0, theta.c)):
+            full[NUM_STATES + k] = value
+        return full
 
 
 @dataclasses.dataclass(kw_only=True)

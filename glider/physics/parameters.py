@@ -3,13 +3,34 @@
 import dataclasses
 import math
 from pathlib import Path
+from typing import NamedTuple
 
-import numpy as np
 import yaml
-from pydrake.common.containers import namedview
 from pydrake.common.yaml import yaml_load_typed
 
 from glider.errors import InputError
+from glider.physics.servo import Servo
+
+
+class Parameters(NamedTuple):
+    """The parameters that enter the dynamics, by name, as compiled loops take them.
+
+    Floats, AutoDiffXd, Expression or complex numbers; units as in GliderParameters.
+    """
+
+    mass: float
+    pitch_inertia: float
+    wing_area: float
+    elevator_area: float
+    wing_offset: float
+    hinge_offset: float
+    elevator_offset: float
+    air_density: float
+    gravity: float
+
+
+PARAMETER_NAMES = Parameters._fields
+NUM_PARAMETERS = len(PARAMETER_NAMES)
 
 
 @dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
@@ -58,22 +79,17 @@ class GliderParameters:
         """Raises InputError where a value is not physical."""
         check_parameters(dataclasses.asdict(self), source="GliderParameters")
 
+    @property
+    def numbers(self) -> Parameters:
+        """The parameters that enter the dynamics."""
+        return Parameters(*(float(getattr(self, name)) for name in PARAMETER_NAMES))
 
-PARAMETER_NAMES = (
-    "mass",
-    "pitch_inertia",
-    "wing_area",
-    "elevator_area",
-    "wing_offset",
-    "hinge_offset",
-    "elevator_offset",
-    "air_density",
-    "gravity",
-)
-"""The parameters that enter the dynamics, in the order of their vector."""
+    @property
+    def servo(self) -> Servo:
+        """The limits of the elevator's servo."""
+        low, high = map(float, self.elevator_limits)
+        return Servo(low, high, float(self.elevator_rate_limit))
 
-ParameterView = namedview("ParameterView", PARAMETER_NAMES)
-"""The same names over a vector of floats, AutoDiffXd or Expression."""
 
 _POSITIVE = (
     "mass",
@@ -120,11 +136,6 @@ def _check_limits(value: object, source: str) -> None:
         f"{source}: field 'elevator_limits' is {value!r}; "
         "[lower, upper] in radians with lower < upper is needed."
     )
-
-
-def parameter_vector(parameters: GliderParameters) -> np.ndarray:
-    """Returns the parameters that enter the dynamics, shape (9,)."""
-    return np.array([getattr(parameters, name) for name in PARAMETER_NAMES])
 
 
 def load_parameters(path: Path) -> GliderParameters:

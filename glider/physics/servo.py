@@ -1,34 +1,67 @@
 """What a servo makes of a rate command at its rate limit and near its stops.
 
-One formula for the diagram's ElevatorServo and for the compiled closed loop.
+One formula for the diagram's ElevatorServo, the compiled closed loop and the planners
+that hold a command for a step.
 """
+
+import math
+from typing import NamedTuple
 
 from glider.physics.aerodynamics import scalar
 
 STOPPING_TIME = 0.005
-"""τ: how the servo slows down before a stop [s]. At 13 rad/s it does so over the
-last 0.065 rad; at the 3.4 rad/s of the article's plan over 0.017 rad, and that
-plan stays 0.3 rad away from its stops."""
+"""Time constant τ of slowing down before a stop [s]. At 13 rad/s the servo does so
+over the last 0.065 rad; at the 3.4 rad/s of the article's plan over 0.017 rad, and
+that plan stays 0.3 rad away from its stops."""
+
+
+class Servo(NamedTuple):
+    """Limits of a servo."""
+
+    low: float
+    """Stop of the trailing edge down [rad]."""
+
+    high: float
+    """Stop of the trailing edge up [rad]."""
+
+    rate: float
+    """Largest rate either way [rad/s]."""
+
+
+NO_LIMITS = Servo(-math.inf, math.inf, math.inf)
+"""A servo that does whatever it is told."""
 
 
 @scalar
-def limited_rate(command, elevator, low, high, rate_limit):
-    """Returns the elevator rate that the servo makes of a command [rad/s].
+def rate_bounds(elevator, servo, time):
+    """Returns the least and the largest rate that keep a servo's limits [rad/s].
 
-    The command, clipped to the rate limit and to what keeps the elevator φ
-    between its stops: [(low - φ) / τ, (high - φ) / τ]. So the elevator comes
-    to a stop as exp(-t / τ), and the rate is a Lipschitz function of φ, which
-    integrators and the compiled loop need. An elevator beyond a stop returns.
+    The rate limit, and [(low - φ) / T, (high - φ) / T]: what takes the elevator φ to
+    a stop in the time T. An elevator beyond a stop returns.
+
+    Args:
+        elevator: φ [rad].
+        servo: its limits.
+        time: T [s]: STOPPING_TIME, or how long a command is held.
+    """
+    top = max(min((servo.high - elevator) / time, servo.rate), -servo.rate)
+    return min(max((servo.low - elevator) / time, -servo.rate), top), top
+
+
+@scalar
+def limited_rate(command, elevator, servo):
+    """Returns the elevator rate that a servo makes of a command [rad/s].
+
+    The command, clipped to `rate_bounds` over STOPPING_TIME. So the elevator comes to
+    a stop as exp(-t / τ), and the rate is a Lipschitz function of φ, which integrators
+    and the compiled loop need.
 
     Takes floats and AutoDiffXd, and numba compiles it.
 
     Args:
         command: [rad/s].
         elevator: φ [rad].
-        low: stop of the trailing edge down [rad].
-        high: stop of the trailing edge up [rad].
-        rate_limit: [rad/s].
+        servo: its limits.
     """
-    top = max(min((high - elevator) / STOPPING_TIME, rate_limit), -rate_limit)
-    bottom = max((low - elevator) / STOPPING_TIME, -rate_limit)
-    return min(max(command, bottom), top)
+    low, high = rate_bounds(elevator, servo, STOPPING_TIME)
+    return min(max(command, low), high)

@@ -18,9 +18,9 @@ from pydrake.solvers import (
     SolverInterface,
     SolverOptions,
 )
-from pydrake.systems.framework import LeafSystem
 
 from glider.errors import InputError
+from glider.physics.model import GliderModel
 from glider.planning.audit import (
     path_defect,
     segment_drift,
@@ -42,7 +42,6 @@ from glider.planning.transcription import (
     transcribe,
     violated,
 )
-from glider.systems.plant import initial_state
 
 TOLERANCE = 1e-6
 """Of constraints and optimality, as the solvers scale them."""
@@ -98,38 +97,43 @@ class PlanningError(RuntimeError):
 
 
 def plan(
-    plant: LeafSystem,
-    problem: PerchingProblem,
+    model: GliderModel,
+    problem: PerchingProblem | None = None,
     knots: Sequence[int] = (25, 41),
     *,
     guess: Guess | None = None,
     progress: Progress | None = None,
+    fast: bool = True,
 ) -> Plan:
-    """Plans a flight of any GliderPlant from the launch to the wire.
+    """Plans a flight of a glider from the launch to the wire.
 
     Args:
-        plant: a GliderPlant. Effects' own states start at rest in still air.
-        problem: what to fly; the elevator's limits are the vehicle's.
+        model: the glider. Effects' own states start at rest in still air.
+        problem: what to fly, None for the article's perch; the elevator's limits
+            are the vehicle's.
         knots: numbers of knots; each plan is the guess for the next.
         guess: to start from instead of straight lines.
         progress: told about each attempt.
+        fast: whether to compile the dynamics.
 
     Raises:
-        InputError: where the plant or the problem cannot be planned for.
+        InputError: where the glider or the problem cannot be planned for.
         PlanningError: where no attempt succeeds.
     """
     if not knots or min(knots) < 3:
         raise InputError(f"plan: knots is {tuple(knots)}; at least 3 are needed.")
-    if progress and plant.fast:
+    problem = PerchingProblem() if problem is None else problem
+    dynamics = Dynamics(model, fast)
+    if progress and fast:
         progress("the dynamics of this glider (compiled once, then kept on disk)")
-        Dynamics(plant).linearize(initial_state(plant, problem.launch), 0.0)
-    ladder = _Ladder(plant, problem, max(knots), progress)
+        dynamics.linearize(model.initial_state(problem.launch), 0.0)
+    ladder = _Ladder(dynamics, problem, max(knots), progress)
     found = None
     for count in knots:
         warm = guess if found is None else to_guess(*found, "the plan on fewer knots")
         found = ladder.climb(count, warm)
     assert found is not None
-    return _finish(plant, *found, tuple(ladder.attempts))
+    return _finish(dynamics, *found, tuple(ladder.attempts))
 
 
 class _Ladder:
@@ -137,22 +141,23 @@ class _Ladder:
 
     def __init__(
         self,
-        plant: LeafSystem,
+        dynamics: Dynamics,
         problem: PerchingProblem,
         finest: int,
         progress: Progress | None,
     ):
-        self._plant, self._problem, self._finest = plant, problem, finest
+        self._dynamics, self._problem, self._finest = dynamics, problem, finest
         self._progress = progress or (lambda text: None)
         self.attempts: list[Attempt] = []
 
     def climb(self, knots: int, warm: Guess | None) -> Solution:
         """Returns a solved program; raises PlanningError after the last rung."""
-        program = transcribe(self._plant, self._problem, knots)
-        line = straight_line(self._plant, self._problem)
+        program = transcribe(self._dynamics, self._problem, knots)
+        model = self._dynamics.model
+        line = straight_line(model, self._problem)
         way = line.states.end_time()
         arcs = [
-            swoop(self._plant, self._problem, dip, stretch * way)
+            swoop(model, self._problem, dip, stretch * way)
             for dip, stretch in ((0.3, 1.2), (0.0, 0.9), (0.6, 1.4))
         ]
         for guess in [line] if warm is None else [warm, line]:
@@ -180,7 +185,7 @@ class _Ladder:
         If none does on few knots, goes on from the closest on the most of them.
         `violations` are those of the closest flight before.
         """
-        relaxed = transcribe(self._plant, self._problem, knots, arrive=False)
+        relaxed = transcribe(self._dynamics, self._problem, knots, arrive=False)
         closest: Guess | None = None
         least = np.inf
         for guess in guesses:
@@ -202,7 +207,7 @@ class _Ladder:
                 raise PlanningError({}, tuple(self.attempts), arrived=True)
         if knots < self._finest:
             finest = self._finest
-            program = transcribe(self._plant, self._problem, finest)
+            program = transcribe(self._dynamics, self._problem, finest)
             guesses = guesses if closest is None else [closest]
             return self._arrive_first(program, finest, guesses, violations)
         raise PlanningError(violations or {}, tuple(self.attempts))
@@ -270,12 +275,11 @@ def _status(result: MathematicalProgramResult) -> str:
 
 
 def _finish(
-    plant: LeafSystem,
+    dynamics: Dynamics,
     dc: DirectCollocation,
     result: MathematicalProgramResult,
     attempts: tuple[Attempt, ...],
 ) -> Plan:
-    dynamics = Dynamics(plant)
     times = dc.GetSampleTimes(result)
     states, inputs = dc.GetStateSamples(result).T, dc.GetInputSamples(result)[0]
     path = dc.ReconstructStateTrajectory(result)
@@ -294,7 +298,7 @@ def _finish(
             [dynamics.evaluate(x, u) for x, u in zip(states, inputs, strict=True)]
         ),
         inputs=inputs,
-        state_names=plant.state_names,
+        state_names=dynamics.model.state_names,
         cost=result.get_optimal_cost(),
         max_defect=float(np.abs(defect).max()),
         path_defect=float(path_defect(dynamics, path, tape).max()),

@@ -3,11 +3,10 @@
 import dataclasses
 
 import numpy as np
-from pydrake.systems.framework import LeafSystem
 from pydrake.trajectories import PiecewisePolynomial
 
+from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import initial_state
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -20,17 +19,17 @@ class Guess:
 
 
 def straight_line(
-    plant: LeafSystem, problem: PerchingProblem, duration: float | None = None
+    model: GliderModel, problem: PerchingProblem, duration: float | None = None
 ) -> Guess:
     """Returns straight lines from launch to goal with the elevator at rest.
 
     Args:
-        plant: a GliderPlant.
+        model: the glider.
         problem: what to fly.
         duration: [s]; by default at 5/8 of the launch speed.
     """
-    launch = initial_state(plant, problem.launch)
-    goal = initial_state(plant, problem.goal)
+    launch = model.initial_state(problem.launch)
+    goal = model.initial_state(problem.goal)
     if duration is None:
         x, z = np.subtract(problem.wire, problem.launch[:2])
         xdot, zdot = problem.launch[4:6]
@@ -47,17 +46,17 @@ def straight_line(
 
 
 def swoop(
-    plant: LeafSystem, problem: PerchingProblem, dip: float, duration: float
+    model: GliderModel, problem: PerchingProblem, dip: float, duration: float
 ) -> Guess:
     """Returns a path that first dips below the line, then pulls up to the wire.
 
     Args:
-        plant: a GliderPlant.
+        model: the glider.
         problem: what to fly.
         dip: depth below the straight line [m].
         duration: [s].
     """
-    line = straight_line(plant, problem, duration)
+    line = straight_line(model, problem, duration)
     times = np.linspace(0.0, line.states.end_time(), 9)
     phase = times / times[-1]
     states = np.hstack([line.states.value(t) for t in times])

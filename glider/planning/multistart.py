@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import LeafSystem
 
+from glider.physics.model import GliderModel
 from glider.planning.dircol import (
     PlanningError,
     Progress,
@@ -38,7 +38,7 @@ class Minimum:
 
 
 def find_minima(
-    plant: LeafSystem,
+    model: GliderModel,
     problem: PerchingProblem,
     starts: int,
     rng: np.random.Generator,
@@ -48,7 +48,7 @@ def find_minima(
     """Plans from a straight line and from random dips; returns what differs.
 
     Args:
-        plant: a GliderPlant.
+        model: the glider.
         problem: what to fly.
         starts: number of guesses.
         rng: draws the guesses: dips of -0.3 to 0.8 m flown 0.7 to 1.6 times as
@@ -63,17 +63,17 @@ def find_minima(
     Raises:
         PlanningError: where no guess leads to a plan.
     """
-    line = straight_line(plant, problem)
+    line = straight_line(model, problem)
     guesses: list[Guess] = [line]
     for _ in range(starts - 1):
         duration = rng.uniform(0.7, 1.6) * line.states.end_time()
-        guesses.append(swoop(plant, problem, rng.uniform(-0.3, 0.8), duration))
+        guesses.append(swoop(model, problem, rng.uniform(-0.3, 0.8), duration))
 
     minima: list[Minimum] = []
     failure: PlanningError | None = None
     for guess in guesses:
         try:
-            found = plan(plant, problem, knots, guess=guess, progress=progress)
+            found = plan(model, problem, knots, guess=guess, progress=progress)
         except PlanningError as error:
             failure = error
             continue

@@ -12,6 +12,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.errors import InputError
+from glider.physics.model import GliderModel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,10 +30,11 @@ class Attempt:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A flight from launch to wire.
+    """A flight from a launch, and what every planner returns.
 
-    Between knots the state is a cubic Hermite polynomial and the input a
-    straight line, as direct collocation has them.
+    Between knots the state is a cubic Hermite polynomial. The input is a straight line,
+    as direct collocation has it; or it is held from knot to knot, as planners over
+    explicit steps have it.
     """
 
     times: np.ndarray
@@ -45,7 +47,7 @@ class Plan:
     """(N, n) time derivatives of the states at the knots."""
 
     inputs: np.ndarray
-    """(N,) elevator-rate command at the knots [rad/s]."""
+    """Elevator-rate commands [rad/s]: (N,) at the knots; or (N - 1,), each held."""
 
     state_names: tuple[str, ...]
     """STATE_NAMES, then the effects' own states."""
@@ -53,17 +55,31 @@ class Plan:
     cost: float
     """What the planner minimized."""
 
-    max_defect: float
-    """Largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s², rad/s²]."""
+    gains: np.ndarray | None = None
+    """(N - 1, n) of the planner's own feedback, where it has one:
+    u_k = inputs[k] + gains[k] (x - states[k]); zero where the command is at a limit."""
 
-    path_defect: float
+    costs: tuple[float, ...] = ()
+    """Cost before the first and after each iteration, where the planner iterates."""
+
+    converged: bool = True
+    """Whether the planner stopped because nothing more was to be gained."""
+
+    max_defect: float | None = None
+    """Largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s², rad/s²];
+    None where the plan is a flight already, as all below."""
+
+    path_defect: float | None = None
     """The same anywhere between the knots, where collocation does not look."""
 
-    drift: float
+    drift: float | None = None
     """Largest |x_k+1 - flight from x_k| over the segments, over all states."""
 
     attempts: tuple[Attempt, ...] = ()
     """What the planner tried, the last one with success."""
+
+    search_seconds: float = 0.0
+    """Time of a planner that does not make attempts [s]."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Returns the numbers without the trajectories, which do not all pickle."""
@@ -71,13 +87,18 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Time from launch to end [s]."""
         return float(self.times[-1])
 
     @property
     def seconds(self) -> float:
-        """Time spent in solvers [s]."""
-        return sum(attempt.seconds for attempt in self.attempts)
+        """Time that planning took [s]."""
+        return self.search_seconds + sum(attempt.seconds for attempt in self.attempts)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether each command is held until the next knot."""
+        return self.inputs.size == self.times.size - 1
 
     @functools.cached_property
     def state_trajectory(self) -> PiecewisePolynomial:
@@ -89,7 +110,35 @@ class Plan:
     @functools.cached_property
     def input_trajectory(self) -> PiecewisePolynomial:
         """Elevator-rate command over time, shape (1, 1)."""
+        if self.is_held:
+            held = np.append(self.inputs, self.inputs[-1:])
+            return PiecewisePolynomial.ZeroOrderHold(self.times, held[None, :])
         return PiecewisePolynomial.FirstOrderHold(self.times, self.inputs[None, :])
+
+
+def held_plan(
+    model: GliderModel, step: float, states: np.ndarray, inputs: np.ndarray, **more: Any
+) -> Plan:
+    """Returns the plan of a flight under held commands.
+
+    Args:
+        model: the glider.
+        step: each command is held so long [s].
+        states: (N, n).
+        inputs: (N - 1,) [rad/s].
+        more: further fields of the plan.
+    """
+    applied = np.append(inputs, 0.0)
+    rates = model.chain.derivatives(0.0, states.T, applied, 0.0, 0.0, model.numbers)
+    slopes = np.stack([np.broadcast_to(r, len(states)) for r in rates], axis=1)
+    return Plan(
+        times=step * np.arange(len(states)),
+        states=states,
+        slopes=slopes,
+        inputs=inputs,
+        state_names=model.state_names,
+        **more,
+    )
 
 
 _ARRAYS = ("times", "states", "slopes", "inputs")
@@ -99,7 +148,8 @@ _NUMBERS = ("cost", "max_defect", "path_defect", "drift")
 def save_plan(path: Path | str, plan: Plan) -> None:
     """Writes a plan as JSON; `load_plan` gives it back unchanged."""
     data = {f.name: getattr(plan, f.name) for f in dataclasses.fields(plan)}
-    data |= {name: data[name].tolist() for name in _ARRAYS}
+    for name in (*_ARRAYS, "gains"):
+        data[name] = None if data[name] is None else data[name].tolist()
     data["attempts"] = [dataclasses.asdict(attempt) for attempt in plan.attempts]
     part = Path(f"{path}.{os.getpid()}.part")
     part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
@@ -110,17 +160,36 @@ def load_plan(path: Path | str) -> Plan:
     """Loads a plan; a file that is none is an InputError."""
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
-        data |= {name: np.array(data[name], dtype=float) for name in _ARRAYS}
-        data |= {name: float(data[name]) for name in _NUMBERS}
+        for name in (*_ARRAYS, "gains"):
+            if name in _ARRAYS or data.get(name) is not None:
+                data[name] = np.array(data[name], dtype=float)
+        for name in _NUMBERS:
+            if name == "cost" or data[name] is not None:
+                data[name] = float(data[name])
         data["attempts"] = tuple(Attempt(**attempt) for attempt in data["attempts"])
         data["state_names"] = tuple(data["state_names"])
+        data["costs"] = tuple(map(float, data.get("costs", ())))
         plan = Plan(**data)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"{path}: not a plan: {error}") from None
+    _check(plan, path)
+    return plan
+
+
+def _check(plan: Plan, path: Path | str) -> None:
+    """Raises InputError where the numbers of a file are no plan."""
     knots, n = plan.times.size, len(plan.state_names)
-    shapes = {"times": (knots,), "inputs": (knots,)}
-    for name in _ARRAYS:
-        found, needed = getattr(plan, name), shapes.get(name, (knots, n))
+    shapes = {
+        "times": (knots,),
+        "states": (knots, n),
+        "slopes": (knots, n),
+        "inputs": (knots - 1,) if plan.is_held else (knots,),
+        "gains": (knots - 1, n),
+    }
+    for name, needed in shapes.items():
+        found = getattr(plan, name)
+        if found is None and name == "gains":
+            continue
         if found.shape != needed or not np.all(np.isfinite(found)):
             raise InputError(
                 f"{path}: '{name}' has shape {found.shape}; finite numbers of shape "
@@ -131,6 +200,6 @@ def load_plan(path: Path | str) -> Plan:
             f"{path}: 'times' must increase from 0, over at least two knots."
         )
     for name in _NUMBERS:
-        if not math.isfinite(getattr(plan, name)):
+        value = getattr(plan, name)
+        if value is not None and not math.isfinite(value):
             raise InputError(f"{path}: '{name}' must be a finite number.")
-    return plan

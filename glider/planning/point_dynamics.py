@@ -1,39 +1,29 @@
 """The dynamics of one glider, point by point, with exact slopes."""
 
-import numba
 import numpy as np
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from glider.compiled.kernel import compiled
-from glider.physics.compose import compose
-from glider.physics.parameters import parameter_vector
+from glider.compiled.jacobian import differentiate, stacked
+from glider.compiled.kernel import UncompilableError
+from glider.compiled.runge_kutta import advance
+from glider.physics.model import GliderModel
 
 
 class Dynamics:
     """ẋ = f(x, u) of a glider in still air, at time 0.
 
-    Compiled; where a formula does not compile, or the plant is not `fast`, by the
-    formulas as they are, with AutoDiffXd.
-
     Attributes:
+        model: the glider.
         num_states: n, with the effects' own states.
+        fast: whether it is compiled; False once a formula turns out not to compile.
+            Then it is the formulas as they are, with AutoDiffXd.
     """
 
-    def __init__(self, plant):
-        """Takes drawing and effects from a GliderPlant's model.
-
-        Args:
-            plant: a GliderPlant; not `fast` any more once a formula of its does
-                not compile.
-        """
-        model = plant.model
-        self._plant = plant
-        self.num_states = len(plant.state_names)
-        self._has_field = model.field is not None
-        self._field = model.residual_field
-        self._p, self._c = parameter_vector(model.parameters), model.coefficients
-        self._z = np.zeros(self.num_states + 3 + len(self._p) + len(self._c))
-        self._z[self.num_states + 3 :] = np.concatenate([self._p, self._c])
+    def __init__(self, model: GliderModel, fast: bool = True) -> None:
+        """Takes what `Dynamics` holds."""
+        self.model, self.num_states, self.fast = model, model.num_states, fast
+        self._theta, self._derivatives = model.numbers, model.chain.derivatives
+        self._z = stacked(self.num_states, self._theta)
         self._all = np.asfortranarray(np.eye(self.num_states + 1))
         self._none = np.empty((0, 0))
 
@@ -54,35 +44,23 @@ class Dynamics:
                 end of each step [rad/s].
             step: [s].
         """
-        for first, middle, last in inputs:
-            k1 = self.evaluate(x, first)
-            k2 = self.evaluate(x + 0.5 * step * k1, middle)
-            k3 = self.evaluate(x + 0.5 * step * k2, middle)
-            k4 = self.evaluate(x + step * k3, last)
-            x = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+        def slope(t, node, x, tape, rate):
+            rate[:] = self.evaluate(x, tape[node])
+
+        x, work = x.copy(), np.empty((3, self.num_states))
+        for tape in inputs:
+            advance(slope, 0.0, x, step, 4, tape, work)
         return x
 
     def _differentiate(self, x, u, directions):
-        if not self._plant.fast:
-            return self._differentiate_plainly(x, u)
         n = self.num_states
-        value, slopes = np.empty(n), np.empty((n, directions.shape[1]))
-        self._z[:n], self._z[n] = x, u
-        kernel = compiled(self._plant.kinds, self._has_field)
-        try:
-            kernel.directional(0.0, self._z, directions, n, self._field, value, slopes)
-        except numba.core.errors.NumbaError:
-            self._plant.fast = False
-            return self._differentiate_plainly(x, u)
-        return value, slopes
-
-    def _differentiate_plainly(self, x, u):
-        """Returns f (n,) and its slopes by state and input (n, n + 1)."""
+        if self.fast:
+            self._z[:n], self._z[n] = x, u
+            try:
+                return differentiate(self.model, 0.0, self._z, directions)
+            except UncompilableError:
+                self.fast = False
         z = InitializeAutoDiff(np.append(x, u))[:, 0]
-        chain = compose(self._plant.kinds, self._has_field)
-        rates = np.array(
-            chain.derivatives(
-                0.0, z[:-1], z[-1], 0.0, 0.0, self._p, self._c, self._field
-            )
-        )
+        rates = np.array(self._derivatives(0.0, z[:-1], z[-1], 0.0, 0.0, self._theta))
         return ExtractValue(rates)[:, 0], ExtractGradient(rates)

@@ -9,14 +9,15 @@ the random generator is passed in.
 import dataclasses
 import math
 import time
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
-from glider.compiled.kernel import compiled
+from glider.compiled.sampling import FlightCost, cost_sequences
 from glider.errors import InputError
-from glider.physics.parameters import parameter_vector
+from glider.physics.model import GliderModel
+from glider.physics.servo import NO_LIMITS
+from glider.planning.plan import Plan, held_plan
 from glider.planning.problem import PerchingProblem
 
 WORST = 1e300
@@ -88,22 +89,9 @@ def _check_positive(settings: CemSettings | MppiSettings) -> None:
             )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Search:
-    """What a search found."""
-
-    mean: np.ndarray
-    """(N,) the sequence [rad/s]."""
-
-    deviation: np.ndarray
-    """(N,) that the last sequences were drawn with [rad/s]."""
-
-    costs: np.ndarray
-    """(iterations + 1,) of the mean before the first and after each iteration."""
-
-    drawn: dict[int, np.ndarray]
-    """Number of an iteration, from 1, to the sequences (B, N) drawn in it, for
-    those that were to be kept [rad/s]."""
+Watch = Callable[[int, np.ndarray], None]
+"""Told the number of an iteration, from 1, and the sequences (B, N) drawn in it
+[rad/s]."""
 
 
 class SequenceCost:
@@ -112,6 +100,7 @@ class SequenceCost:
     rate_cost Σ u² step + (x_N - goal)ᵀ diag(goal_weights) (x_N - goal)
 
     Attributes:
+        model: the glider.
         step: [s].
         steps: their number N.
         num_states: n, with the effects' own states.
@@ -119,7 +108,7 @@ class SequenceCost:
 
     def __init__(
         self,
-        plant: Any,
+        model: GliderModel,
         problem: PerchingProblem,
         *,
         step: float = 0.01,
@@ -128,10 +117,10 @@ class SequenceCost:
         within_limits: bool = False,
         free_end: bool = False,
     ) -> None:
-        """Takes drawing and effects from a GliderPlant's model.
+        """Takes what to fly and how to price it.
 
         Args:
-            plant: the glider.
+            model: the glider.
             problem: whose goal, goal_weights and rate_cost are used; its limits
                 on the path are not.
             step: [s].
@@ -152,21 +141,15 @@ class SequenceCost:
             )
         if order not in (1, 4):
             raise InputError(f"SequenceCost: the order is {order}; 1 or 4 is needed.")
-        model = plant.model
-        drawing = model.parameters
         self.step, self.steps = step, steps
-        self.num_states = len(plant.state_names)
-        self._loop = compiled(plant.kinds, model.field is not None).sampled_costs
-        stops = [*drawing.elevator_limits, drawing.elevator_rate_limit]
-        self._order, self._free_end = order, free_end
-        self._limits = np.array(stops if within_limits else [-np.inf, np.inf, np.inf])
-        self._goal = np.array(problem.goal, dtype=float)
-        self._weights = np.array(problem.goal_weights, dtype=float)
-        self._rate_cost = float(problem.rate_cost)
-        self._model = (
-            parameter_vector(drawing),
-            model.coefficients,
-            model.residual_field,
+        self.num_states = model.num_states
+        self.model, self._order = model, order
+        self._servo = model.parameters.servo if within_limits else NO_LIMITS
+        self._cost = FlightCost(
+            goal=np.array(problem.goal, dtype=float),
+            weights=np.array(problem.goal_weights, dtype=float),
+            rate=float(problem.rate_cost),
+            free_end=free_end,
         )
 
     def to_go(
@@ -205,26 +188,18 @@ class SequenceCost:
                 f"SequenceCost: a start {start.shape} and commands {commands.shape} "
                 f"are given; ({self.num_states},) and (B, {self.steps}) are needed."
             )
-        to_go = np.empty((len(commands), self.steps + 1))
-        kept = len(commands) if keep else 0
-        states = np.empty((kept, self.steps + 1, self.num_states))
-        self._loop(
+        return cost_sequences(
+            self.model,
             start,
             commands,
-            np.zeros(self.steps) if nominal is None else nominal,
-            price,
             self.step,
-            self._order,
-            self._limits,
-            self._goal,
-            self._weights,
-            self._rate_cost,
-            self._free_end,
-            *self._model,
-            to_go,
-            states,
+            self._cost,
+            self._servo,
+            order=self._order,
+            nominal=nominal,
+            price=price,
+            keep_states=keep,
         )
-        return to_go, states
 
 
 def cem_update(
@@ -269,8 +244,8 @@ def cem(
     settings: CemSettings | None = None,
     iterations: int = 100,
     mean: np.ndarray | None = None,
-    keep: Collection[int] = (),
-) -> Search:
+    watch: Watch | None = None,
+) -> Plan:
     """Plans by the cross-entropy method.
 
     Args:
@@ -280,22 +255,26 @@ def cem(
         settings: None for the article's.
         iterations: their number.
         mean: (N,) to start from; None for zero [rad/s].
-        keep: iterations, from 1, whose sequences to keep.
+        watch: told what is drawn.
+
+    Returns:
+        a plan with held commands, the last mean. Its costs are those of the mean before
+        the first and after each iteration.
     """
     settings = CemSettings() if settings is None else settings
     mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
     variance = np.full(cost.steps, settings.variance)
-    costs, drawn = np.empty(iterations + 1), {}
+    begin, costs = time.perf_counter(), np.empty(iterations + 1)
     for k in range(iterations):
         noise = rng.standard_normal((settings.samples, cost.steps))
         commands = np.vstack([mean, mean + np.sqrt(variance) * noise])
         total = cost.to_go(start, commands)[:, 0]
         costs[k] = total[0]
-        if k + 1 in keep:
-            drawn[k + 1] = commands[1:]
+        if watch:
+            watch(k + 1, commands[1:])
         mean, variance = cem_update(commands[1:], total[1:], settings)
     costs[-1] = cost.to_go(start, mean[None])[0, 0]
-    return Search(mean=mean, deviation=np.sqrt(variance), costs=costs, drawn=drawn)
+    return _plan_of(cost, start, mean, costs, begin)
 
 
 def mppi(
@@ -306,8 +285,8 @@ def mppi(
     settings: MppiSettings | None = None,
     iterations: int = 100,
     mean: np.ndarray | None = None,
-    keep: Collection[int] = (),
-) -> Search:
+    watch: Watch | None = None,
+) -> Plan:
     """Plans by path integrals; arguments as in `cem`.
 
     With the likelihood ratio the costs of the result hold λ/(2σ²) Σ u², which is
@@ -315,15 +294,33 @@ def mppi(
     """
     settings = MppiSettings() if settings is None else settings
     mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
-    costs, drawn = np.empty(iterations + 1), {}
+    begin, costs = time.perf_counter(), np.empty(iterations + 1)
     for k in range(iterations):
         mean, commands, total = mppi_step(cost, start, mean, rng, settings)
         costs[k] = total[0]
-        if k + 1 in keep:
-            drawn[k + 1] = commands[1:]
+        if watch:
+            watch(k + 1, commands[1:])
     costs[-1] = cost.to_go(start, mean[None], mean, settings.price)[0, 0]
-    deviation = np.full(cost.steps, settings.deviation)
-    return Search(mean=mean, deviation=deviation, costs=costs, drawn=drawn)
+    return _plan_of(cost, start, mean, costs, begin)
+
+
+def _plan_of(
+    cost: SequenceCost,
+    start: np.ndarray,
+    mean: np.ndarray,
+    costs: np.ndarray,
+    begin: float,
+) -> Plan:
+    seconds = time.perf_counter() - begin
+    return held_plan(
+        cost.model,
+        cost.step,
+        cost.fly(start, mean[None])[0],
+        mean,
+        cost=float(costs[-1]),
+        costs=tuple(costs.tolist()),
+        search_seconds=seconds,
+    )
 
 
 def mppi_step(

@@ -9,14 +9,13 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.planning import DirectCollocation, DirectCollocationConstraint
 from pydrake.solvers import MathematicalProgramResult
-from pydrake.systems.framework import LeafSystem
 
 from glider.errors import InputError
 from glider.physics.state import STATE_NAMES
 from glider.planning.guess import Guess
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import initial_state
+from glider.systems.plant import GliderPlant
 
 
 def hermite_simpson(linearize, h, x0, x1, u0, u1):
@@ -53,41 +52,41 @@ def hermite_simpson(linearize, h, x0, x1, u0, u1):
 
 
 def transcribe(
-    plant: LeafSystem, problem: PerchingProblem, knots: int, arrive: bool = True
+    dynamics: Dynamics, problem: PerchingProblem, knots: int, arrive: bool = True
 ) -> DirectCollocation:
     """Builds the program of a problem with equal steps between so many knots.
 
     Every constraint has a name, which `violated` reports.
 
     Args:
-        plant: a GliderPlant. With `fast=False`, or where a formula does not
-            compile, Drake's own defects stay.
+        dynamics: of the glider. Where they are not fast, Drake's own defects stay.
         problem: what to fly.
         knots: at least 2.
         arrive: whether the flight must meet the bounds at the wire; else what it
             misses them by is what is minimized.
 
     Raises:
-        InputError: where the plant varies in time, or the launch is outside the
+        InputError: where the glider varies in time, or the launch is outside the
             problem's own limits.
     """
-    if plant.is_time_varying():
+    model = dynamics.model
+    if model.is_time_varying:
         raise InputError(
             "plan: the glider's residual field depends on time, and direct "
             "collocation would take it as at time 0; plan with a field over x."
         )
     low, high = np.array(problem.duration_limits) / knots
+    launch = model.initial_state(problem.launch)
+    dynamics.linearize(launch, 0.0)  # Tells whether they compile.
+    plant = GliderPlant(model, fast=dynamics.fast)
     dc = DirectCollocation(plant, plant.CreateDefaultContext(), knots, low, high)
     dc.AddEqualTimeIntervalsConstraints()
-    launch = initial_state(plant, problem.launch)
-    dynamics = Dynamics(plant)
-    dynamics.linearize(launch, 0.0)  # Tells whether they compile.
-    if plant.fast:
+    if dynamics.fast:
         _compile_defects(dc, knots, dynamics)
     else:
         for k, binding in enumerate(_defects(dc)):
             binding.evaluator().set_description(f"defect of segment {k}")
-    _add_limits(dc, knots, plant, problem)
+    _add_limits(dc, knots, model, problem)
     _bound(dc, dc.initial_state(), launch, launch, "launch")
     if arrive:
         for name, (variables, low, high) in _arrival(dc, problem).items():
@@ -167,8 +166,8 @@ def _bound(dc, variables, low, high, name):
     binding.evaluator().set_description(name)
 
 
-def _add_limits(dc, knots, plant, problem):
-    vehicle = plant.model.parameters
+def _add_limits(dc, knots, model, problem):
+    vehicle = model.parameters
     limits = {
         "x": problem.x_limits,
         "z": problem.z_limits,

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 import joblib
 import numpy as np
 
-from glider.control.policy import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.state import (
@@ -22,11 +21,12 @@ from glider.physics.state import (
     STATE_NAMES,
 )
 from glider.planning.problem import PerchingProblem
-from glider.simulation.closed_loop import (
+from glider.simulation.flights import Flights
+from glider.simulation.fly import (
     AFTER,
     STEP,
-    Flights,
-    fly_closed_loop,
+    Policy,
+    fly,
     make_clock,
 )
 
@@ -70,7 +70,7 @@ class Case:
     model: GliderModel
     """The glider that is flown."""
 
-    policy: TrackingPolicy
+    policy: Policy
     """The feedback."""
 
     problem: PerchingProblem
@@ -80,16 +80,16 @@ class Case:
     """Of the launches."""
 
     command_rate: float | None = None
-    """As in `fly_closed_loop` [Hz]."""
+    """As in `fly` [Hz]."""
 
     feedback_noise: tuple[float, ...] = (0.0,) * NUM_STATES
     """Standard deviation of the measured STATE_NAMES; needs a command rate."""
 
     step: float = STEP
-    """As in `fly_closed_loop` [s]."""
+    """As in `fly` [s]."""
 
     after: float = AFTER
-    """As in `fly_closed_loop` [s]."""
+    """As in `fly` [s]."""
 
 
 def draw_launches(
@@ -117,7 +117,7 @@ def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
     noise = None
     if any(case.feedback_noise):
         clock = make_clock(case.policy, case.command_rate, case.step, case.after)
-        states = case.policy.gains.shape[1]
+        states = len(case.policy.state_names)
         noise = np.zeros((flights, clock.commands, states))
         drawn = rng.normal(size=(flights, clock.commands, NUM_STATES))
         noise[:, :, :NUM_STATES] = drawn * case.feedback_noise
@@ -125,7 +125,7 @@ def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
             raise InputError(
                 f"Case '{case.name}': feedback noise needs a command rate."
             )
-    return fly_closed_loop(
+    return fly(
         case.model,
         case.policy,
         starts,

@@ -18,8 +18,8 @@ from glider.physics.effects.field import (
     FieldData,
     make_field,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.regression import least_squares
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.residual import make_table
 
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")

@@ -14,9 +14,9 @@ from glider.physics.effects import (
     NO_FIELD,
     THRUST,
 )
+from glider.physics.numbers import Theta
 from glider.physics.parameters import (
     GliderParameters,
-    parameter_vector,
 )
 
 _TINY = 1e-30
@@ -66,5 +66,5 @@ def _motion(
 ) -> np.ndarray:
     """Returns the derivatives (7,) at a state and thrust (8,) in still air."""
     derivatives = compose((THRUST,)).derivatives
-    p, c = parameter_vector(parameters), point[7:]
-    return np.array(derivatives(0.0, point[:7], rate, 0.0, 0.0, p, c, NO_FIELD))
+    theta = Theta(parameters.numbers, point[7:], NO_FIELD)
+    return np.array(derivatives(0.0, point[:7], rate, 0.0, 0.0, theta))

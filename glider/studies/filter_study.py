@@ -25,7 +25,6 @@ import numpy as np
 
 from glider.control.policy import (
     TrackingPolicy,
-    sample_policy,
 )
 from glider.estimation.ekf import (
     WIND_NAMES,
@@ -242,7 +241,7 @@ def watch_perch(
     noise = StudyNoise() if noise is None else noise
     ekf = study_ekf(parameters, noise, PERCH_GUESS)
     samples = round(policy.plan.duration * RATE)
-    offset, gain = sample_policy(policy, np.arange(samples) / RATE)
+    offset, gain = policy.sample(np.arange(samples) / RATE)
     inputs = np.zeros((samples, 4))
     inputs[:, 0] = offset
     inputs[:, 1:3] = draw_wind(samples, rng, STILL)

@@ -21,7 +21,6 @@ from glider.physics.effects.field import (
     field_variables,
 )
 from glider.physics.model import GliderModel
-from glider.physics.parameters import parameter_vector
 from glider.physics.state import NUM_STATES
 from glider.studies.coefficients import (
     COEFFICIENTS,
@@ -86,19 +85,17 @@ def weight_equations(
             f"weight_equations: the states have shape {states.shape} and there are "
             f"{len(inputs)} inputs; ({len(inputs) + 1}, {NUM_STATES}) is needed."
         )
-    kinds = tuple(effect.kind for effect in drawing.effects)
-    chain = compose(kinds, True)
-    p = parameter_vector(drawing.parameters)
-    c = drawing.coefficients
+    chain, theta = compose(drawing.kinds, True), drawing.numbers
     now = states[:-1].T
 
     def accelerations(field: Field) -> np.ndarray:
-        rates = chain.derivatives(0.0, now, inputs, 0.0, 0.0, p, c, field)
+        given = theta._replace(field=field)
+        rates = chain.derivatives(0.0, now, inputs, 0.0, 0.0, given)
         return np.stack(rates[_ACCELERATIONS], axis=1)
 
     plate = accelerations(NO_FIELD)
     added = np.stack([accelerations(_constant(k)) - plate for k in COEFFICIENTS], 2)
-    flow, _ = chain.meet_air(0.0, now, inputs, 0.0, 0.0, p, c, NO_FIELD)
+    flow, _ = chain.meet_air(0.0, now, inputs, 0.0, 0.0, theta)
     values = dict(zip(FIELD_VARIABLES, field_variables(flow), strict=True))
     psi = basis_values(basis, values)
     columns = psi[:, None, :, None] * added[:, :, None, :]  # (N, 3, M, 3)

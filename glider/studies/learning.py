@@ -17,6 +17,8 @@ from glider.campaign.logs import (
     Flight,
     campaign_of,
 )
+from glider.campaign.motion_capture import MotionCapture
+from glider.control.policy import HeldPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.state import (
@@ -24,19 +26,15 @@ from glider.physics.state import (
     STATE_NAMES,
 )
 from glider.planning.ilqr import (
+    ARTICLE,
     DivergedError,
-    GoalProblem,
-    SteppedPlan,
-    article_problem,
-    goal_cost,
-    plan,
+    IlqrSettings,
+    ilqr,
 )
-from glider.simulation.stepped import (
-    CAPTURE_RATE,
-    Execution,
-    capture,
-    execute,
-)
+from glider.planning.plan import Plan
+from glider.planning.problem import PerchingProblem, goal_cost, goal_problem
+from glider.simulation.flights import Flights, FlownFlight
+from glider.simulation.fly import fly
 from glider.studies.coefficients import (
     RIDGE,
     residual_basis,
@@ -47,7 +45,6 @@ from glider.studies.flight_weights import (
     weight_equations,
 )
 from glider.sysid.pipeline import close_the_loop
-from glider.systems.plant import GliderPlant
 
 SPEEDS = (6.5, 7.5)
 """Between which the launch speed is drawn [m/s]."""
@@ -61,8 +58,11 @@ TEST_SPEEDS = (6.6, 6.8, 7.0, 7.2, 7.4)
 LEAST_FLIGHTS = 3
 """What the tracer needs: two flights to fit and one to judge by."""
 
-RATE_WEIGHT = 0.01
-"""Of the commands in `learning_problem`."""
+RATE_COST = 0.5
+"""Cost of the commands in `learning_problem` [1/(rad²/s)]."""
+
+CAPTURE = MotionCapture()
+"""What films the flights."""
 
 _SPEED = STATE_NAMES.index("xdot")
 
@@ -105,10 +105,10 @@ class Round:
     identified: Identified
     """What was planned with: of the flights before this round."""
 
-    plan: SteppedPlan
+    plan: Plan
     """Of the first flight."""
 
-    flights: list[Execution]
+    flights: list[FlownFlight]
     """By the true glider."""
 
     terminal_cost: float
@@ -118,19 +118,24 @@ class Round:
     """Median over TEST_SPEEDS of flights planned with the same model [m]."""
 
 
-def learning_problem(order: int = 4) -> GoalProblem:
-    """Returns the article's problem with a small weight of the commands themselves.
+def learning_problem() -> PerchingProblem:
+    """Returns the article's problem with a small cost of the commands themselves.
 
     The article weighs only how they change from one plan to the next, so that its
     plan depends on where it was begun and ended: plans of one model, the true one, then
-    miss by 10 to 21 mm. A weight of RATE_WEIGHT makes them one.
-
-    Args:
-        order: of the planner's steps. The article's simulator takes the planner's
-            Euler steps; the glider that flies here does not, so that 1 leaves every
-            model with an error that only the weights can learn.
+    miss by 10 to 21 mm. RATE_COST makes them one.
     """
-    return article_problem(RATE_WEIGHT, order)
+    return goal_problem(RATE_COST)
+
+
+def learning_settings(order: int = 4) -> IlqrSettings:
+    """Returns the article's settings with steps of an order.
+
+    The article's simulator takes the planner's Euler steps; the glider that flies here
+    does not, so that 1 leaves every model with an error that only the weights can
+    learn.
+    """
+    return dataclasses.replace(ARTICLE, order=order)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -141,7 +146,8 @@ def learn(
     rng: np.random.Generator,
     *,
     launches: int = LEAST_FLIGHTS,
-    problem: GoalProblem | None = None,
+    problem: PerchingProblem | None = None,
+    settings: IlqrSettings | None = None,
     progress: Progress | None = None,
 ) -> list[Round]:
     """Runs the loop: each round plans, flies, and identifies from all flights so far.
@@ -157,6 +163,7 @@ def learn(
         rng: draws launch speeds and noise.
         launches: flights in a round.
         problem: what to fly; None for `learning_problem`.
+        settings: of the planner; None for `learning_settings`.
         progress: told what is being done.
 
     Raises:
@@ -167,21 +174,23 @@ def learn(
             f"learn: {rounds} rounds of {launches} launches; one of each is needed."
         )
     problem = learning_problem() if problem is None else problem
+    settings = learning_settings() if settings is None else settings
     say = progress or (lambda text: None)
     drawing = GliderModel(parameters=truth.parameters)
     identified = Identified(model=drawing)
-    planned = plan(GliderPlant(drawing), problem)
+    planned = ilqr(drawing, problem, settings)
     logs: list[LoggedFlight] = []
     results: list[Round] = []
     for k in range(rounds):
         say(f"round {k + 1} of {rounds}: plan and fly")
-        model, plans, flights = identified.model, [], []
+        model, plans, flights, knots = identified.model, [], [], []
         for _ in range(launches):
             launch = launched(problem, rng.uniform(*SPEEDS))
-            planned = plan_again(model, launch, planned)
-            [flown] = execute(truth, planned, np.array([launch.launch]), problem.wire)
+            planned = plan_again(model, launch, settings, planned)
+            flown = fly_planned(truth, planned, launch)
             plans.append(planned)
-            flights.append(flown)
+            flights.append(flown.flight(0))
+            knots.append(knots_of(flown, planned))
             name = f"flight_{len(logs):03d}.csv"
             logs.append(log(truth, flown, planned, rng, name))
         results.append(
@@ -189,8 +198,8 @@ def learn(
                 identified=identified,
                 plan=plans[0],
                 flights=flights,
-                terminal_cost=float(goal_cost(problem, flights[0].knots[-1])),
-                miss=median_miss(truth, model, problem, plans[0]),
+                terminal_cost=float(goal_cost(problem, knots[0][-1])),
+                miss=median_miss(truth, model, problem, settings, plans[0]),
             )
         )
         if k + 1 < rounds:
@@ -199,53 +208,90 @@ def learn(
     return results
 
 
-def launched(problem: GoalProblem, speed: float) -> GoalProblem:
+def launched(problem: PerchingProblem, speed: float) -> PerchingProblem:
     """Returns the problem from a launch at another speed [m/s]."""
     launch = list(problem.launch)
     launch[_SPEED] = float(speed)
-    return dataclasses.replace(problem, launch=tuple(launch))
+    return dataclasses.replace(problem, launch=launch)
 
 
 def plan_again(
-    model: GliderModel, problem: GoalProblem, before: SteppedPlan
-) -> SteppedPlan:
+    model: GliderModel, problem: PerchingProblem, settings: IlqrSettings, before: Plan
+) -> Plan:
     """Plans with a model from the commands of a plan before.
 
     Where they make the model diverge, which a poor one may, the plan before stands.
     """
     try:
-        return plan(GliderPlant(model), problem, guess=before.inputs)
+        return ilqr(model, problem, settings, guess=before.inputs)
     except DivergedError:
         return before
 
 
+def fly_planned(truth: GliderModel, planned: Plan, problem: PerchingProblem) -> Flights:
+    """Flies a problem's launch under a plan with held commands and its feedback.
+
+    Args:
+        truth: the glider that is flown, which may have effects that the planner does
+            not know.
+        planned: the flight and its feedback.
+        problem: whose launch and wire to take.
+    """
+    policy = HeldPolicy(plan=planned)
+    return fly(
+        truth,
+        policy,
+        np.array([problem.launch]),
+        wire=(problem.wire[0], problem.wire[1]),
+        command_rate=policy.command_rate,
+        keep_paths=True,
+    )
+
+
+def knots_of(flown: Flights, planned: Plan) -> np.ndarray:
+    """Returns the states (N + 1, n) of a flight at the plan's knots."""
+    assert flown.paths is not None
+    return flown.paths[0, np.searchsorted(flown.times, planned.times - 1e-9)]
+
+
 def median_miss(
-    truth: GliderModel, model: GliderModel, problem: GoalProblem, before: SteppedPlan
+    truth: GliderModel,
+    model: GliderModel,
+    problem: PerchingProblem,
+    settings: IlqrSettings,
+    before: Plan,
 ) -> float:
     """Returns the median miss over TEST_SPEEDS of flights planned with a model [m]."""
     misses = []
     for speed in TEST_SPEEDS:
         launch = launched(problem, speed)
-        planned = plan_again(model, launch, before)
-        [flown] = execute(truth, planned, np.array([launch.launch]), problem.wire)
-        misses.append(flown.miss)
+        planned = plan_again(model, launch, settings, before)
+        misses.append(fly_planned(truth, planned, launch).miss[0])
     return float(np.median(misses))
 
 
 def log(
     truth: GliderModel,
-    flown: Execution,
-    planned: SteppedPlan,
+    flown: Flights,
+    planned: Plan,
     rng: np.random.Generator,
     name: str,
 ) -> LoggedFlight:
-    """Returns what is logged of a flight, noise included."""
-    states = flown.knots[:, :NUM_STATES]
+    """Returns what is logged of a flight, noise included.
+
+    Raises:
+        InputError: the flight did not stay finite.
+    """
+    states = knots_of(flown, planned)[:, :NUM_STATES]
+    noise = STATE_NOISE * rng.normal(size=states.shape)
+    assert flown.paths is not None and flown.commands is not None
+    assert flown.command_times is not None
+    commands = flown.command_times, flown.commands[0]
     return LoggedFlight(
-        states=states + STATE_NOISE * rng.normal(size=states.shape),
-        rates=flown.rates[: len(planned.inputs)],
-        step=planned.step,
-        capture=capture(truth, flown, rng, name),
+        states=states + noise,
+        rates=commands[1][: len(planned.inputs)],
+        step=float(planned.times[1]),
+        capture=CAPTURE.log(truth, flown.times, flown.paths[0], commands, rng, name),
     )
 
 
@@ -272,7 +318,7 @@ def trace_effects(drawing: GliderModel, logs: Sequence[LoggedFlight]) -> Identif
         return Identified(model=drawing)
     flights = [log.capture for log in logs]
     campaign = campaign_of(
-        "learning", drawing.parameters, flights, CAPTURE_RATE, 1.0 / logs[0].step
+        "learning", drawing.parameters, flights, CAPTURE.rate, 1.0 / logs[0].step
     )
     found = close_the_loop(campaign)
     return Identified(

@@ -25,9 +25,9 @@ from glider.studies.coefficients import (
     fit_residual,
     residual_basis,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.vehicle import (
     Vehicle,

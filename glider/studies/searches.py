@@ -1,26 +1,25 @@
 """The article's searches: CEM and MPPI draw command sequences, from many seeds."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
+from glider.planning.plan import Plan
 from glider.planning.problem import load_problem
 from glider.planning.sampling import (
-    Search,
     SequenceCost,
     cem,
     flights_per_second,
     mppi,
 )
-from glider.systems.plant import GliderPlant
 
-METHODS: dict[str, Callable[..., Search]] = {"CEM": cem, "MPPI": mppi}
+Progress = Callable[[str], None]
 
-KEPT = (1, 10, 30, 100)
+SHOWN = (1, 10, 30, 100)
 """Iterations whose sequences are kept."""
 
 TOLD = (30, 100)
@@ -29,7 +28,7 @@ TOLD = (30, 100)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Searches:
-    """What the searches of each method found."""
+    """What the searches of each method found, and what the first of each drew."""
 
     cost: SequenceCost
     """What they minimize."""
@@ -37,18 +36,20 @@ class Searches:
     start: np.ndarray
     """(n,) state at launch."""
 
-    found: dict[str, list[Search]]
-    """One for each seed, by method."""
+    plans: dict[str, list[Plan]]
+    """Method to its plans, one a seed."""
+
+    drawn: dict[str, dict[int, np.ndarray]]
+    """Method to number of the iteration, from 1, to sequences (B, N) [rad/s]."""
 
     flights_per_second: float
     """How many sampled flights one core flies and weighs."""
 
-    @property
-    def costs(self) -> dict[str, np.ndarray]:
-        """Cost of each seed and iteration by method, (seeds, iterations + 1)."""
+    def histories(self) -> dict[str, np.ndarray]:
+        """Returns the costs by each method, (seeds, iterations + 1)."""
         return {
-            name: np.array([search.costs for search in searches])
-            for name, searches in self.found.items()
+            name: np.array([plan.costs for plan in plans])
+            for name, plans in self.plans.items()
         }
 
     def fly(self, commands: np.ndarray) -> np.ndarray:
@@ -57,13 +58,15 @@ class Searches:
 
     def key_figures(self) -> dict[str, object]:
         """Returns the speed and the costs of each method, for a file."""
-        spreads = {name.lower(): spread(runs) for name, runs in self.costs.items()}
+        spreads = {
+            name.lower(): spread(runs) for name, runs in self.histories().items()
+        }
         return {"rollouts_per_second": self.flights_per_second, **spreads}
 
     def describe(self) -> str:
         """Returns a line for each method, and the speed."""
         lines = []
-        for name, runs in self.costs.items():
+        for name, runs in self.histories().items():
             early, late = (runs[:, k] for k in TOLD)
             lines.append(
                 f"{name}: cost {np.median(early):.0f} after {TOLD[0]} iterations and "
@@ -74,29 +77,52 @@ class Searches:
         return "\n".join([*lines, speed])
 
 
-def search_all(
-    count: int, seed: int = 0, progress: Callable[[str], None] | None = None
+def search_article(
+    count: int, seed: int = 0, progress: Progress | None = None
 ) -> Searches:
-    """Searches by each method from some seeds, the same for all methods.
-
-    The glider is vehicles/heavy.yaml of the models, the problem problems/sampling.yaml.
-
-    Args:
-        count: searches of each method.
-        seed: that their seeds come from.
-        progress: told which method is at work.
-    """
+    """Searches for the article's plan: vehicles/heavy and problems/sampling."""
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
     problem = load_problem(models_path("problems", "sampling.yaml"))
-    cost = SequenceCost(GliderPlant(GliderModel(parameters=heavy)), problem)
-    start = np.array(problem.launch)
-    speed, found = flights_per_second(cost, start), {}
-    for name, search in METHODS.items():
+    cost = SequenceCost(GliderModel(parameters=heavy), problem)
+    return search_plans(cost, np.array(problem.launch), count, seed, progress=progress)
+
+
+def search_plans(
+    cost: SequenceCost,
+    start: np.ndarray,
+    count: int,
+    seed: int,
+    shown: Sequence[int] = SHOWN,
+    progress: Progress | None = None,
+) -> Searches:
+    """Searches for plans by CEM and by MPPI.
+
+    Args:
+        cost: to search with.
+        start: (n,) state at launch.
+        count: searches by each method, each with a seed of its own.
+        seed: of these seeds; both methods get the same.
+        shown: iterations, from 1, whose sequences to keep.
+        progress: told what is being done.
+    """
+    speed = flights_per_second(cost, start)
+    plans: dict[str, list[Plan]] = {}
+    drawn: dict[str, dict[int, np.ndarray]] = {}
+    for name, search in (("CEM", cem), ("MPPI", mppi)):
         if progress:
             progress(f"plan by {name}")
+        kept: dict[int, np.ndarray] = {}
+
+        def keep(iteration, commands, kept=kept):
+            if iteration in shown:
+                kept.setdefault(iteration, commands)
+
         rngs = np.random.default_rng(seed).spawn(count)
-        found[name] = [search(cost, start, rng, keep=KEPT) for rng in rngs]
-    return Searches(cost=cost, start=start, found=found, flights_per_second=speed)
+        plans[name] = [search(cost, start, rng, watch=keep) for rng in rngs]
+        drawn[name] = kept
+    return Searches(
+        cost=cost, start=start, plans=plans, drawn=drawn, flights_per_second=speed
+    )
 
 
 def spread(runs: np.ndarray) -> dict[str, list[float]]:

@@ -5,16 +5,15 @@ import math
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.physics.effects import KINDS
+from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit_covariance,
-)
+from glider.sysid.fit.output_error import fit_covariance
 from glider.sysid.fit.prediction import (
     Forecast,
     beginning_rows,
 )
+from glider.sysid.replay.problem import Problem
+from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import (
     Vehicle,
@@ -28,7 +27,6 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.beam_search import SILENT
 from glider.sysid.search.explanation import Explanation
-from glider.sysid.search.signs import Signs
 
 
 def verdict_of(found: Explanation, signs: Signs) -> str:
@@ -52,8 +50,8 @@ def effects_of(
     if not signs.are_right:
         effects.append(
             FoundEffect(
-                kind="angle_sign",
-                words=KINDS["angle_sign"].words,
+                kind=ANGLE_SIGN.kind,
+                words=ANGLE_SIGN.words,
                 coefficients={
                     name: Estimate(value=float(getattr(signs, name)), std=0.0, unit="-")
                     for name in ("pitch", "elevator", "command")
@@ -61,7 +59,7 @@ def effects_of(
                 evidence=signs.evidence,
                 share=signs.share,
                 indistinguishable_from=(),
-                depends_on=KINDS["angle_sign"].depends_on,
+                depends_on=ANGLE_SIGN.depends_on,
             )
         )
     for weighed in found.weighed:
@@ -105,13 +103,7 @@ def model_of(
     """Returns the corrected glider."""
     effects = []
     if not signs.are_right:
-        effects.append(
-            KINDS["angle_sign"](
-                pitch=float(signs.pitch),
-                elevator=float(signs.elevator),
-                command=float(signs.command),
-            )
-        )
+        effects.append(sign_effect(signs))
     kinds = [w.kind for w in found.weighed if w.kind != "unexplained"]
     if campaign.elevator == "fixed" and "elevator_trim" not in kinds:
         kinds.append("elevator_trim")  # The unknown angle at which it stands.
@@ -137,7 +129,7 @@ def flights_of(
     flights = []
     as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
     for i, record in enumerate(problem.records):
-        rows = beginning_rows(record, problem.trim_is_known)
+        rows = beginning_rows(problem, record)
         flights.append(
             HeldOutFlight(
                 name=record.flight.name,

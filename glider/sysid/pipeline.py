@@ -22,12 +22,8 @@ from glider.campaign.logs import (
 )
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.physics.effects import EffectKind
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-    in_parallel,
-)
+from glider.physics.effects import ANGLE_SIGN, EffectKind
+from glider.sysid.fit.output_error import fit, in_parallel
 from glider.sysid.fit.prediction import (
     Forecast,
     measure_errors,
@@ -43,6 +39,7 @@ from glider.sysid.replay.noise import (
     Noise,
     measure_noise,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import (
     Record,
     prepare,
@@ -52,6 +49,7 @@ from glider.sysid.replay.sensitivity import (
     fitted_start,
     linearize,
 )
+from glider.sysid.replay.signs import Signs, turn_campaign
 from glider.sysid.replay.theta import (
     OFFSET,
     Layout,
@@ -69,11 +67,7 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.candidates import Search
 from glider.sysid.search.decision import explain
-from glider.sysid.search.signs import (
-    Signs,
-    find_signs,
-    turn_campaign,
-)
+from glider.sysid.search.signs import find_signs
 
 Progress = Callable[[str], None]
 
@@ -163,7 +157,7 @@ class _Run:
         """Runs all stages on a campaign that has been read."""
         vehicle = make_vehicle(logged, layout)
         kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
-        if effects is not None and not kinds and "angle_sign" not in effects:
+        if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
             raise InputError(
                 f"none of the effects {', '.join(effects) or '(none given)'} can be "
                 "told from what this campaign logs and leaves unknown."
@@ -174,7 +168,7 @@ class _Run:
             noise = measure_noise(logged)
         with self.stage("signs"):
             signs = Signs()
-            if effects is None or "angle_sign" in effects:
+            if effects is None or ANGLE_SIGN.kind in effects:
                 few = _pick(logged, names[0])
                 signs = find_signs(logged, few, noise, vehicle)
         campaign = turn_campaign(logged, signs)
@@ -265,14 +259,7 @@ def _table_of_all(model: tuple[Problem, np.ndarray], fitted: Problem) -> Residua
     )
 
     def trim(record: Record) -> float:
-        errors = linearize(
-            record,
-            theta,
-            (),
-            problem.noise,
-            field=problem.field,
-            trim_is_known=problem.trim_is_known,
-        )
+        errors = linearize(problem, record, theta)
         return float((errors.start + fitted_start(errors))[OFFSET])
 
     trims = in_parallel(trim, everything.records)

@@ -14,10 +14,8 @@ from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
-    PARAMETER_NAMES,
     GliderParameters,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.prediction import (
     Forecast,
     foretell,
@@ -27,6 +25,7 @@ from glider.sysid.fit.simulate import (
     theta_of,
 )
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import (
     Record,
     prepare,
@@ -36,15 +35,11 @@ from glider.sysid.replay.signals import (
     logged_elevator,
     node_signals,
 )
+from glider.sysid.replay.signs import signs_of, turn, turn_campaign
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.replay.vehicle import (
     make_vehicle,
     parameters_of,
-)
-from glider.sysid.search.signs import (
-    Signs,
-    turn,
-    turn_campaign,
 )
 
 
@@ -114,10 +109,10 @@ def refly(
         model knows, so that a log with a wrong sign is seen as it was flown.
     """
     *_, last = models.values()
-    true = _signs(last)
+    true = signs_of(last)
     motions = {}
     for label, model in models.items():
-        signs = _signs(model)
+        signs = signs_of(model)
         record, forecast = _forecast(campaign, flight, model)
         elevator = logged_elevator(record, theta_of(model)) + forecast.trim
         poses = np.column_stack([forecast.pose, elevator])
@@ -160,7 +155,7 @@ def _rows_before_it_blows_up(poses: np.ndarray) -> int:
 def _forecast(
     campaign: Campaign, flight: Flight, model: GliderModel
 ) -> tuple[Record, Forecast]:
-    signs = _signs(model)
+    signs = signs_of(model)
     turned = turn_campaign(campaign, signs)
     noise = measure_noise(turned)
     flights = (turn(flight, signs),)
@@ -174,24 +169,17 @@ def _forecast(
     return record, foretell(problem, theta_of(model), record)
 
 
-def _signs(model: GliderModel) -> Signs:
-    for effect in model.effects:
-        if effect.kind.kind == "angle_sign":
-            return Signs(**{k: round(v) for k, v in effect.to_dict().items()})
-    return Signs()
-
-
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
     theta, field = theta_of(model), model.residual_field
     nodes, _ = flow_along(record, theta, field, trim)
     path, rate = node_signals(record, theta)
     chain = compose(record.layout.compiled_kinds, True)
-    p, c = np.split(record.layout.dynamics(theta), [len(PARAMETER_NAMES)])
+    numbers = chain.theta_of(record.layout.dynamics(theta), field)
     forces = []
     for t, node, angle, u in zip(record.time, nodes, path, rate, strict=True):
         x = node.copy()
         x[OFFSET] += angle
-        flow, terms = chain.meet_air(t, x, u, 0.0, 0.0, p, c, field)
-        forces.append(chain.wrench(flow, terms, x, c)[:2])
+        flow, terms = chain.meet_air(t, x, u, 0.0, 0.0, numbers)
+        forces.append(chain.wrench(flow, terms, x, numbers.c)[:2])
     return np.array(forces)

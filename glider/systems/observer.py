@@ -5,14 +5,8 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.physics.compose import compose
 from glider.physics.model import GliderModel
-from glider.physics.parameters import parameter_vector
 from glider.physics.state import NUM_STATES
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
 
 
 @TemplateSystem.define("ExtraStates_", T_list=[float, AutoDiffXd])
@@ -34,14 +28,10 @@ def ExtraStates_(T):
         def _construct(self, model=None, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("observer")
-            plant = GliderPlant(GliderModel() if model is None else model)
-            self.model, self.state_names = plant.model, plant.state_names
-            self._derivatives = compose(
-                plant.kinds, self.model.field is not None
-            ).derivatives
-            self._p = parameter_vector(self.model.parameters)
-            self._c = self.model.coefficients
-            self._field = self.model.residual_field
+            self.model = GliderModel() if model is None else model
+            self.state_names = self.model.state_names
+            self._derivatives = self.model.chain.derivatives
+            self._theta = self.model.numbers
             self._measured = self.DeclareVectorInputPort("measured", NUM_STATES)
             self._rate = self.DeclareVectorInputPort("elevator_rate", 1)
             n = len(self.state_names)
@@ -61,7 +51,7 @@ def ExtraStates_(T):
 
         def at_rest(self, state):
             """Returns the effect states that a launch begins with."""
-            return initial_state(GliderPlant(self.model), state)[NUM_STATES:]
+            return self.model.initial_state(state)[NUM_STATES:]
 
         def _full(self, context):
             extra = context.get_continuous_state_vector().CopyToVector()
@@ -77,9 +67,7 @@ def ExtraStates_(T):
                 self._rate.Eval(context)[0],
                 0.0,
                 0.0,
-                self._p,
-                self._c,
-                self._field,
+                self._theta,
             )
             derivatives.get_mutable_vector().SetFromVector(np.array(rates[NUM_STATES:]))
 

@@ -2,63 +2,28 @@
 
 import dataclasses
 
-import numba
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.compiled.kernel import compiled
-from glider.errors import InputError
-from glider.physics.compose import (
-    compose,
-    initial_extra,
-    ordered,
-)
-from glider.physics.effects import (
-    FIELD_VARIABLES,
-    Effect,
-    EffectKind,
-)
+from glider.compiled.jacobian import differentiate
+from glider.compiled.kernel import UncompilableError
+from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
-from glider.physics.parameters import parameter_vector
-from glider.physics.state import (
-    NUM_STATES,
-    POSE_NAMES,
-    STATE_NAMES,
-)
+from glider.physics.numbers import Theta
+from glider.physics.parameters import Parameters
+from glider.physics.state import POSE_NAMES
 
 FORCE_NAMES = ("wing", "elevator", "force_x", "force_z", "moment")
 """Force of each plate along its normal [N], total force without weight in the
 world [N], total moment about +y and the center of mass [N m]."""
 
-_TIME = FIELD_VARIABLES.index("t")
-
-
-def is_time_varying(model: GliderModel) -> bool:
-    """Returns whether the same state flies differently at another time."""
-    return bool(np.any(model.residual_field.inverse_widths[:, _TIME] != 0.0))
-
-
-def _is_absent(effect: Effect) -> bool:
-    """Whether the effect is a lag of no duration, which has no state to speak of."""
-    return bool(effect.kind.states) and not any(effect.values)
-
-
-def _without_absent(model: GliderModel) -> GliderModel:
-    effects = tuple(e for e in model.effects if not _is_absent(e))
-    kinds = [e.kind.kind for e in effects]
-    twice = [kind for kind in kinds if kinds.count(kind) > 1]
-    if twice:
-        raise InputError(f"GliderPlant: effect '{twice[0]}' is given twice.")
-    parameters = dataclasses.replace(model.parameters)  # A copy, checked.
-    return dataclasses.replace(model, parameters=parameters, effects=effects)
-
 
 @dataclasses.dataclass(frozen=True)
-class _Theta:
-    """Parameters and coefficients as numbers; their gradient, None if constant."""
+class _Numbers:
+    """Parameters and coefficients as floats; their gradient, None if constant."""
 
     numbers: np.ndarray
     gradient: np.ndarray | None
@@ -74,9 +39,7 @@ def GliderPlant_(T):
                          [             ] -> pose
 
         Args:
-            model: drawing, effects and residual field; the default is the
-                drawing of GliderParameters. A servo_lag or command_delay of
-                zero duration is left out.
+            model: the glider; the default is that of GliderParameters.
             fast: whether the AutoDiffXd twin takes value and Jacobian from
                 compiled code (about a quarter of the time; the first call
                 compiles, later sessions read it from disk). Where a formula
@@ -99,21 +62,20 @@ def GliderPlant_(T):
         def _construct(self, model=None, fast=True, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("glider")
-            self.model = _without_absent(model if model is not None else GliderModel())
+            model = GliderModel() if model is None else model
+            parameters = dataclasses.replace(model.parameters)  # A copy, checked.
+            self.model = dataclasses.replace(model, parameters=parameters)
             self.fast = fast
-            self.kinds = tuple(e.kind for e in self.model.effects)
-            self.state_names = (*STATE_NAMES, *_extra_names(self.kinds))
+            self.state_names = self.model.state_names
             self._field = self.model.residual_field
-            self._has_field = self.model.field is not None
-            self._functions = compose(self.kinds, self._has_field)
+            self._chain = self.model.chain
 
             self._elevator_rate = self.DeclareVectorInputPort("elevator_rate", 1)
             self._wind = self.DeclareVectorInputPort("wind", 2)
             state = self.DeclareContinuousState(len(self.state_names))
-            self.DeclareNumericParameter(
-                BasicVector_[T](parameter_vector(self.model.parameters))
-            )
-            self.DeclareNumericParameter(BasicVector_[T](self.model.coefficients))
+            theta = self.model.numbers
+            self.DeclareNumericParameter(BasicVector_[T](np.array(theta.p)))
+            self.DeclareNumericParameter(BasicVector_[T](theta.c))
             self.DeclareStateOutputPort("state", state)
             self.DeclareVectorOutputPort("forces", len(FORCE_NAMES), self._calc_forces)
             self.DeclareVectorOutputPort(
@@ -122,26 +84,23 @@ def GliderPlant_(T):
                 self._calc_pose,
                 {self.xc_ticket(), self.all_parameters_ticket()},
             )
-            self._theta = self.DeclareCacheEntry(
-                "parameters and coefficients as numbers",
-                ValueProducer(allocate=Value[object], calc=self._calc_theta),
+            self._numbers = self.DeclareCacheEntry(
+                "parameters and coefficients as floats",
+                ValueProducer(allocate=Value[object], calc=self._calc_numbers),
                 {self.all_parameters_ticket()},
             )
 
         def _construct_copy(self, other, converter=None):
             Impl._construct(self, other.model, other.fast, converter=converter)
 
-        def is_time_varying(self):
-            return is_time_varying(self.model)
-
         def DoCalcTimeDerivatives(self, context, derivatives):
             rates = self._fast_rates(context) if self._is_fast(context) else None
             if rates is None:
-                rates = self._functions.derivatives(*self._arguments(context))
+                rates = self._chain.derivatives(*self._arguments(context))
             derivatives.get_mutable_vector().SetFromVector(np.array(rates))
 
         def _arguments(self, context):
-            """Returns t, x, u, wind_x, wind_z, p, c, field of a context."""
+            """Returns t, x, u, wind_x, wind_z, theta of a context."""
             wind_x, wind_z = self._eval_wind(context)
             return (
                 context.get_time(),
@@ -149,8 +108,7 @@ def GliderPlant_(T):
                 self._elevator_rate.Eval(context)[0],
                 wind_x,
                 wind_z,
-                *self._parameters(context),
-                self._field,
+                self._theta(context),
             )
 
         def _eval_wind(self, context):
@@ -158,35 +116,35 @@ def GliderPlant_(T):
                 return self._wind.Eval(context)
             return 0.0, 0.0
 
-        def _parameters(self, context):
-            return (
-                context.get_numeric_parameter(0).CopyToVector(),
-                context.get_numeric_parameter(1).CopyToVector(),
-            )
+        def _theta(self, context):
+            p = context.get_numeric_parameter(0).CopyToVector()
+            c = context.get_numeric_parameter(1).CopyToVector()
+            return Theta(Parameters(*p), c, self._field)
 
         def _calc_forces(self, context, output):
-            t, x, u, wind_x, wind_z, p, c, field = self._arguments(context)
-            chain = self._functions
+            t, x, u, wind_x, wind_z, theta = self._arguments(context)
+            chain, c = self._chain, theta.c
             rate = chain.actuator_terms(u, x, c)
-            flow, terms = chain.meet_air(t, x, rate, wind_x, wind_z, p, c, field)
+            flow, terms = chain.meet_air(t, x, rate, wind_x, wind_z, theta)
             output.SetFromVector(np.array(chain.wrench(flow, terms, x, c)[:5]))
 
         def _calc_pose(self, context, output):
             x = context.get_continuous_state_vector().CopyToVector()
-            pose = self._functions.measure(x, *self._parameters(context))
+            pose = self._chain.measure(x, self._theta(context))
             output.SetFromVector(np.array(pose))
 
         def _is_fast(self, context):
             if T is not AutoDiffXd or not self.fast:
                 return False
             # Nobody differentiates by time; if so, the plain way knows how.
-            return not (self._has_field and context.get_time().derivatives().size)
+            return not (self.model.has_field and context.get_time().derivatives().size)
 
-        def _calc_theta(self, context, value):
-            both = np.concatenate(self._parameters(context))
+        def _calc_numbers(self, context, value):
+            theta = self._theta(context)
+            both = np.array([*theta.p, *theta.c])
             gradient = ExtractGradient(both)
             value.set_value(
-                _Theta(
+                _Numbers(
                     ExtractValue(both)[:, 0].copy(),
                     gradient if gradient.any() else None,
                 )
@@ -197,27 +155,19 @@ def GliderPlant_(T):
             x = context.get_continuous_state_vector().CopyToVector()
             u = self._elevator_rate.Eval(context)
             inputs = np.concatenate([x, u, *self._wind_if_any(context)])
-            theta = self._theta.Eval(context)
+            own = self._numbers.Eval(context)
             n = len(x)
-            z = np.zeros(n + 3 + len(theta.numbers))
+            first = n + NUM_INPUTS
+            z = np.zeros(first + len(own.numbers))
             z[: len(inputs)] = [scalar.value() for scalar in inputs]
-            z[n + 3 :] = theta.numbers
+            z[first:] = own.numbers
             gradient = ExtractGradient(inputs)
-            if theta.gradient is not None:
-                gradient = _joined(gradient, n + 3, theta.gradient)
-
-            value, slopes = np.empty(n), np.empty((n, gradient.shape[1]))
+            if own.gradient is not None:
+                gradient = _joined(gradient, first, own.gradient)
+            time = context.get_time().value()
             try:
-                compiled(self.kinds, self._has_field).directional(
-                    context.get_time().value(),
-                    z,
-                    gradient,
-                    n,
-                    self._field,
-                    value,
-                    slopes,
-                )
-            except numba.core.errors.NumbaError:
+                value, slopes = differentiate(self.model, time, z, gradient)
+            except UncompilableError:
                 self.fast = False
                 return None
             # Faster than InitializeAutoDiff.
@@ -232,10 +182,6 @@ def GliderPlant_(T):
 GliderPlant = GliderPlant_[None]  # The float instantiation.
 
 
-def _extra_names(kinds: tuple[EffectKind, ...]) -> tuple[str, ...]:
-    return tuple(f"{e.kind}.{name}" for e in ordered(kinds) for name in e.states)
-
-
 def _joined(gradient, rows, below):
     """Returns gradient, filled up to so many rows, with another below it."""
     columns = max(gradient.shape[1], below.shape[1])
@@ -243,33 +189,3 @@ def _joined(gradient, rows, below):
     joined[: len(gradient), : gradient.shape[1]] = gradient
     joined[rows:, : below.shape[1]] = below
     return joined
-
-
-def initial_state(plant, state):
-    """Returns the full state in still air with the effects' own states at rest.
-
-    Args:
-        plant: a GliderPlant.
-        state: (7,) of STATE_NAMES, or already the full one (n,); or many of them,
-            the columns of (7, B) or (n, B).
-
-    Raises:
-        InputError: where the length is neither.
-    """
-    x, n = np.asarray(state, dtype=float), plant.num_continuous_states()
-    if len(x) == n:
-        return x
-    if len(x) != NUM_STATES:
-        raise InputError(
-            f"initial_state: the state has {len(x)} numbers; {NUM_STATES} or {n} "
-            "are needed."
-        )
-    model = plant.model
-    p, c = parameter_vector(model.parameters), model.coefficients
-    # The drawing meets the air before any effect has a state to look at.
-    full = np.concatenate([x, np.zeros((n - NUM_STATES, *x.shape[1:]))])
-    chain = compose(plant.kinds, model.field is not None)
-    flow, _ = chain.meet_air(0.0, full, 0.0, 0.0, 0.0, p, c, model.residual_field)
-    for k, value in enumerate(initial_extra(plant.kinds, flow, 0.0, c)):
-        full[NUM_STATES + k] = value
-    return full

@@ -36,8 +36,7 @@ def ElevatorServo_(T):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("servo")
             parameters = GliderParameters() if parameters is None else parameters
-            self._low, self._high = parameters.elevator_limits
-            self._rate_limit = parameters.elevator_rate_limit
+            self._parameters = parameters
             self._command = self.DeclareVectorInputPort("command", 1)
             self._state = self.DeclareVectorInputPort("state", num_states)
             self.DeclareVectorOutputPort(
@@ -51,18 +50,13 @@ def ElevatorServo_(T):
             )
 
         def _construct_copy(self, other, converter=None):
-            parameters = GliderParameters(
-                elevator_limits=[other._low, other._high],
-                elevator_rate_limit=other._rate_limit,
-            )
-            Impl._construct(self, parameters, other._state.size(), converter=converter)
+            size = other._state.size()
+            Impl._construct(self, other._parameters, size, converter=converter)
 
         def _calc_rate(self, context, output):
             command = self._command.Eval(context)[0]
             elevator = self._state.Eval(context)[_ELEVATOR]
-            rate = limited_rate(
-                command, elevator, self._low, self._high, self._rate_limit
-            )
+            rate = limited_rate(command, elevator, self._parameters.servo)
             # A limit alone is a float; the sum is a T.
             output.SetFromVector(np.array([rate + 0.0 * elevator]))
 

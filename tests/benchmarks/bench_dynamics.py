@@ -11,22 +11,14 @@ import time
 import numpy as np
 from pydrake.autodiffutils import InitializeAutoDiff
 
-from glider.compiled.kernel import compiled
+from glider.compiled import rollouts
 from glider.physics.effects import (
     LIBRARY,
-    NO_FIELD,
     PROFILE_DRAG,
     SERVO_LAG,
 )
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    GliderParameters,
-    parameter_vector,
-)
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
+from glider.systems.plant import GliderPlant
 
 STATE = np.array([-3.5, 0.1, -0.3, 0.1, 7.0, 0.0, 0.5])
 
@@ -46,7 +38,7 @@ def best_seconds(function, calls, rounds=20):
 def autodiff_seconds(model, fast):
     """Returns the seconds of an evaluation with derivatives by state and input."""
     plant = GliderPlant(model, fast=fast)
-    x = initial_state(plant, STATE)
+    x = model.initial_state(STATE)
     ad = InitializeAutoDiff(np.append(x, 5.0)).ravel()
     twin = plant.ToAutoDiffXd()
     context = twin.CreateDefaultContext()
@@ -63,16 +55,13 @@ def autodiff_seconds(model, fast):
 
 def flights_per_second(effects, order, keep, batch=10_000, steps=75):
     """Returns how many flights of that many steps a core makes in a second."""
-    kinds = tuple(e.kind for e in effects)
-    plant = GliderPlant(GliderModel(effects=effects))
-    start = np.tile(initial_state(plant, STATE), (batch, 1))
+    model = GliderModel(effects=effects)
+    start = np.tile(model.initial_state(STATE), (batch, 1))
     command = np.random.default_rng(0).uniform(-5, 5, (batch, steps))
     states = np.empty((batch, steps + 1 if keep else 1, start.shape[1]))
-    p = parameter_vector(GliderParameters())
-    c = np.array([v for e in effects for v in e.values])
-    rollouts = compiled(kinds).rollouts
+    loop, theta = rollouts.LOOPS.over(model.kinds).rollouts, model.numbers
     seconds = best_seconds(
-        lambda: rollouts(start, command, 0.01, p, c, NO_FIELD, order, states), 1, 10
+        lambda: loop(start, command, 0.01, order, theta, states), 1, 10
     )
     return batch / seconds
 

@@ -16,7 +16,7 @@ from glider.estimation.flights import (
     fly_watched,
 )
 from glider.estimation.perching import (
-    CAPTURE_RATE,
+    CAPTURE,
     DRAWN,
     PROCESS,
     launch_prior,
@@ -39,7 +39,7 @@ def main():
     rng, samples = np.random.default_rng(0), 100
     tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
     full = make_ekf(
-        DRAWING, rate=CAPTURE_RATE, process=PROCESS, noise=[1e-4] * 7, slow=DRAWN
+        DRAWING, rate=CAPTURE.rate, process=PROCESS, noise=[1e-4] * 7, slow=DRAWN
     )
     print("\nA step of the filter: prediction and correction; x̄ has N numbers")
     for name, ekf in (

@@ -11,7 +11,6 @@ from glider.control.tvlqr import compiled_policy
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
@@ -27,7 +26,7 @@ EVERY = 5
 
 def main():
     """Prints a row for each inflation of the sampled remainder."""
-    policy = compiled_policy(GliderPlant(), plan(GliderPlant(), PerchingProblem()))
+    policy = compiled_policy(GliderModel(), plan(GliderModel(), PerchingProblem()))
     row = "{:>9} {:>8} {:>8} {:>9} {:>10} {:>10} {:>28} {}"
     names = ("remainder", "z [m]", "pitch °", "ẋ [m/s]", "made [s]", "check", "proof")
     print(row.format(*names, ""))

@@ -18,11 +18,11 @@ from glider.physics.model import (
 )
 from glider.physics.parameters import load_parameters
 from glider.planning.ilqr import (
-    GoalProblem,
-    article_problem,
-    plan,
+    ARTICLE,
+    IlqrSettings,
+    ilqr,
 )
-from glider.systems.plant import GliderPlant
+from glider.planning.problem import goal_problem
 
 
 def best_seconds(function, rounds=10):
@@ -42,25 +42,17 @@ def main():
         parameters=load_parameters(models_path("vehicles", "heavy.yaml"))
     )
     field = load_model(models_path("truths", "low_reynolds.yaml"))
+    regular, settings = goal_problem(), IlqrSettings()
     cases = [
-        ("regular, servo's limits", heavy, GoalProblem()),
-        (
-            "regular, no limits",
-            heavy,
-            GoalProblem(within_limits=False),
-        ),
-        (
-            "regular, Runge-Kutta",
-            heavy,
-            GoalProblem(order=4),
-        ),
-        ("the article's", heavy, article_problem()),
-        ("regular, field of 126 weights", field, GoalProblem()),
+        ("regular, servo's limits", heavy, regular, settings),
+        ("regular, no limits", heavy, regular, IlqrSettings(within_limits=False)),
+        ("regular, Runge-Kutta", heavy, regular, IlqrSettings(order=4)),
+        ("the article's", heavy, goal_problem(rate_cost=0.0), ARTICLE),
+        ("regular, field of 126 weights", field, regular, settings),
     ]
-    for name, model, problem in cases:
-        plant = GliderPlant(model)
-        planned = plan(plant, problem)
-        seconds = best_seconds(lambda p=plant, q=problem: plan(p, q))
+    for name, *given in cases:
+        planned = ilqr(*given)
+        seconds = best_seconds(lambda g=given: ilqr(*g))
         count = len(planned.costs) - 1
         print(
             f"  {name:30s} cost {planned.cost:8.4f}  {count:4d} iterations  "

@@ -11,6 +11,7 @@ import time
 import numpy as np
 from pydrake.solvers import SnoptSolver
 
+from glider.physics.model import GliderModel
 from glider.planning.dircol import (
     PlanningError,
     plan,
@@ -25,7 +26,6 @@ from glider.planning.transcription import (
     to_guess,
     transcribe,
 )
-from glider.systems.plant import GliderPlant
 
 KNOTS = (25, 41)
 REPEATS = 3
@@ -34,10 +34,10 @@ LAUNCHES = 50
 
 def plan_plainly(problem: PerchingProblem) -> float:
     """Builds and solves as any user of Drake would; returns the cost."""
-    plant = GliderPlant(fast=False)
-    guess = straight_line(plant, problem)
+    model = GliderModel()
+    guess = straight_line(model, problem)
     for knots in KNOTS:
-        program = transcribe(plant, problem, knots)
+        program = transcribe(Dynamics(model, fast=False), problem, knots)
         program.SetInitialTrajectory(guess.inputs, guess.states)
         result = SnoptSolver().Solve(program.prog(), None, None)
         guess = to_guess(program, result, "warm")
@@ -67,13 +67,13 @@ def closest_misses(problem: PerchingProblem, guesses: int) -> list[float]:
     Each is a local minimum of the summed violations, in m, rad and m/s. Where all
     agree on the same distance, the launch is most probably infeasible.
     """
-    plant, rng = GliderPlant(), np.random.default_rng(0)
-    program = transcribe(plant, problem, KNOTS[-1], arrive=False)
-    line = straight_line(plant, problem)
+    model, rng = GliderModel(), np.random.default_rng(0)
+    program = transcribe(Dynamics(model), problem, KNOTS[-1], arrive=False)
+    line = straight_line(model, problem)
     misses = []
     for _ in range(guesses):
         duration = rng.uniform(0.8, 1.6) * line.states.end_time()
-        guess = swoop(plant, problem, rng.uniform(-0.3, 0.8), duration)
+        guess = swoop(model, problem, rng.uniform(-0.3, 0.8), duration)
         program.SetInitialTrajectory(guess.inputs, guess.states)
         result = SnoptSolver().Solve(program.prog(), None, None)
         if result.is_success():
@@ -84,10 +84,10 @@ def closest_misses(problem: PerchingProblem, guesses: int) -> list[float]:
 def main() -> None:
     """Prints the table."""
     problem = PerchingProblem()
-    plant = GliderPlant()
-    Dynamics(plant).linearize(np.array(problem.launch), 0.0)  # Compiles.
+    model = GliderModel()
+    Dynamics(model).linearize(np.array(problem.launch), 0.0)  # Compiles.
     plain = best_time(lambda: plan_plainly(problem))
-    ours = best_time(lambda: plan(plant, problem, KNOTS))
+    ours = best_time(lambda: plan(model, problem, KNOTS))
     print(f"25 then 41 knots: plain {plain:.3f} s, ours {ours:.3f} s")
     print(f"ratio {ours / plain:.3f} (at most 0.35)")
 
@@ -96,7 +96,7 @@ def main() -> None:
         trial = dataclasses.replace(problem, launch=launch, x_limits=[-4.0, 1.0])
         start = time.perf_counter()
         try:
-            plan(plant, trial, KNOTS)
+            plan(model, trial, KNOTS)
             solved += 1
         except PlanningError as error:
             failed.append((trial, error))

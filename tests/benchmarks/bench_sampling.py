@@ -27,7 +27,6 @@ from glider.planning.sampling import (
     mppi,
     mppi_step,
 )
-from glider.systems.plant import GliderPlant
 
 
 def seconds(function, rounds=5):
@@ -46,7 +45,7 @@ def main():
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
     article = load_problem(models_path("problems", "sampling.yaml"))
     launch, rng = np.array(article.launch), np.random.default_rng(0)
-    cost = SequenceCost(GliderPlant(GliderModel(parameters=heavy)), article)
+    cost = SequenceCost(GliderModel(parameters=heavy), article)
     print(f"{flights_per_second(cost, launch):,.0f} flights of 75 Euler steps a second")
     many = {
         cem: CemSettings(samples=10_000, elites=3_000),
@@ -62,7 +61,7 @@ def main():
             f"an iteration of 10,000: {1e3 * one:5.1f} ms"
         )
     replanning = load_problem(models_path("problems", "replanning.yaml"))
-    cost = replanning_cost(GliderPlant(), replanning)
+    cost = replanning_cost(GliderModel(), replanning)
     mean = np.zeros(cost.steps)
     found = 1e3 * seconds(
         lambda: mppi_step(cost, launch, mean, rng, SETTINGS), rounds=200

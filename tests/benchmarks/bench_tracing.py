@@ -15,6 +15,7 @@ import time
 
 import numpy as np
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.physics.effects import (
     FIELD_TERMS,
@@ -23,10 +24,7 @@ from glider.physics.effects import (
     Field,
 )
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.simulate import (
     CampaignPlan,
@@ -34,6 +32,7 @@ from glider.sysid.fit.simulate import (
 )
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.vehicle import make_vehicle
 from tests.helpers.campaigns import PRACTICE, campaign_path
@@ -121,9 +120,9 @@ def alarms(count: int = 20) -> None:
         level = float(rng.choice([0.5, 1.0, 2.0]))
         plan = CampaignPlan(
             flights=flights,
-            noise_position=0.0004 * level,
-            noise_pitch=0.0025 * level,
-            noise_elevator=0.005 * level,
+            capture=MotionCapture(
+                position=0.0004 * level, pitch=0.0025 * level, elevator=0.005 * level
+            ),
         )
         result = close_the_loop(simulate_campaign(GliderModel(), plan, rng), seed=seed)
         false += result.verdict != "no_effect"

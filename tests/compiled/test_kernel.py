@@ -7,13 +7,11 @@ import sys
 import numpy as np
 import pytest
 
-from glider.compiled import jacobian as directional
-from glider.compiled import kernel
+from glider.compiled import jacobian, kernel, riccati, rollouts
 from glider.compiled.constants import BLOCK
-from glider.compiled.kernel import (
-    cache_folder,
-    compiled,
-)
+from glider.compiled.kernel import Family, cache_folder
+from glider.compiled.replay import flow_at
+from glider.compiled.rollouts import fly_tapes
 from glider.physics.effects import (
     NO_FIELD,
     PROFILE_DRAG,
@@ -21,18 +19,17 @@ from glider.physics.effects import (
     Coefficient,
     EffectKind,
 )
-from tests.helpers.physics import NO_COEFFICIENTS, PARAMETERS, random_states
+from glider.physics.model import GliderModel
+from tests.helpers.physics import PARAMETERS, random_states
 
 FORMULA = "def pull(flow, force):\n    return {factor} * force\n"
 
 
 @pytest.fixture
 def fresh_cache(monkeypatch, tmp_path):
-    """An empty cache folder and no kernel in memory, before and after."""
+    """An empty cache folder."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    compiled.cache_clear()
-    yield tmp_path / "cache" / "drake-glider"
-    compiled.cache_clear()
+    return tmp_path / "cache" / "drake-glider"
 
 
 @pytest.fixture
@@ -69,10 +66,17 @@ def files_in(folder):
     return sorted(path.name for path in folder.glob("glider_kernel_*.py"))
 
 
+def family(module, uses=()):
+    """Returns the loops of a module as a session has them that has none yet."""
+    known = {name: getattr(module, name) for name in module.LOOPS.entries}
+    fresh = Family(tuple(known.values()), tuple(known.values()), uses)
+    fresh.text = module.LOOPS.text
+    return fresh
+
+
 def load(effects=(), has_field=False):
     """Asks for a loop, as its caller does, in a session that has none yet."""
-    compiled.cache_clear()
-    return compiled(effects, has_field).rollouts
+    return family(rollouts).over(effects, has_field).rollouts
 
 
 def test_the_file_is_named_by_a_digest_of_its_sources(fresh_cache):
@@ -102,60 +106,53 @@ def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
 
 
 @pytest.mark.parametrize(
-    "module", ["aerodynamics", "chain", "trigonometry", "field", "constants"]
+    "module",
+    ["aerodynamics", "chain", "trigonometry", "field", "constants", "numbers", "servo"],
 )
 def test_an_edit_of_the_physics_gets_another_file(fresh_cache, module, monkeypatch):
     load()
-    real = kernel.inspect.getsource
-    target = getattr(kernel, module)
-
-    def edited(thing):
-        return real(thing) + "# edited\n" * (thing is target)
-
-    monkeypatch.setattr(kernel.inspect, "getsource", edited)
+    text = kernel._SOURCES[module] + "# edited\n"
+    monkeypatch.setitem(kernel._SOURCES, module, text)
     load()
     assert len(files_in(fresh_cache)) == 2
 
 
-def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(
-    fresh_cache, monkeypatch
-):
+def test_an_edit_of_the_runge_kutta_step_gets_another_file(fresh_cache, monkeypatch):
+    load()
+    monkeypatch.setattr(kernel, "_STEP", kernel._STEP + "# edited\n")
+    load()
+    assert len(files_in(fresh_cache)) == 2
+
+
+def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(fresh_cache):
     """The Riccati loop takes the slopes from the machine code of another family."""
-    names = ("rollouts", "directional", "riccati")
-    for name in names:
-        getattr(compiled(), name)
+
+    def load_all(edit=""):
+        slopes = family(jacobian)
+        slopes.text += edit
+        for loops in (family(rollouts), slopes, family(riccati, uses=(slopes,))):
+            loops.over()
+
+    load_all()
     assert len(files_in(fresh_cache)) == 3
-    text = kernel._TEXT_OF[directional] + "\n# edited"
-    monkeypatch.setitem(kernel._TEXT_OF, directional, text)
-    compiled.cache_clear()
-    for name in names:
-        getattr(compiled(), name)
+    load_all("\n# edited")
     assert len(files_in(fresh_cache)) == 5
 
 
 def test_a_loop_that_is_not_there_is_no_attribute():
-    with pytest.raises(AttributeError, match="no loop is called 'rolouts'"):
-        _ = compiled().rolouts
+    with pytest.raises(AttributeError, match="rolouts"):
+        _ = rollouts.LOOPS.over().rolouts
 
 
 def test_a_formula_without_a_name_compiles_without_a_file(fresh_cache):
-    functions = compiled((kind_of(lambda flow, force: 2.0 * force),))
-    assert not fresh_cache.exists() or files_in(fresh_cache) == []
-    values = np.empty((1, 9))
+    kinds, zero = (kind_of(lambda flow, force: 2.0 * force),), np.zeros(1)
     x = random_states(1)
-    functions.log_flow(
-        np.zeros(1),
-        x,
-        np.zeros(1),
-        np.zeros(1),
-        np.append(PARAMETERS, 0.1),
-        NO_FIELD,
-        values,
+    pulled, plate = (
+        flow_at(kinds, zero, x, zero, zero, np.append(PARAMETERS, force), NO_FIELD)
+        for force in (0.1, 0.0)
     )
-    drawn = np.empty((1, 9))
-    theta = np.append(PARAMETERS, 0.0)
-    functions.log_flow(np.zeros(1), x, np.zeros(1), np.zeros(1), theta, NO_FIELD, drawn)
-    assert values[0, 5] - drawn[0, 5] == pytest.approx(0.2 / PARAMETERS[0])
+    assert not fresh_cache.exists() or files_in(fresh_cache) == []
+    assert pulled[0, 5] - plate[0, 5] == pytest.approx(0.2 / PARAMETERS.mass)
 
 
 def test_a_folder_that_cannot_be_written_is_not_used(monkeypatch, tmp_path):
@@ -171,25 +168,19 @@ def test_a_folder_that_cannot_be_written_is_not_used(monkeypatch, tmp_path):
 def test_a_batch_flies_as_each_glider_alone(order, batch):
     start = random_states(batch)
     command = np.random.default_rng(1).uniform(-8, 8, (batch, 20))
-    tail = (0.01, PARAMETERS, NO_COEFFICIENTS, NO_FIELD, order)
-    functions = compiled()
-    states = np.full((batch, 21, 7), np.nan)
-    functions.rollouts(start, command, *tail, states)
+    states = fly_tapes(GliderModel(), start, command, 0.01, order=order)
     np.testing.assert_array_equal(states[:, 0], start)
-    last = np.full((batch, 1, 7), np.nan)
-    functions.rollouts(start, command, *tail, last)
+    last = fly_tapes(GliderModel(), start, command, 0.01, order=order, only_last=True)
     np.testing.assert_array_equal(last[:, 0], states[:, -1])
     for b in (0, batch - 1):
-        alone = np.full((1, 21, 7), np.nan)
-        functions.rollouts(start[b : b + 1], command[b : b + 1], *tail, alone)
+        one = slice(b, b + 1)
+        alone = fly_tapes(GliderModel(), start[one], command[one], 0.01, order=order)
         np.testing.assert_allclose(alone[0], states[b], rtol=1e-13, atol=1e-13)
 
 
 def test_an_empty_batch_and_an_empty_tape_are_fine():
-    tail = (0.01, PARAMETERS, NO_COEFFICIENTS, NO_FIELD, 1)
-    functions = compiled()
-    functions.rollouts(np.zeros((0, 7)), np.zeros((0, 5)), *tail, np.zeros((0, 6, 7)))
+    none = fly_tapes(GliderModel(), np.zeros((0, 7)), np.zeros((0, 5)), 0.01)
+    assert none.shape == (0, 6, 7)
     start = random_states(3)
-    states = np.full((3, 1, 7), np.nan)
-    functions.rollouts(start, np.zeros((3, 0)), *tail, states)
+    states = fly_tapes(GliderModel(), start, np.zeros((3, 0)), 0.01)
     np.testing.assert_array_equal(states[:, 0], start)

@@ -19,7 +19,6 @@ from glider.control.policy import (
     TrackingWeights,
     aligned_count,
     sample_plan,
-    sample_policy,
     weight_matrix,
 )
 from glider.control.tvlqr import compiled_policy
@@ -40,7 +39,7 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.plan import Plan
-from glider.simulation.closed_loop import fly_closed_loop
+from glider.simulation.fly import fly
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
     DRAWING,
@@ -56,7 +55,7 @@ from tests.helpers.flights import (
 
 def test_the_regulator_is_the_law_of_the_gains():
     gains, plan = drake_gains(), plan_of()
-    regulator = tracking_regulator(GliderPlant(), plan)
+    regulator = tracking_regulator(GliderModel(), plan)
     assert regulator.get_name() == "regulator"
     context = regulator.CreateDefaultContext()
     state = plan.state_trajectory.value(0.4)[:, 0] + 0.01 * np.arange(7)
@@ -82,9 +81,9 @@ def test_the_cost_to_go_is_a_cost_and_ends_in_its_final_weight():
 def test_the_compiled_pass_equals_drakes(lagging):
     """To 1e-5 of the largest; with a lag, the final weight is semidefinite."""
     plan = plan_of(lagging)
-    plant = GliderPlant(LAGGING if lagging else DRAWING)
-    gains = tracking_gains(plant, plan) if lagging else drake_gains()
-    compiled, drake = compiled_policy(plant, plan), policy_of(gains, plan)
+    model = LAGGING if lagging else DRAWING
+    gains = tracking_gains(model, plan) if lagging else drake_gains()
+    compiled, drake = compiled_policy(model, plan), policy_of(gains, plan)
     for name in ("gains", "cost"):
         ours, theirs = getattr(compiled, name), getattr(drake, name)
         # Common rows: both divide each knot interval into equal parts.
@@ -94,7 +93,7 @@ def test_the_compiled_pass_equals_drakes(lagging):
         assert len(ours) == len(theirs) == knots + 1
         assert np.max(np.abs(ours - theirs)) < 1e-5 * np.max(np.abs(theirs))
     times = np.linspace(0.0, plan.duration, 300)
-    ours, theirs = sample_policy(compiled, times), sample_policy(drake, times)
+    ours, theirs = compiled.sample(times), drake.sample(times)
     assert np.max(np.abs(ours[1] - theirs[1])) < 1e-5 * np.max(np.abs(theirs[1]))
     nominal = sample_plan(plan, times)[0]
     commands = [o - np.sum(k * nominal, axis=1) for o, k in (ours, theirs)]
@@ -104,13 +103,13 @@ def test_the_compiled_pass_equals_drakes(lagging):
 def test_what_the_plan_lacks_is_corrected_as_drake_does():
     """A plan that is no flight: k₀ is large, and the two passes agree on it."""
     plan = dataclasses.replace(plan_of(), inputs=plan_of().inputs + 1.0)
-    gains = tracking_gains(GliderPlant(), plan)
+    gains = tracking_gains(GliderModel(), plan)
     drake = policy_of(gains, plan)
-    ours = compiled_policy(GliderPlant(), plan, step=TABLE_STEP)
+    ours = compiled_policy(GliderModel(), plan, step=TABLE_STEP)
     assert np.max(np.abs(drake.corrections)) > 0.5
     np.testing.assert_allclose(ours.corrections, drake.corrections, atol=1e-4)
     np.testing.assert_allclose(ours.cost_slope, drake.cost_slope, atol=1e-4)
-    [offset], [gain] = sample_policy(ours, np.array([0.31]))
+    [offset], [gain] = ours.sample(np.array([0.31]))
     law = gains.u0.value(0.31) - gains.k0.value(0.31)
     law = law + gains.K.value(0.31) @ gains.x0.value(0.31)
     assert offset == pytest.approx(law[0, 0], abs=1e-3)
@@ -118,8 +117,7 @@ def test_what_the_plan_lacks_is_corrected_as_drake_does():
 
 
 def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
-    plant = GliderPlant()
-    trim = find_trim(plant, 7.0)
+    trim = find_trim(DRAWING, 7.0)
     slope = np.zeros(7)
     slope[:2] = trim.state[4:6]
     times = np.array([0.0, 40.0])
@@ -128,13 +126,13 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
         states=trim.state + times[:, None] * slope,
         slopes=np.array([slope, slope]),
         inputs=np.zeros(2),
-        state_names=plant.state_names,
+        state_names=DRAWING.state_names,
         cost=0.0,
         max_defect=0.0,
         path_defect=0.0,
         drift=0.0,
     )
-    twin = plant.ToAutoDiffXd()
+    twin = GliderPlant(DRAWING).ToAutoDiffXd()
     context = twin.CreateDefaultContext()
     ad = InitializeAutoDiff(np.append(trim.state, 0.0)).ravel()
     context.SetContinuousState(ad[:7])
@@ -145,7 +143,7 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     # Without thrust nobody holds a place on the way down: x and z weigh nothing.
     weights = TrackingWeights(state=(0, 0, 10, 1, 1, 1, 1), final=(0,) * 7)
     S = solve_continuous_are(A, B, np.diag(weights.state[2:]), [[weights.rate]])
-    found = compiled_policy(plant, steady, weights, step=0.01)
+    found = compiled_policy(DRAWING, steady, weights, step=0.01)
     np.testing.assert_allclose(found.cost[0, 2:, 2:], S, rtol=1e-5, atol=1e-5)
     gain = B[:, 0] @ S / weights.rate
     np.testing.assert_allclose(found.gains[0, 2:], gain, rtol=1e-5, atol=1e-5)
@@ -155,11 +153,11 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
 def test_the_cost_to_go_is_what_a_flight_costs():
     plan, weights = plan_of(), TrackingWeights()
     start = plan.states[0] + 1e-3 * np.array([1.0, -2.0, 1.0, 1.0, 3.0, -2.0, 2.0])
-    flights = fly_closed_loop(
+    flights = fly(
         DRAWING, policy(), start[None], after=0.0, step=0.0005, keep_paths=True
     )
     nominal, _, inputs = sample_plan(plan, flights.times)
-    offset, gain = sample_policy(policy(), flights.times)
+    offset, gain = policy().sample(flights.times)
     error = flights.paths[0] - nominal
     push = offset - np.sum(gain * flights.paths[0], axis=1) - inputs
     running = np.sum(error**2 * weights.state, axis=1) + weights.rate * push**2
@@ -178,7 +176,7 @@ def test_a_policy_survives_a_journey():
 
 def test_after_the_plan_its_last_values_stay():
     duration = plan_of().duration
-    offset, gain = sample_policy(policy(), np.array([duration, duration + 1.0]))
+    offset, gain = policy().sample(np.array([duration, duration + 1.0]))
     assert offset[0] == offset[1]
     np.testing.assert_array_equal(gain[0], gain[1])
 
@@ -208,7 +206,7 @@ def test_weights_without_a_solution_are_refused(weights):
 @pytest.mark.parametrize("make", [tracking_gains, tracking_regulator, compiled_policy])
 def test_a_plan_for_another_glider_is_refused(make):
     with pytest.raises(InputError, match=r"servo_lag\.servo_rate"):
-        make(GliderPlant(LAGGING), plan_of())
+        make(LAGGING, plan_of())
 
 
 # ---------------------------------------------------------------------- cruise
@@ -230,11 +228,10 @@ WINDY = GliderModel(effects=(WIND(x=-1.0, z=0.2),))
     ids=["glide", "wind", "level", "level with states"],
 )
 def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
-    plant = GliderPlant(model, fast=False)  # Spares the kernel's compilation.
-    trim = find_trim(plant, speed)
+    trim = find_trim(model, speed)
     start = trim.state.copy()
     start[1:7] += [0.05, 0.02, -0.02, 0.2, -0.1, 0.1]
-    diagram = closed_loop(model, cruise_regulator(plant, trim), all_states=True)
+    diagram = closed_loop(model, cruise_regulator(model, trim), all_states=True)
     [flight] = simulate_flights(diagram, start[None], 25.0)
     end = flight.states[-1] - trim.state
     normal = [-np.sin(trim.slope), np.cos(trim.slope)]
@@ -244,7 +241,7 @@ def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
 
 
 def test_trims_are_what_they_say():
-    glide, level = find_trim(GliderPlant(), 7.0), find_trim(GliderPlant(POWERED))
+    glide, level = find_trim(GliderModel(), 7.0), find_trim(POWERED)
     assert glide.speed == pytest.approx(7.0)
     assert -0.3 < glide.slope < -0.1
     assert level.slope == pytest.approx(0.0, abs=1e-9)
@@ -253,24 +250,23 @@ def test_trims_are_what_they_say():
 @pytest.mark.parametrize("speed", [None, 1.0], ids=["level", "too slow"])
 def test_a_flight_that_cannot_be_steady_is_refused(speed):
     with pytest.raises(InputError, match="No steady"):
-        find_trim(GliderPlant(), speed)
+        find_trim(GliderModel(), speed)
 
 
 def test_a_flight_beyond_the_elevator_s_travel_is_refused():
-    needed = find_trim(GliderPlant(), 7.0).state[3]
+    needed = find_trim(GliderModel(), 7.0).state[3]
     assert needed > 0.02
     stuck = GliderParameters(elevator_limits=[-0.5, 0.9 * needed])
     with pytest.raises(InputError, match=f"elevator of {needed:.3f} rad; its travel"):
-        find_trim(GliderPlant(GliderModel(parameters=stuck)), 7.0)
+        find_trim(GliderModel(parameters=stuck), 7.0)
 
 
 def test_a_cruise_through_changing_air_is_refused():
     field = FieldData(
         variables=["x"], centers=[[0.5]], widths=[1.0], weights={"wind_z": [0.3]}
     )
-    plant = GliderPlant(GliderModel(field=field), fast=False)
     with pytest.raises(InputError, match="along the line"):
-        cruise_regulator(plant, find_trim(GliderPlant(), 7.0))
+        cruise_regulator(GliderModel(field=field), find_trim(GliderModel(), 7.0))
 
 
 @pytest.mark.parametrize("weights", [{"rate": -1.0}, {"state": (1.0,) * 7}])

@@ -22,12 +22,12 @@ from diagrams.picture import (
     names_of,
 )
 from diagrams.simulate import (
-    draw_capture_noise,
     reset,
     simulate_flights,
 )
 from diagrams.tracks import flight_track
 from glider.campaign.logs import Campaign
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.control.tvlqr_drake import tracking_regulator
@@ -35,9 +35,9 @@ from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.simulation.closed_loop import (
+from glider.simulation.fly import (
     AFTER,
-    fly_closed_loop,
+    fly,
 )
 from glider.simulation.miss import path_miss
 from glider.simulation.monte_carlo import (
@@ -62,8 +62,7 @@ CAPTURE = {
 
 def regulator(lagging=False):
     """A System fits into one diagram: each needs its own."""
-    plant = GliderPlant(LAGGING if lagging else DRAWING)
-    return tracking_regulator(plant, plan_of(lagging))
+    return tracking_regulator(LAGGING if lagging else DRAWING, plan_of(lagging))
 
 
 def launches(count):
@@ -183,7 +182,7 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
         gains=0.0 * policy().gains,
         corrections=0.0 * policy().corrections,
     )
-    ours = fly_closed_loop(DRAWING, none, starts, step=0.0005)
+    ours = fly(DRAWING, none, starts, step=0.0005)
     flights = simulate_flights(replay, starts, ours.times[-1], accuracy=1e-9)
     ends = [flight.states[-1] for flight in flights]
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
@@ -211,6 +210,14 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
     shown = flight_track("flown", flight)
     rows = np.searchsorted(flight.times, shown.times, side="right") - 1
     np.testing.assert_array_equal(shown.forces, flight.forces[rows])
+
+
+def test_a_compiled_flight_is_shown_without_forces():
+    flights = fly(DRAWING, policy(), launches(1), command_rate=50.0, keep_paths=True)
+    shown = flight_track("compiled", flights.flight(0))
+    assert shown.forces is None
+    np.testing.assert_array_equal(shown.times, flights.times)
+    np.testing.assert_array_equal(shown.poses, flights.paths[0, :, :4])
 
 
 @pytest.mark.parametrize("wire", [(-0.3, 0.2), (-3.0, 0.1)])
@@ -311,7 +318,7 @@ def test_too_few_tapes_are_refused(sampled):
 
 def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
     rng = np.random.default_rng(8)
-    noise = draw_capture_noise(rng, 2, 200)
+    noise = MotionCapture().draw(rng, 2, 200)
     quiet = simulate_flights(sampled, launches(2), DURATION)
     noisy = simulate_flights(sampled, launches(2), DURATION, capture_noise=noise)
     drawing = DRAWING.parameters

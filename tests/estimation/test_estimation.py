@@ -37,8 +37,7 @@ from glider.estimation.flights import (
 )
 from glider.estimation.knowledge import information_bound
 from glider.estimation.perching import (
-    CAPTURE_RATE,
-    CAPTURE_STD,
+    CAPTURE,
     DRAWN,
     PROCESS,
     launch_prior,
@@ -52,7 +51,6 @@ from glider.estimation.running import (
     run_ekf,
 )
 from glider.estimation.system import ExtendedKalmanFilter
-from glider.physics.compose import compose
 from glider.physics.effects import (
     GROUND_EFFECT,
     MARKER_OFFSET,
@@ -61,18 +59,18 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.physics.model import GliderModel
-from glider.physics.parameters import GliderParameters
+from glider.physics.numbers import Theta
+from glider.physics.parameters import GliderParameters, Parameters
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
 from glider.sysid.fit.information import eliminate_start
 from glider.sysid.replay.sensitivity import Linearized
-from glider.systems.plant import GliderPlant
 from tests.helpers.flights import DRAWING, PROBLEM, plan_of, policy
 from tests.helpers.physics import random_states
 
-NOISE = np.square(CAPTURE_STD)
+NOISE = np.square(CAPTURE.std)
 LAUNCH = PROBLEM.launch
 
 
@@ -170,7 +168,7 @@ def rich_points(count):
 def test_the_jacobian_is_the_derivative():
     """Against central differences of the same step: to 1e-7 of its size."""
     ekf = rich_ekf()
-    assert ekf.count == 3
+    assert ekf.clock.steps == 3
     for mean in rich_points(3):
         _, slopes = predict_mean(ekf, mean, [1.5, 0.2], 0.025, differentiate=True)
         for k in range(len(mean)):
@@ -187,32 +185,30 @@ def test_the_jacobian_is_the_derivative():
 
 def test_only_what_the_motion_depends_on_is_differentiated():
     names = drawn_ekf().names
-    acting = [names[k] for k in drawn_ekf().acting]
+    acting = [names[k] for k in drawn_ekf().estimated.acting]
     assert acting == [name for name in names if name not in ("x", "z")]
     rich = rich_ekf()  # The ground is felt in z; a marker is seen, not felt.
-    idle = set(range(len(rich.names))) - set(rich.acting.tolist())
+    idle = set(range(len(rich.names))) - set(rich.estimated.acting.tolist())
     assert {rich.names[k] for k in idle} == {"x", "marker_offset.ahead"}
-    seen = {rich.names[k] for k in rich.seen}
+    seen = {rich.names[k] for k in rich.estimated.seen}
     assert seen == {"x", "z", "pitch", "marker_offset.ahead"}
 
 
 def test_a_prediction_is_the_glider_s_own_motion():
     """Many small steps of the plain dynamics, wind that dies down included."""
     ekf = rich_ekf(step=0.002)
-    kinds = tuple(effect.kind for effect in EFFECTS)
-    derivatives = compose(kinds).derivatives
+    chain = ekf.model.chain
     for mean in rich_points(2):
         found, _ = predict_mean(ekf, mean, [1.5, 0.2], 0.025)
         x, step, z = mean[:8].copy(), 0.025 / 1000, ekf.z.copy()
-        z[ekf.places] = mean
+        z[ekf.estimated.places] = mean
         for k in range(1000):
             wind = mean[9] * np.exp(-0.7 * (k + 0.5) * step)
-            p, c = z[11:20], z[20:]
-            slope = np.array(derivatives(0.0, x, 1.5, wind, 0.2, p, c, NO_FIELD))
+            theta = Theta(Parameters(*z[11:20]), z[20:], NO_FIELD)
+            slope = np.array(chain.derivatives(0.0, x, 1.5, wind, 0.2, theta))
             middle = x + 0.5 * step * slope
-            x = x + step * np.array(
-                derivatives(0.0, middle, 1.5, wind, 0.2, p, c, NO_FIELD)
-            )
+            slope = np.array(chain.derivatives(0.0, middle, 1.5, wind, 0.2, theta))
+            x = x + step * slope
         np.testing.assert_allclose(found[:8], x, atol=1e-6)
         assert found[9] == pytest.approx(mean[9] * np.exp(-0.7 * 0.025), rel=1e-12)
         np.testing.assert_array_equal(found[[8, 10, 11]], mean[[8, 10, 11]])
@@ -223,12 +219,12 @@ def test_the_pose_is_corrected_as_the_sensors_show_it():
     ekf = rich_ekf()
     mean = next(rich_points(1))
     prior = Belief(mean=mean, covariance=np.diag(np.linspace(1e-4, 1e-3, 12)))
-    kinds = tuple(effect.kind for effect in EFFECTS)
 
     def show(x):
         z = ekf.z.copy()
-        z[ekf.places] = x
-        return np.append(compose(kinds).measure(z[:8], z[11:20], z[20:]), x[3])
+        z[ekf.estimated.places] = x
+        theta = Theta(Parameters(*z[11:20]), z[20:], NO_FIELD)
+        return np.append(ekf.model.chain.measure(z[:8], theta), x[3])
 
     inputs = np.array([[[1.5, 0.2]]])
     ahead, F = predict_mean(ekf, mean, inputs[0, 0], 0.025, differentiate=True)
@@ -304,7 +300,7 @@ def test_it_is_as_uncertain_as_it_says():
 def test_a_filter_that_is_wrong_about_noise_is_found_out(factor):
     flight, _ = flown()
     wrong = make_ekf(
-        DRAWING, rate=CAPTURE_RATE, process=PROCESS, noise=NOISE * factor, slow=DRAWN
+        DRAWING, rate=CAPTURE.rate, process=PROCESS, noise=NOISE * factor, slow=DRAWN
     )
     prior = launch_prior(wrong, LAUNCH)
     found = run_ekf(wrong, prior, flight.inputs, flight.measured)
@@ -480,7 +476,7 @@ def test_feedback_of_the_estimate_perches():
 def test_the_pose_alone_is_enough_to_perch():
     ekf = perching_ekf(DRAWING, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
-    regulator = tracking_regulator(GliderPlant(), plan_of())
+    regulator = tracking_regulator(GliderModel(), plan_of())
     prior = launch_prior(ekf, LAUNCH)
     loop = estimated_loop(DRAWING, regulator, ekf, prior, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.
@@ -493,10 +489,8 @@ def test_the_pose_alone_is_enough_to_perch():
     for port in (regulator.get_input_port(), believed.GetInputPort("state")):
         own = port.get_system().GetMyContextFromRoot(context)
         np.testing.assert_array_equal(port.Eval(own), LAUNCH)
-    noise = np.random.default_rng(0).normal(size=(1, tape_rows(CAPTURE_RATE), 4))
-    [flight] = simulate_flights(
-        loop, [LAUNCH], plan_of().duration, capture_noise=noise * CAPTURE_STD
-    )
+    noise = CAPTURE.draw(np.random.default_rng(0), 1, tape_rows(CAPTURE.rate))
+    [flight] = simulate_flights(loop, [LAUNCH], plan_of().duration, capture_noise=noise)
     assert flight.perched
 
 

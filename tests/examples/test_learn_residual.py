@@ -65,5 +65,5 @@ def test_the_options_reach_the_story(found, tmp_path):
     assert rounds == [2, 2]
     options = told.asked.call_args.kwargs
     assert (options["launches"], options["seed"]) == (3, 5)
-    assert options["problem"].order == 1
+    assert options["settings"].order == 1
     assert (told.figures["order"], told.figures["seed"]) == (1, 5)

@@ -32,7 +32,7 @@ def test_planning_anew_perches_where_a_replayed_plan_misses(found):
     ("method", "least", "largest"), [("CEM", 8.0, 15.0), ("MPPI", 11.0, 15.5)]
 )
 def test_searches_come_near_the_plan(found, method, least, largest):
-    costs = found.searches.costs[method]
+    costs = found.searches.histories()[method]
     assert costs.shape == (3, 101)
     assert least < np.median(costs[:, -1]) < largest
     assert len(np.unique(costs[:, -1])) == 3  # Each has a seed of its own.
@@ -52,7 +52,7 @@ def test_it_is_told_as_it_is(told, found):
         "open_loop_miss_m": [flight.miss for flight in flown.replayed],
         "tracking_miss_m": [flight.miss for flight in flown.tracked],
     }
-    for method, runs in found.searches.costs.items():
+    for method, runs in found.searches.histories().items():
         costs = told.figures[method.lower()]
         assert costs["cost"] == np.median(runs, axis=0).tolist()
         assert np.all(np.array(costs["lowest"]) <= costs["cost"])

@@ -13,7 +13,6 @@ from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.problem import PerchingProblem
-from glider.systems.plant import GliderPlant
 
 PROBLEM = PerchingProblem()
 DRAWING = GliderModel()
@@ -23,13 +22,13 @@ LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
 @functools.cache
 def plan_of(lagging=False):
     """Returns the plan of the drawing, or of a glider with a slow servo."""
-    return dircol.plan(GliderPlant(LAGGING if lagging else DRAWING), PROBLEM)
+    return dircol.plan(LAGGING if lagging else DRAWING, PROBLEM)
 
 
 @functools.cache
 def drake_gains():
     """Returns Drake's gains along the plan of the drawing."""
-    return tracking_gains(GliderPlant(), plan_of())
+    return tracking_gains(GliderModel(), plan_of())
 
 
 @functools.cache
@@ -41,7 +40,7 @@ def drake_policy():
 @functools.cache
 def policy():
     """Returns the compiled policy along the plan of the drawing."""
-    return compiled_policy(GliderPlant(), plan_of())
+    return compiled_policy(GliderModel(), plan_of())
 
 
 def draw_noise(count, commands, seed=5):

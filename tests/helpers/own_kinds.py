@@ -155,4 +155,44 @@ LEAK = EffectKind(
     words="a mass that shrinks in flight",
 )
 
-ALL = (FLAP, BOOM, INFLOW, TWIST, BLEED, LEAK)
+
+@scalar
+def _sticky(rate, lagged, gain, time_constant):
+    return rate + gain * (lagged - rate)
+
+
+@scalar
+def _sticky_rate(rate, lagged, gain, time_constant):
+    return (rate - lagged) / time_constant
+
+
+@scalar
+def _sticky_steady(rate, gain, time_constant):
+    return rate
+
+
+STICKY = EffectKind(
+    kind="sticky",
+    stage="actuator",
+    adds_to=(),
+    coefficients=(
+        Coefficient(name="gain", unit="-", scale=0.3, lower=-0.5, upper=1.0),
+        Coefficient(
+            name="time_constant",
+            unit="s",
+            default=0.05,
+            scale=0.01,
+            lower=0.01,
+            upper=0.3,
+            grid=(0.05,),
+        ),
+    ),
+    formula=_sticky,
+    words="a servo that gives a part of its rate late",
+    states=("late_rate",),
+    state_rate=_sticky_rate,
+    steady_state=_sticky_steady,
+)
+"""Sticky: r = u + gain (s - u), τ ṡ = u - s: with a gain of one, a servo lag."""
+
+ALL = (FLAP, BOOM, INFLOW, TWIST, BLEED, LEAK, STICKY)

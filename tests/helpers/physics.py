@@ -12,14 +12,14 @@ from glider.physics.effects.effect import (
     EffectKind,
 )
 from glider.physics.effects.field import FieldData
+from glider.physics.numbers import Theta
 from glider.physics.parameters import (
     GliderParameters,
-    ParameterView,
-    parameter_vector,
+    Parameters,
 )
 from glider.physics.state import GliderState
 
-PARAMETERS = parameter_vector(GliderParameters())
+PARAMETERS = GliderParameters().numbers
 NO_COEFFICIENTS = np.zeros(0)
 
 
@@ -33,9 +33,8 @@ def random_states(count, seed=0):
 
 def drawing(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
     """Returns the derivatives of the glider as drawn, shape (7,)."""
-    return np.array(
-        compose().derivatives(0.0, x, u, *wind, p, NO_COEFFICIENTS, NO_FIELD)
-    )
+    theta = Theta(Parameters(*p), NO_COEFFICIENTS, NO_FIELD)
+    return np.array(compose().derivatives(0.0, x, u, *wind, theta))
 
 
 def nose_up_dynamics(x, u, p):
@@ -44,7 +43,7 @@ def nose_up_dynamics(x, u, p):
     Vectors instead of formulas: theta = -pitch, phi = -elevator, rates too; the
     moment is the cross product of arms and forces.
     """
-    s, p = GliderState(x.copy()), ParameterView(p)
+    s, p = GliderState(x.copy()), Parameters(*p)
     theta, phi, thetadot, phidot = -s.pitch, -s.elevator, -s.pitchdot, -u
 
     def axis(angle):
@@ -94,7 +93,7 @@ def full_state(effects, x):
     chain = compose(kinds)
     extra = sum(len(e.states) for e in kinds)
     blank = np.concatenate([x, np.zeros(extra)])
-    flow, _ = chain.meet_air(0.0, blank, 0.0, 0.0, 0.0, PARAMETERS, c, NO_FIELD)
+    flow, _ = chain.meet_air(0.0, blank, 0.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_FIELD))
     rest = np.array(initial_extra(kinds, flow, 0.0, c))
     return np.concatenate([x, rest + 0.05]), c
 

@@ -8,27 +8,23 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.symbolic import MakeVectorContinuousVariable
 
-from glider.compiled.kernel import compiled
+from glider.compiled.jacobian import differentiate
+from glider.compiled.rollouts import fly_tapes
 from glider.physics import trigonometry
-from glider.physics.effects import NO_FIELD
+from glider.physics.model import GliderModel
 from glider.physics.parameters import (
-    PARAMETER_NAMES,
     GliderParameters,
-    ParameterView,
-    parameter_vector,
+    Parameters,
 )
 from glider.physics.state import GliderState
 from tests.helpers.physics import (
-    NO_COEFFICIENTS,
     PARAMETERS,
     drawing,
     nose_up_dynamics,
     random_states,
 )
 
-HEAVY_EKF = parameter_vector(
-    GliderParameters(mass=0.12, air_density=1.292, wing_offset=-0.03)
-)
+HEAVY_EKF = GliderParameters(mass=0.12, air_density=1.292, wing_offset=-0.03).numbers
 
 
 def numbers(low, high, count):
@@ -67,7 +63,7 @@ def test_an_independent_glider_in_the_other_signs_agrees(p):
 
 def aliased_dynamics(x, u):
     """The published notebook's plant, whose derivative is a view of its state."""
-    p, s = ParameterView(PARAMETERS), GliderState(x)
+    p, s = Parameters(*PARAMETERS), GliderState(x)
     along, across = np.sin(s.pitch), np.cos(s.pitch)
     e, edot = s.pitch + s.elevator, s.pitchdot + u
     tail_x = s.xdot + p.hinge_offset * s.pitchdot * along
@@ -103,7 +99,6 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
     u = MakeVectorContinuousVariable(1, "u")
     x = MakeVectorContinuousVariable(7, "x")
     formula = drawing(x, u[0])
-    kernel = compiled()
     for point, rate in zip(points, rates, strict=True):
         expected = drawing(point, rate)
         ad = InitializeAutoDiff(np.append(point, rate)).ravel()
@@ -123,14 +118,13 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
             np.testing.assert_allclose(slope, gradient[:, j], rtol=1e-11, atol=1e-11)
 
         z = np.concatenate([point, [rate, 0, 0], PARAMETERS])
-        value, slopes = np.empty(7), np.empty((7, 8))
-        kernel.directional(0.0, z, np.eye(8, order="F"), 7, NO_FIELD, value, slopes)
+        unit = np.asfortranarray(np.eye(8))
+        value, slopes = differentiate(GliderModel(), 0.0, z, unit)
         np.testing.assert_allclose(value, expected, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(slopes, gradient, rtol=1e-10, atol=1e-10)
 
-    out = np.empty((20, 1, 7))
-    kernel.rollouts(
-        points, rates[:, None], 0.01, PARAMETERS, NO_COEFFICIENTS, NO_FIELD, 1, out
+    out = fly_tapes(
+        GliderModel(), points, rates[:, None], 0.01, order=1, only_last=True
     )
     batch = [x + 0.01 * drawing(x, r) for x, r in zip(points, rates, strict=True)]
     np.testing.assert_allclose(out[:, 0], batch, rtol=1e-12, atol=1e-12)
@@ -172,7 +166,7 @@ def test_the_compiled_sine_is_numpys(name):
 @given(states)
 def test_still_air_only_takes_energy_while_the_elevator_is_locked(x):
     s, rate = GliderState(x), GliderState(drawing(x, 0.0, HEAVY_EKF))
-    p = ParameterView(HEAVY_EKF)
+    p = Parameters(*HEAVY_EKF)
     power = p.mass * (s.xdot * rate.xdot + s.zdot * (rate.zdot + p.gravity))
     power += p.pitch_inertia * s.pitchdot * rate.pitchdot
     assert power <= 1e-9
@@ -180,8 +174,7 @@ def test_still_air_only_takes_energy_while_the_elevator_is_locked(x):
 
 @given(states, st.floats(-13, 13))
 def test_a_vacuum_is_free_fall(x, u):
-    p = PARAMETERS.copy()
-    p[PARAMETER_NAMES.index("air_density")] = 0.0
+    p = PARAMETERS._replace(air_density=0.0)
     expected = [x[4], x[5], x[6], u, 0, -9.81, 0]
     np.testing.assert_allclose(drawing(x, u, p), expected, atol=1e-12)
 
@@ -190,8 +183,7 @@ def test_a_vacuum_is_free_fall(x, u):
 def test_a_glider_upside_down_flies_the_mirrored_path(x, u):
     """A flat plate has no top: mirror z, turn gravity round, nothing else changes."""
     mirror = np.array([1, -1, -1, -1, 1, -1, -1])
-    p = HEAVY_EKF.copy()
-    p[PARAMETER_NAMES.index("gravity")] *= -1
+    p = HEAVY_EKF._replace(gravity=-HEAVY_EKF.gravity)
     np.testing.assert_allclose(
         drawing(mirror * x, -u, p), mirror * drawing(x, u, HEAVY_EKF), atol=1e-9
     )
@@ -216,24 +208,20 @@ def test_it_flies_the_same_everywhere(x, dx, dz):
 
 
 def test_a_plate_across_the_stream_has_a_drag_coefficient_of_two():
-    p = PARAMETERS.copy()
-    p[PARAMETER_NAMES.index("elevator_area")] = 1e-12
-    p[PARAMETER_NAMES.index("gravity")] = 0.0
+    p = PARAMETERS._replace(elevator_area=1e-12, gravity=0.0)
     x = np.array([0, 0, 0, 0, 0, -3.0, 0])  # Falls flat.
-    drag = drawing(x, 0.0, p)[5] * p[0]
-    assert drag / (0.5 * p[7] * p[2] * 3.0**2) == pytest.approx(2.0, rel=1e-8)
+    drag = drawing(x, 0.0, p)[5] * p.mass
+    assert drag / (0.5 * p.air_density * p.wing_area * 3.0**2) == pytest.approx(
+        2.0, rel=1e-8
+    )
 
 
 @pytest.mark.parametrize(("order", "slope"), [(1, 1.0), (4, 4.0)])
 def test_the_error_of_a_rollout_falls_with_its_order(order, slope):
     def end(steps, order):
-        out = np.empty((1, 1, 7))
         start = np.array([[-3.5, 0.1, 0, 0, 7, 0, 0]])
         command, step = np.full((1, steps), 3.0), 0.4 / steps
-        compiled().rollouts(
-            start, command, step, PARAMETERS, NO_COEFFICIENTS, NO_FIELD, order, out
-        )
-        return out[0, 0]
+        return fly_tapes(GliderModel(), start, command, step, order=order)[0, -1]
 
     counts = {1: [200, 400, 800], 4: [40, 80, 160]}[order]
     errors = [np.linalg.norm(end(n, order) - end(4000, 4)) for n in counts]

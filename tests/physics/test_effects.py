@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from glider.compiled.kernel import compiled
+from glider.compiled.jacobian import differentiate
+from glider.compiled.replay import flow_at
 from glider.errors import InputError
 from glider.physics.actuator_replay import elevator_path
 from glider.physics.compose import (
@@ -27,6 +28,8 @@ from glider.physics.effects import (
 )
 from glider.physics.effects.field import make_field
 from glider.physics.model import GliderModel
+from glider.physics.numbers import Theta
+from glider.physics.parameters import Parameters
 from glider.systems.plant import GliderPlant
 from tests.helpers.physics import (
     FIELD,
@@ -72,8 +75,9 @@ REQUIRED = [
 def evaluate(effects, x, u, wind, p, c, field=NO_FIELD):
     """Returns derivatives and pose, one after the other."""
     chain = compose(tuple(e.kind for e in effects), field is not NO_FIELD)
-    rates = chain.derivatives(0.3, x, u, *wind, p, c, field)
-    return np.array([*rates, *chain.measure(x, p, c)])
+    theta = Theta(Parameters(*p), c, field)
+    rates = chain.derivatives(0.3, x, u, *wind, theta)
+    return np.array([*rates, *chain.measure(x, theta)])
 
 
 def test_the_library_is_complete():
@@ -105,7 +109,7 @@ def test_defaults_do_nothing(kind):
     effect = kind()
     if kind.stage == "actuator":  # No duration: singular, and the plant drops it.
         plant = GliderPlant(GliderModel(effects=(effect,)))
-        assert plant.kinds == ()
+        assert plant.model.kinds == ()
         assert plant.num_continuous_states() == 7
         return
     for point in random_states(20):
@@ -126,7 +130,7 @@ def test_its_coefficients_change_what_they_should(kind):
     n = len(x)
     flight = np.max(np.abs(base[:7] - drawing(point, 2.0)))
     pose = np.max(np.abs(base[n:] - point[:3]))
-    assert (flight > 1e-4) == (kind.stage != "sensor")
+    assert (flight > 1e-4) == (kind.stage not in ("sensor", "log"))
     assert (pose > 1e-4) == (kind.stage == "sensor")
     for i, coefficient in enumerate(kind.coefficients):
         if (kind.kind, coefficient.name) in (
@@ -140,8 +144,9 @@ def test_its_coefficients_change_what_they_should(kind):
         assert np.max(np.abs(change)) > 1e-6, coefficient.name
 
 
-def check_gradients(effects, field=NO_FIELD, kernel=None):
+def check_gradients(effects, field=None):
     """AutoDiff = complex step = central differences (= compiled), by everything."""
+    arrays = NO_FIELD if field is None else make_field(field)
     for point in random_states(3, seed=5):
         x, c = full_state(effects, point)
         n = len(x)
@@ -150,7 +155,7 @@ def check_gradients(effects, field=NO_FIELD, kernel=None):
         def f(z, n=n):
             wind = (z[n + 1], z[n + 2])
             return evaluate(
-                effects, z[:n], z[n], wind, z[n + 3 : n + 12], z[n + 12 :], field
+                effects, z[:n], z[n], wind, z[n + 3 : n + 12], z[n + 12 :], arrays
             )
 
         result = f(InitializeAutoDiff(z).ravel())
@@ -168,11 +173,10 @@ def check_gradients(effects, field=NO_FIELD, kernel=None):
             np.transpose(difference) / size, gradient / size, atol=3e-6
         )
 
-        if kernel is None:
+        if field is None:
             continue
-        value, slopes = np.empty(n), np.empty((n, len(z)))
-        directions = np.asfortranarray(steps)
-        kernel.directional(0.3, z, directions, n, field, value, slopes)
+        model = GliderModel(effects=tuple(effects), field=field)
+        value, slopes = differentiate(model, 0.3, z, np.asfortranarray(steps))
         np.testing.assert_allclose(value, f(z)[:n], rtol=1e-11, atol=1e-11)
         np.testing.assert_allclose(
             slopes / size[:n], gradient[:n] / size[:n], atol=1e-10
@@ -186,8 +190,7 @@ def test_autodiff_complex_step_and_differences_agree(kind):
 
 def test_the_compiled_chain_agrees_with_all_effects_and_a_field():
     """One kernel for the whole library: compiling one each would take minutes."""
-    kernel = compiled(LIBRARY, True)
-    check_gradients([at_work(kind) for kind in LIBRARY], make_field(FIELD), kernel)
+    check_gradients([at_work(kind) for kind in LIBRARY], FIELD)
 
 
 @ALL
@@ -267,15 +270,14 @@ def test_a_users_own_effect_goes_everywhere(formula):
     rates = plant.EvalTimeDerivatives(context).CopyToVector()
     np.testing.assert_allclose(rates, expected, rtol=1e-13)
 
-    values = np.empty((1, 9))
-    compiled((effect.kind,)).log_flow(
+    values = flow_at(
+        (effect.kind,),
         np.zeros(1),
         x[np.newaxis],
         np.zeros(1),
         np.array([2.0]),
         np.append(PARAMETERS, 0.01),
         NO_FIELD,
-        values,
     )
     np.testing.assert_allclose(values[0, 5:8], expected[4:], rtol=1e-12)
 
@@ -295,8 +297,8 @@ def fly_elevator(effect, period=0.05, step=1e-3):
         u = commands[k // per]
 
         def rate(y, u=u):
-            d = chain.derivatives(0.0, y, u, 0.0, 0.0, PARAMETERS, c, NO_FIELD)
-            return np.array(d)
+            theta = Theta(PARAMETERS, c, NO_FIELD)
+            return np.array(chain.derivatives(0.0, y, u, 0.0, 0.0, theta))
 
         k1 = rate(x)
         k2 = rate(x + 0.5 * step * k1)

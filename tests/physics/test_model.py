@@ -40,8 +40,8 @@ def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
 
 def test_the_coefficients_follow_one_another():
     model = GliderModel(effects=(WIND(x=-0.5, z=0.1), PROFILE_DRAG(cd0=0.05)))
-    np.testing.assert_array_equal(model.coefficients, [-0.5, 0.1, 0.05])
-    assert GliderModel().coefficients.shape == (0,)
+    np.testing.assert_array_equal(model.numbers.c, [-0.5, 0.1, 0.05])
+    assert GliderModel().numbers.c.shape == (0,)
 
 
 def test_a_file_says_only_what_it_changes(tmp_path):

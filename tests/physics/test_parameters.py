@@ -11,7 +11,6 @@ from glider.physics.parameters import (
     PARAMETER_NAMES,
     GliderParameters,
     load_parameters,
-    parameter_vector,
 )
 
 # m, I, S_w, S_e, l_w, l_h, l_e, rho, g: the table of reference-facts.md, in the
@@ -43,7 +42,7 @@ def write(tmp_path):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_vehicle_has_the_numbers_of_its_drawing(name):
     parameters = load_parameters(vehicle_file(name))
-    assert parameter_vector(parameters).tolist() == VEHICLES[name]
+    assert list(parameters.numbers) == VEHICLES[name]
     # The travel is larger with the trailing edge up, which is nose up.
     assert parameters.elevator_limits == [-0.4463, 0.9473]
     assert parameters.elevator_rate_limit == 13.0
@@ -75,10 +74,14 @@ def test_the_defaults_are_the_perching_glider():
     assert load_parameters(vehicle_file("perching")) == GliderParameters()
 
 
-def test_the_vector_is_in_the_order_of_the_names():
+def test_the_numbers_go_by_their_names():
     values = {name: 1.0 + i for i, name in enumerate(PARAMETER_NAMES)}
-    vector = parameter_vector(GliderParameters(**values))
-    assert vector.tolist() == list(values.values())
+    assert GliderParameters(**values).numbers._asdict() == values
+
+
+def test_the_servo_has_the_limits_of_the_vehicle():
+    parameters = GliderParameters(elevator_limits=[-0.3, 0.7], elevator_rate_limit=5)
+    assert parameters.servo == (-0.3, 0.7, 5.0)
 
 
 def test_a_file_says_only_what_it_changes(tmp_path):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
+from glider.physics.model import GliderModel
 from glider.planning.audit import (
     path_defect,
     segment_drift,
 )
 from glider.planning.point_dynamics import Dynamics
-from glider.systems.plant import GliderPlant
 
 
 @pytest.fixture(params=[1, 20, 39], ids=["early", "middle", "late"])
@@ -22,7 +22,7 @@ def shifted(request, article_plan):
 
 def test_a_shifted_knot_shows_in_the_drift(article_plan, shifted):
     drift = segment_drift(
-        Dynamics(GliderPlant()), article_plan.times, shifted, article_plan.inputs
+        Dynamics(GliderModel()), article_plan.times, shifted, article_plan.inputs
     )
     assert drift[0] == pytest.approx(0.01, rel=0.01)
     assert drift[1:].max() < 0.001
@@ -33,7 +33,7 @@ def test_a_shifted_knot_shows_in_the_defect_of_the_path(article_plan, shifted):
     path = PiecewisePolynomial.CubicHermite(
         article_plan.times, shifted.T, article_plan.slopes.T
     )
-    defect = path_defect(Dynamics(GliderPlant()), path, article_plan.input_trajectory)
+    defect = path_defect(Dynamics(GliderModel()), path, article_plan.input_trajectory)
     expected = 1.5 * 0.01 / article_plan.times[1]
     assert defect[0] == pytest.approx(expected, rel=0.05)
     assert np.all(np.isfinite(defect))

@@ -1,8 +1,6 @@
 """The planner solves the article's problem, checks itself and fails honestly."""
 
-import dataclasses
 import itertools
-import json
 import pickle
 
 import numba
@@ -12,13 +10,13 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import SnoptSolver
 from scipy.integrate import solve_ivp
 
+from glider.compiled import jacobian
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning import dircol
-from glider.planning import point_dynamics as linearization
 from glider.planning.dircol import (
     LOOSE,
     PlanningError,
@@ -29,17 +27,12 @@ from glider.planning.guess import (
     swoop,
 )
 from glider.planning.multistart import find_minima
-from glider.planning.plan import (
-    load_plan,
-    save_plan,
-)
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.transcription import (
     transcribe,
     violated,
 )
-from glider.systems.plant import GliderPlant
 from tests.helpers.physics import PARAMETERS, nose_up_dynamics
 
 
@@ -69,8 +62,8 @@ def test_a_plan_keeps_what_the_problem_asks(article_plan):
 def test_limits_that_bind_are_met():
     """Without them this flight climbs to 0.27 m at up to 4.8 rad/s."""
     slow = GliderParameters(elevator_rate_limit=4.5)
-    plant = GliderPlant(GliderModel(parameters=slow))
-    found = plan(plant, PerchingProblem(z_limits=[-1.0, 0.12]), knots=(7,))
+    model = GliderModel(parameters=slow)
+    found = plan(model, PerchingProblem(z_limits=[-1.0, 0.12]), knots=(7,))
     assert found.states[:, 1].max() == pytest.approx(0.12, abs=1e-6)
     assert np.abs(found.inputs).max() == pytest.approx(4.5, abs=1e-6)
 
@@ -96,7 +89,7 @@ def test_a_plan_is_a_flight_of_an_independent_glider(article_plan):
 def test_the_audit_sees_between_the_knots(article_plan):
     """Collocation points are met; between them a finer mesh comes closer."""
     assert article_plan.max_defect < 1e-5
-    coarse = plan(GliderPlant(), PerchingProblem(), knots=(15,))
+    coarse = plan(GliderModel(), PerchingProblem(), knots=(15,))
     assert coarse.max_defect < 1e-5
     assert coarse.path_defect > 10.0 * article_plan.path_defect
     assert coarse.drift > 10.0 * article_plan.drift
@@ -111,7 +104,7 @@ def test_the_trajectories_pass_through_the_knots(article_plan):
     assert article_plan.input_trajectory.value(t)[0, 0] == pytest.approx(
         article_plan.inputs[k]
     )
-    dynamics = Dynamics(GliderPlant())
+    dynamics = Dynamics(GliderModel())
     slope = path.MakeDerivative().value(t)[:, 0]
     expected = dynamics.evaluate(article_plan.states[k], article_plan.inputs[k])
     np.testing.assert_allclose(slope, expected, atol=1e-9)
@@ -121,7 +114,7 @@ def test_compiled_defects_equal_drake_s():
     """Values and gradients, at a path that meets neither's constraint."""
     rng = np.random.default_rng(1)
     programs = [
-        transcribe(GliderPlant(fast=fast), PerchingProblem(), 5)
+        transcribe(Dynamics(GliderModel(), fast), PerchingProblem(), 5)
         for fast in (False, True)
     ]
     point = rng.normal(size=programs[0].prog().num_vars())
@@ -155,10 +148,10 @@ def test_compiled_defects_equal_drake_s():
 def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
     """Fault 2 of the public sources: nose-up limits beside a nose-down pitch."""
     unturned = GliderParameters(elevator_limits=[-0.9473, 0.4463])
-    plant = GliderPlant(GliderModel(parameters=unturned))
+    model = GliderModel(parameters=unturned)
     told = []
     with pytest.raises(PlanningError) as caught:
-        plan(plant, PerchingProblem(), knots=(6, 11), progress=told.append)
+        plan(model, PerchingProblem(), knots=(6, 11), progress=told.append)
     error = caught.value
     assert error.violations["position at the wire"] > 0.1
     assert "position at the wire by" in str(error)
@@ -189,7 +182,7 @@ def test_the_most_knots_are_tried_where_fewer_do_not_arrive(monkeypatch):
 
     monkeypatch.setattr(dircol, "violated", find_faults)
     monkeypatch.setattr(dircol, "arrival_violations", find_misses)
-    found = plan(GliderPlant(), PerchingProblem(), knots=(4, 5))
+    found = plan(GliderModel(), PerchingProblem(), knots=(4, 5))
     ways = [(a.knots, a.guess) for a in found.attempts[-3:]]
     assert ways == [
         (5, "the flight that comes closest"),
@@ -204,7 +197,7 @@ def test_an_arrival_that_no_solver_finishes_from_is_told(monkeypatch):
         dircol, "violated", lambda dc, result, tol: () if tol == LOOSE else ("x",)
     )
     with pytest.raises(PlanningError, match="a flight that arrives was") as caught:
-        plan(GliderPlant(), PerchingProblem(), knots=(4,))
+        plan(GliderModel(), PerchingProblem(), knots=(4,))
     error = caught.value
     assert error.arrived and error.violations == {}
     ends = [(a.solver, a.guess, a.tolerance) for a in error.attempts[-3:]]
@@ -234,7 +227,7 @@ def test_a_failure_survives_a_journey(article_plan, violations, arrived, words):
 def test_a_solver_s_word_is_not_enough(monkeypatch):
     faults = iter([("defect of segment 0",)])
     monkeypatch.setattr(dircol, "violated", lambda *_: next(faults, ()))
-    found = plan(GliderPlant(), PerchingProblem(), knots=(7,))
+    found = plan(GliderModel(), PerchingProblem(), knots=(7,))
     assert [(a.solver, a.solved) for a in found.attempts] == [
         ("SNOPT", False),
         ("IPOPT", True),
@@ -243,8 +236,9 @@ def test_a_solver_s_word_is_not_enough(monkeypatch):
 
 
 def test_what_a_result_violates_is_named():
-    plant, problem = GliderPlant(), PerchingProblem()
-    program, line = transcribe(plant, problem, 5), straight_line(plant, problem)
+    model, problem = GliderModel(), PerchingProblem()
+    program = transcribe(Dynamics(model), problem, 5)
+    line = straight_line(model, problem)
     program.SetInitialTrajectory(line.inputs, line.states)
     result = SnoptSolver().Solve(program.prog())
     assert violated(program, result, 1e-6) == ()
@@ -259,7 +253,7 @@ def test_what_a_result_violates_is_named():
 
 
 def test_a_swoop_dips_and_its_speeds_are_its_path_s():
-    guess = swoop(GliderPlant(), PerchingProblem(), 0.3, 0.8)
+    guess = swoop(GliderModel(), PerchingProblem(), 0.3, 0.8)
     assert guess.states.value(0.4)[1, 0] == pytest.approx(0.05 - 0.3)
     z = [guess.states.value(t)[1, 0] for t in (0.0, 0.1)]
     assert z[1] < z[0]
@@ -271,8 +265,7 @@ def test_a_swoop_dips_and_its_speeds_are_its_path_s():
 @pytest.mark.slow
 def test_a_plant_with_a_state_of_its_own_is_planned_for():
     lag = KINDS["servo_lag"](time_constant=0.04)
-    plant = GliderPlant(GliderModel(effects=(lag,)))
-    found = plan(plant, PerchingProblem())
+    found = plan(GliderModel(effects=(lag,)), PerchingProblem())
     assert found.states.shape == (41, 8)
     assert found.state_names[-1] == "servo_lag.servo_rate"
     assert found.cost > 200.0  # The servo's lag has its price.
@@ -284,14 +277,19 @@ def test_a_formula_that_does_not_compile_is_planned_for_too(monkeypatch):
     """As Drake does it on the plain plant; a real one takes a long time to fail."""
 
     class Uncompilable:
+        def over(self, *_):
+            return self
+
         def directional(self, *_):
             raise numba.core.errors.TypingError("a dict of mixed values")
 
-    plain, plant = GliderPlant(fast=False), GliderPlant()
-    reference = plan(plain, PerchingProblem(), knots=(5,))
-    monkeypatch.setattr(linearization, "compiled", lambda *_: Uncompilable())
-    found = plan(plant, PerchingProblem(), knots=(5,))
-    assert not plant.fast
+    reference = plan(GliderModel(), PerchingProblem(), knots=(5,), fast=False)
+    monkeypatch.setattr(jacobian, "LOOPS", Uncompilable())
+    dynamics = Dynamics(GliderModel())
+    assert dynamics.fast
+    transcribe(dynamics, PerchingProblem(), 5)
+    assert not dynamics.fast
+    found = plan(GliderModel(), PerchingProblem(), knots=(5,))
     assert found.cost == pytest.approx(reference.cost, rel=1e-9)
     assert found.max_defect < 1e-5
 
@@ -299,7 +297,7 @@ def test_a_formula_that_does_not_compile_is_planned_for_too(monkeypatch):
 def test_the_plain_slopes_are_the_compiled_ones():
     model = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.03),))
     x, u = np.array([-2.0, 0.2, -0.4, 0.3, 6.0, 0.5, -1.0, 2.0]), 1.5
-    fast, plain = (Dynamics(GliderPlant(model, fast=fast)) for fast in (True, False))
+    fast, plain = (Dynamics(model, fast) for fast in (True, False))
     for ours, theirs in zip(fast.linearize(x, u), plain.linearize(x, u), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(fast.evaluate(x, u), plain.evaluate(x, u), rtol=1e-10)
@@ -314,20 +312,20 @@ def test_a_time_varying_plant_is_refused():
         weights={"wind_x": [0.1, 0.2]},
     )
     with pytest.raises(InputError, match="depends on time"):
-        plan(GliderPlant(GliderModel(field=field)), PerchingProblem())
+        plan(GliderModel(field=field), PerchingProblem())
 
 
 def test_a_launch_outside_its_own_limits_is_refused():
     launch = [-3.8, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"x = -3\.8.* -3\.5 and 1"):
-        plan(GliderPlant(), PerchingProblem(launch=launch))
+        plan(GliderModel(), PerchingProblem(launch=launch))
 
 
 def test_distinct_minima_are_told_apart():
     """A fast, near launch has at least two ways to lose its speed."""
     launch = [-3.26, 0.13, -0.01, 0.0, 7.55, 0.0, 0.0]
     minima = find_minima(
-        GliderPlant(),
+        GliderModel(),
         PerchingProblem(launch=launch),
         8,
         np.random.default_rng(0),
@@ -339,55 +337,3 @@ def test_distinct_minima_are_told_apart():
     assert sum(len(minimum.guesses) for minimum in minima) == 8
     for first, second in itertools.pairwise(minima):
         assert first.plan.cost != pytest.approx(second.plan.cost, rel=1e-5)
-
-
-def test_a_plan_is_saved_and_loaded_unchanged(article_plan, tmp_path):
-    save_plan(tmp_path / "plan.json", article_plan)
-    loaded = load_plan(tmp_path / "plan.json")
-    for field in dataclasses.fields(article_plan):
-        np.testing.assert_equal(
-            getattr(loaded, field.name), getattr(article_plan, field.name)
-        )
-
-
-def test_a_plan_survives_a_journey(article_plan):
-    article_plan.state_trajectory, article_plan.input_trajectory  # noqa: B018
-    again = pickle.loads(pickle.dumps(article_plan))
-    np.testing.assert_array_equal(again.states, article_plan.states)
-    assert again.attempts == article_plan.attempts
-    assert "state_trajectory" not in vars(again)
-    np.testing.assert_array_equal(
-        again.state_trajectory.value(0.3), article_plan.state_trajectory.value(0.3)
-    )
-
-
-@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"times": [0, 1]}'])
-def test_a_file_that_is_no_plan_is_refused(tmp_path, text):
-    path = tmp_path / "plan.json"
-    path.write_text(text)
-    with pytest.raises(InputError, match="not a plan"):
-        load_plan(path)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"inputs": [0.0] * 5}, "'inputs' has shape (5,)"),
-        ({"states": [[0.0] * 7] * 5}, "'states' has shape (5, 7)"),
-        ({"slopes": [[np.nan] * 7] * 41}, "'slopes' has shape (41, 7); finite"),
-        ({"times": list(np.linspace(0.0, -1.0, 41))}, "'times' must increase from 0"),
-        ({"times": list(np.linspace(0.1, 0.9, 41))}, "'times' must increase from 0"),
-        ({"times": [[0.0]] * 41}, "'times' has shape (41, 1)"),
-        ({"cost": "hello"}, "not a plan"),
-        ({"cost": [1.0]}, "not a plan"),
-        ({"drift": np.inf}, "'drift' must be a finite number"),
-    ],
-)
-def test_a_plan_that_is_broken_is_refused(article_plan, tmp_path, changes, words):
-    path = tmp_path / "plan.json"
-    save_plan(path, article_plan)
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
-    with pytest.raises(InputError) as caught:
-        load_plan(path)
-    assert words in str(caught.value)
-    assert "plan.json" in str(caught.value)

@@ -16,16 +16,12 @@ from glider.control.mppi import (
 )
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.compose import compose
 from glider.physics.effects import (
     GROUND_EFFECT,
     SERVO_LAG,
 )
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    load_parameters,
-    parameter_vector,
-)
+from glider.physics.parameters import load_parameters
 from glider.planning.problem import (
     PerchingProblem,
     load_problem,
@@ -41,10 +37,6 @@ from glider.planning.sampling import (
     mppi_step,
     mppi_update,
 )
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
 
 ARTICLE = load_problem(models_path("problems", "sampling.yaml"))
 REPLANNING = load_problem(models_path("problems", "replanning.yaml"))
@@ -58,7 +50,7 @@ LAGGING = GliderModel(
 
 
 def article_cost(**options):
-    return SequenceCost(GliderPlant(HEAVY), ARTICLE, **options)
+    return SequenceCost(HEAVY, ARTICLE, **options)
 
 
 def draw(count, steps, scale=1.0, seed=0):
@@ -67,12 +59,10 @@ def draw(count, steps, scale=1.0, seed=0):
 
 def fly_by_hand(model, start, commands, step, order, limits):
     """Returns the states of one flight, (N + 1, n), by the formulas as they are."""
-    effects = tuple(effect.kind for effect in model.effects)
-    chain, p = compose(effects), parameter_vector(model.parameters)
+    chain, theta = model.chain, model.numbers
 
     def slope(x, u):
-        given = (0.0, x, u, 0.0, 0.0, p, model.coefficients, model.residual_field)
-        return np.array(chain.derivatives(*given))
+        return np.array(chain.derivatives(0.0, x, u, 0.0, 0.0, theta))
 
     states, x, elevator = [start], start, start[3]
     for command in commands:
@@ -122,9 +112,9 @@ def test_a_sequence_costs_what_its_flight_costs(
     model, order, within_limits, free_end, price
 ):
     """Against loops over the formulas, without compiled code."""
-    plant, steps, step = GliderPlant(model), 60, 0.015
+    steps, step = 60, 0.015
     cost = SequenceCost(
-        plant,
+        model,
         ARTICLE,
         step=step,
         steps=steps,
@@ -138,7 +128,7 @@ def test_a_sequence_costs_what_its_flight_costs(
     scale = 8.0 if within_limits else 1.5
     commands, nominal = draw(3, steps, scale), draw(1, steps, 2.0, seed=1)[0]
     # High up: below its ground, the ground effect knows no bounds.
-    start = initial_state(plant, LAUNCH + np.array([0, 4, 0, 0, 0, 0, 0]))
+    start = model.initial_state(LAUNCH + np.array([0, 4, 0, 0, 0, 0, 0]))
     to_go = cost.to_go(start, commands, nominal, price)
     states = cost.fly(start, commands)
     for u, x, s in zip(commands, states, to_go, strict=True):
@@ -206,7 +196,7 @@ def test_mppi_looks_at_differences_of_costs_only():
 def test_each_step_is_weighed_by_its_own_cost_to_go():
     """What a sequence has cost before a step does not count there."""
     dear = dataclasses.replace(ARTICLE, rate_cost=1e4)
-    cost = SequenceCost(GliderPlant(HEAVY), dear, steps=20)
+    cost = SequenceCost(HEAVY, dear, steps=20)
     settings, mean = MppiSettings(), np.linspace(1.0, 2.0, 20)
     new, commands, _ = mppi_step(cost, LAUNCH, mean, np.random.default_rng(0), settings)
     to_go = cost.to_go(LAUNCH, commands[1:])[:, :-1]
@@ -222,7 +212,7 @@ def test_the_likelihood_ratio_makes_commands_cost():
     The tilted distribution exp(-u ε / σ²) N(ε; 0, σ²) has the mean -u.
     """
     free = PerchingProblem(rate_cost=0.0, goal_weights=[0.0] * 7)
-    cost = SequenceCost(GliderPlant(HEAVY), free, steps=3)
+    cost = SequenceCost(HEAVY, free, steps=3)
     mean, rng = np.array([0.5, -0.8, 0.3]), np.random.default_rng(0)
     settings = MppiSettings(
         samples=40_000, temperature=7.0, deviation=1.0, likelihood_ratio=True
@@ -253,7 +243,8 @@ def test_the_article_s_searches_behave_as_the_article_s():
         assert costs.shape == (7, 101)
         np.testing.assert_allclose(costs[:, 0], 1052.818, atol=1e-3)
         for run in runs:
-            assert run.costs[-1] == cost.to_go(LAUNCH, run.mean[None])[0, 0]
+            assert run.cost == run.costs[-1]
+            assert run.cost == cost.to_go(LAUNCH, run.inputs[None])[0, 0]
         early[method], late[method] = np.median(costs[:, [30, 100]], axis=0)
     assert 150.0 < early[cem] < 280.0
     assert 20.0 < early[mppi] < 33.0
@@ -269,15 +260,26 @@ def test_a_search_follows_from_its_seed_and_goes_on_from_a_mean(method):
         rng = np.random.default_rng(seed)
         return method(cost, LAUNCH, rng, iterations=5, **options)
 
-    first, again = search(0, keep=(1, 5)), search(0)
-    np.testing.assert_array_equal(first.mean, again.mean)
-    assert not np.any(search(1).mean == first.mean)
-    assert list(first.drawn) == [1, 5]
-    assert again.drawn == {}
-    assert first.drawn[5].shape == (30, 75)
-    later = search(2, mean=first.mean)
+    drawn = {}
+    first, again = search(0, watch=drawn.__setitem__), search(0)
+    np.testing.assert_array_equal(first.inputs, again.inputs)
+    assert not np.any(search(1).inputs == first.inputs)
+    assert list(drawn) == [1, 2, 3, 4, 5]
+    assert all(commands.shape == (30, 75) for commands in drawn.values())
+    later = search(2, mean=first.inputs)
     assert later.costs[0] == first.costs[-1]
-    np.testing.assert_array_equal(first.mean, again.mean)  # Not written into.
+    np.testing.assert_array_equal(first.inputs, again.inputs)  # Not written into.
+
+
+@pytest.mark.parametrize("method", [cem, mppi])
+def test_a_search_returns_the_plan_of_its_mean(method):
+    cost = article_cost()
+    found = method(cost, LAUNCH, np.random.default_rng(0), iterations=5)
+    assert found.is_held and found.gains is None
+    np.testing.assert_array_equal(found.times, 0.01 * np.arange(76))
+    np.testing.assert_array_equal(found.states, cost.fly(LAUNCH, found.inputs[None])[0])
+    assert found.state_names == HEAVY.state_names
+    assert found.seconds > 0.0
 
 
 def test_the_speed_is_measured():
@@ -288,7 +290,7 @@ def test_the_speed_is_measured():
 
 
 def small_controller(seed=0, **options):
-    cost = replanning_cost(GliderPlant(), REPLANNING, steps=20)
+    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
     settings = dataclasses.replace(SETTINGS, samples=40)
     return MppiController(cost, settings=settings, seed=seed, **options)
 
@@ -317,7 +319,7 @@ def test_commands_follow_from_the_seed_and_are_held():
 def test_the_first_command_is_that_of_one_step_of_mppi():
     """From the measured state, about the sequence that was given."""
     controller = small_controller(sequence=np.linspace(1.0, 2.0, 20))
-    cost = replanning_cost(GliderPlant(), REPLANNING, steps=20)
+    cost = replanning_cost(GliderModel(), REPLANNING, steps=20)
     settings = dataclasses.replace(SETTINGS, samples=40)
     state = LAUNCH + np.array([0.5, -0.1, 0.1, 0.2, -1.0, 0.3, 0.5])
     rng = np.random.default_rng([0, 0])

@@ -19,8 +19,8 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.simulation import monte_carlo
-from glider.simulation.closed_loop import (
-    fly_closed_loop,
+from glider.simulation.fly import (
+    fly,
     full_starts,
     make_clock,
 )
@@ -36,10 +36,6 @@ from glider.simulation.monte_carlo import (
     draw_launches,
     fly_case,
     sweep,
-)
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
 )
 from tests.helpers.flights import (
     DRAWING,
@@ -76,12 +72,12 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     starts = launches(2, FAR if truth is DRAWING else LaunchSpread(), seed=4)
     clock = make_clock(drake_policy(), rate, step=0.0005)
     noise = draw_noise(len(starts), clock.commands) if noisy else None
-    ours = fly_closed_loop(
+    ours = fly(
         truth, drake_policy(), starts, command_rate=rate, noise=noise, step=0.0005
     )
     diagram = closed_loop(
         truth,
-        tracking_regulator(GliderPlant(), plan_of()),
+        tracking_regulator(GliderModel(), plan_of()),
         command_rate=rate,
         feedback_noise=noisy,
     )
@@ -101,13 +97,11 @@ def test_a_batch_is_its_flights_one_by_one():
     starts = launches(BLOCK + 3)
     clock = make_clock(policy(), 50.0)
     noise = draw_noise(len(starts), clock.commands)
-    many = fly_closed_loop(
+    many = fly(
         DRAWING, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
     )
     for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
-        one = fly_closed_loop(
-            DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]]
-        )
+        one = fly(DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]])
         np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(many.miss[k], one.miss[0], rtol=1e-9)
         assert one.paths is None
@@ -118,23 +112,21 @@ def test_a_batch_is_its_flights_one_by_one():
 
 @pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
 def test_the_miss_is_the_distance_of_the_path(wire):
-    flights = fly_closed_loop(
-        DRAWING, policy(), launches(5), wire=wire, keep_paths=True
-    )
+    flights = fly(DRAWING, policy(), launches(5), wire=wire, keep_paths=True)
     for path, miss in zip(flights.paths, flights.miss, strict=True):
         assert miss == pytest.approx(least_distance(path[:, :2], np.array(wire)))
 
 
 def test_finer_steps_change_little():
-    coarse = fly_closed_loop(DRAWING, policy(), launches(50))
-    fine = fly_closed_loop(DRAWING, policy(), launches(50), step=0.0005)
+    coarse = fly(DRAWING, policy(), launches(50))
+    fine = fly(DRAWING, policy(), launches(50), step=0.0005)
     np.testing.assert_allclose(coarse.miss, fine.miss, atol=1e-4)
 
 
 def test_feedback_is_what_perches():
     """The article's launches perch; farther ones do not always."""
-    near = fly_closed_loop(DRAWING, policy(), launches(500, LaunchSpread()))
-    far = fly_closed_loop(DRAWING, policy(), launches(500))
+    near = fly(DRAWING, policy(), launches(500, LaunchSpread()))
+    far = fly(DRAWING, policy(), launches(500))
     assert np.mean(near.perched) > 0.99
     assert 0.5 < np.mean(far.perched) < 0.99
     np.testing.assert_array_equal(far.perched, far.miss < PERCH_RADIUS)
@@ -145,23 +137,23 @@ def test_effects_with_states_start_at_rest():
     model = GliderModel(
         effects=(WIND(x=-1.0), DYNAMIC_STALL(strength=0.5), *LAGGING.effects)
     )
-    plant, starts = GliderPlant(model), launches(3)
-    full = full_starts(plant, starts)
-    np.testing.assert_array_equal(full, [initial_state(plant, s) for s in starts])
+    starts = launches(3)
+    full = full_starts(model, starts)
+    np.testing.assert_array_equal(full, [model.initial_state(s) for s in starts])
     assert np.all(np.any(full[:, 7:] != 0.0, axis=1))
-    np.testing.assert_array_equal(full_starts(plant, full), full)
+    np.testing.assert_array_equal(full_starts(model, full), full)
 
 
 def test_a_short_flight_does_not_reach_the_wire():
-    flights = fly_closed_loop(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
+    flights = fly(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
     assert flights.times[-1] == pytest.approx(plan_of().duration)
 
 
 def test_a_policy_with_states_of_its_own_needs_the_observer():
-    lagging = compiled_policy(GliderPlant(LAGGING), plan_of(lagging=True))
+    lagging = compiled_policy(LAGGING, plan_of(lagging=True))
     with pytest.raises(InputError, match=r"observer is needed"):
-        fly_closed_loop(DRAWING, lagging, launches(2))
-    assert fly_closed_loop(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
+        fly(DRAWING, lagging, launches(2))
+    assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
 
 
 @pytest.mark.parametrize(
@@ -180,7 +172,7 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
 def test_what_does_not_fit_is_refused(options, message):
     starts = options.pop("starts", launches(2))
     with pytest.raises(InputError, match=message):
-        fly_closed_loop(DRAWING, policy(), starts, **options)
+        fly(DRAWING, policy(), starts, **options)
 
 
 # --------------------------------------------------------------------- the miss
@@ -300,7 +292,7 @@ def test_each_state_gets_its_own_noise(monkeypatch):
     given = []
     monkeypatch.setattr(
         monte_carlo,
-        "fly_closed_loop",
+        "fly",
         lambda *_, noise, **__: given.append(noise),
     )
     [case] = [case for case in cases() if case.name == "noisy"]

@@ -15,7 +15,7 @@ from glider.studies.basis.basis_choice import (
     cross_validate,
 )
 from glider.studies.basis.basis_exercise import (
-    fly_tapes,
+    fly_exercise,
     load_exercise,
 )
 from glider.studies.basis.basis_features import (
@@ -268,6 +268,6 @@ def test_every_field_of_an_exercise_is_needed(tmp_path, name):
 def test_launches_of_another_size_are_refused():
     """The compiled loops do not look at sizes: they would write beside the array."""
     with pytest.raises(InputError, match=r"launches are \(2, 2\)"):
-        fly_tapes(GliderParameters(), np.zeros((2, 2)), np.zeros((2, 5)), 0.01, 1)
+        fly_exercise(GliderParameters(), np.zeros((2, 2)), np.zeros((2, 5)), 0.01, 1)
     with pytest.raises(InputError, match=r"tapes \(3, 5\)"):
-        fly_tapes(GliderParameters(), np.zeros((2, 7)), np.zeros((3, 5)), 0.01, 1)
+        fly_exercise(GliderParameters(), np.zeros((2, 7)), np.zeros((3, 5)), 0.01, 1)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.model import GliderModel
@@ -16,17 +17,19 @@ from glider.studies.coefficients import (
     residual_basis,
 )
 from glider.studies.residual_study import learn_residuals
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
 )
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.systems.plant import GliderPlant
 from tests.helpers.campaigns import campaign_path
+
+FINE_CAPTURE = MotionCapture(position=1e-5, pitch=1e-4, elevator=1e-4)
 
 
 def coefficients_of(plant, state):
@@ -86,9 +89,7 @@ def test_a_residual_that_was_flown_is_found_again():
     weights["c_lift"] = rng.uniform(-0.3, 0.3, 26).tolist()
     weights["c_drag"] = rng.uniform(0.0, 0.1, 26).tolist()
     true = dataclasses.replace(residual_basis(), weights=weights)
-    plan = CampaignPlan(
-        flights=10, noise_position=1e-5, noise_pitch=1e-4, noise_elevator=1e-4
-    )
+    plan = CampaignPlan(flights=10, capture=FINE_CAPTURE)
     study = learn_residuals(simulate_campaign(GliderModel(field=true), plan, rng))
     learned = study.models["26"].field
     expected, found = (
@@ -106,9 +107,7 @@ def test_a_glider_that_tumbles_meets_the_angles_that_the_plant_knows():
         flights=2,
         duration=0.4,
         launch=(-3.5, 0.1, -2.6, 0.0, 7.0, 0.0, -30.0),
-        noise_position=1e-5,
-        noise_pitch=1e-4,
-        noise_elevator=1e-4,
+        capture=FINE_CAPTURE,
     )
     campaign = simulate_campaign(GliderModel(), plan, np.random.default_rng(0))
     noise, theta = measure_noise(campaign), make_vehicle(campaign).theta

@@ -7,25 +7,14 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.compose import compose
 from glider.physics.model import (
     GliderModel,
     load_model,
 )
-from glider.physics.parameters import (
-    load_parameters,
-    parameter_vector,
-)
-from glider.planning.ilqr import (
-    goal_cost,
-    plan,
-)
+from glider.physics.parameters import load_parameters
+from glider.planning.ilqr import ilqr
+from glider.planning.problem import goal_cost
 from glider.simulation.miss import path_miss
-from glider.simulation.stepped import (
-    CAPTURE_NOISE,
-    capture,
-    execute,
-)
 from glider.studies.coefficients import (
     COEFFICIENTS,
     basis_values,
@@ -37,12 +26,17 @@ from glider.studies.flight_weights import (
     weight_equations,
 )
 from glider.studies.learning import (
-    LoggedFlight,
+    CAPTURE,
+    STATE_NOISE,
     fit_weights,
+    fly_planned,
+    knots_of,
     knowing,
     launched,
     learn,
     learning_problem,
+    learning_settings,
+    log,
     trace_effects,
 )
 from glider.studies.learning_study import weight_changes
@@ -51,7 +45,6 @@ from glider.studies.low_reynolds import (
     low_reynolds_field,
 )
 from glider.sysid.fit.regression import least_squares
-from glider.systems.plant import GliderPlant
 from tests.helpers.flights import LAGGING
 
 HEAVY = GliderModel(parameters=load_parameters(models_path("vehicles", "heavy.yaml")))
@@ -60,21 +53,13 @@ PROBLEM = learning_problem()
 
 @pytest.fixture(scope="module")
 def planned():
-    return plan(GliderPlant(HEAVY), PROBLEM)
+    return ilqr(HEAVY, PROBLEM, learning_settings())
 
 
 def accelerations(model, states, inputs):
     """Returns (N, 3) of ẍ, z̈, θ̈ by the composed chain."""
-    rates = compose((), True).derivatives(
-        0.0,
-        states.T,
-        inputs,
-        0.0,
-        0.0,
-        parameter_vector(model.parameters),
-        np.zeros(0),
-        model.residual_field,
-    )
+    chain, theta = model.chain, model.numbers
+    rates = chain.derivatives(0.0, states.T, inputs, 0.0, 0.0, theta)
     return np.stack(rates[4:7], axis=1)
 
 
@@ -83,36 +68,39 @@ def accelerations(model, states, inputs):
 
 def test_a_glider_flies_as_it_was_planned(planned):
     """With the planner's model, from its launch, to the error of its steps."""
-    [flown] = execute(HEAVY, planned, planned.states[:1])
-    np.testing.assert_allclose(flown.knots, planned.states, atol=2e-3)
-    np.testing.assert_allclose(flown.rates[:75], planned.inputs, atol=2e-3)
-    np.testing.assert_array_equal(flown.rates[75:], 0.0)
-    assert flown.miss == pytest.approx(
-        path_miss(flown.times, flown.states, np.zeros(2)), abs=1e-5
+    flown = fly_planned(HEAVY, planned, PROBLEM)
+    np.testing.assert_allclose(knots_of(flown, planned), planned.states, atol=2e-3)
+    np.testing.assert_allclose(flown.commands[0, :75], planned.inputs, atol=2e-3)
+    assert flown.commands.shape == (1, 85)  # For 0.1 s after the plan.
+    np.testing.assert_array_equal(flown.commands[0, 75:], 0.0)
+    flight = flown.flight(0)
+    assert flight.miss == pytest.approx(
+        path_miss(flight.times, flight.states, np.zeros(2)), abs=1e-5
     )
-    assert flown.perched
+    assert flight.perched
 
 
 @pytest.mark.parametrize("change", [-0.3, 0.3])
 def test_the_feedback_brings_a_glider_back(planned, change):
     """Launched too slowly or too fast [m/s], by what the goal asks for."""
-    start = planned.states[:1] + np.array([[0.0, 0.0, 0.0, 0.0, change, 0.0, 0.0]])
+    launch = launched(PROBLEM, PROBLEM.launch[4] + change)
     blind = dataclasses.replace(planned, gains=0.0 * planned.gains)
-    [guided], [left] = (execute(HEAVY, p, start) for p in (planned, blind))
-    costs = [goal_cost(PROBLEM, f.knots[-1]) for f in (guided, left)]
+    guided, left = (fly_planned(HEAVY, p, launch) for p in (planned, blind))
+    knots = knots_of(guided, planned)
+    costs = [goal_cost(PROBLEM, k[-1]) for k in (knots, knots_of(left, planned))]
     assert costs[0] < 0.4 * costs[1]
-    assert guided.miss < 0.5 * left.miss
-    errors = guided.knots[:-1] - planned.states[:-1]
+    assert guided.miss[0] < 0.5 * left.miss[0]
+    errors = knots[:-1] - planned.states[:-1]
     wanted = planned.inputs + np.sum(planned.gains * errors, axis=1)
-    room = HEAVY.parameters.elevator_limits[1] - guided.knots[:-1, 3]
+    room = HEAVY.parameters.elevator_limits[1] - knots[:-1, 3]
     free = (np.abs(wanted) < 12.0) & (room > 0.07)  # No stop is near.
     assert np.sum(free) > 30
-    np.testing.assert_allclose(guided.rates[:75][free], wanted[free], atol=1e-9)
+    np.testing.assert_allclose(guided.commands[0, :75][free], wanted[free], atol=1e-9)
 
 
 def test_the_servos_limits_hold_in_flight(planned):
     wild = dataclasses.replace(planned, inputs=3.0 * planned.inputs)
-    [flown] = execute(HEAVY, wild, planned.states[:1])
+    flown = fly_planned(HEAVY, wild, PROBLEM).flight(0)
     low, high = HEAVY.parameters.elevator_limits
     assert np.max(np.abs(flown.rates)) <= HEAVY.parameters.elevator_rate_limit
     assert low - 1e-6 <= np.min(flown.states[:, 3])
@@ -120,29 +108,32 @@ def test_the_servos_limits_hold_in_flight(planned):
 
 
 def test_motion_capture_sees_the_flight_with_noise(planned):
-    [flown] = execute(HEAVY, planned, planned.states[:1])
+    flown = fly_planned(HEAVY, planned, PROBLEM)
     logs = [
-        capture(HEAVY, flown, np.random.default_rng(seed), "flight_000.csv")
+        log(HEAVY, flown, planned, np.random.default_rng(seed), "flight_000.csv")
         for seed in range(20)
     ]
-    time = logs[0].time
+    spread = np.std([seen.states - knots_of(flown, planned) for seen in logs])
+    assert spread == pytest.approx(STATE_NOISE, rel=0.1)
+    films = [seen.capture for seen in logs]
+    time = films[0].time
     assert len(time) == 103
-    path = [np.interp(time, flown.times, column) for column in flown.states.T]
-    errors = [np.column_stack([log.pose - np.stack(path[:3], 1)]) for log in logs]
+    path = [np.interp(time, flown.times, column) for column in flown.paths[0].T]
+    errors = [film.pose - np.stack(path[:3], 1) for film in films]
     spread = np.std(np.concatenate(errors), axis=0)
-    np.testing.assert_allclose(spread, CAPTURE_NOISE[:3], rtol=0.1)
-    seen = np.std([log.elevator - path[3] for log in logs])
-    assert seen == pytest.approx(CAPTURE_NOISE[3], rel=0.1)
+    np.testing.assert_allclose(spread, CAPTURE.std[:3], rtol=0.1)
+    spread = np.std([film.elevator - path[3] for film in films])
+    assert spread == pytest.approx(CAPTURE.std[3], rel=0.1)
     # Row 12 is at 0.1 s, where the eleventh command begins.
-    assert logs[0].command[12] == flown.rates[10]
-    assert logs[0].command[11] == flown.rates[9]
+    assert films[0].command[12] == flown.commands[0, 10]
+    assert films[0].command[11] == flown.commands[0, 9]
 
 
 def test_a_flight_that_diverges_is_not_logged(planned):
-    [flown] = execute(HEAVY, planned, planned.states[:1])
-    lost = dataclasses.replace(flown, states=np.full_like(flown.states, np.nan))
+    flown = fly_planned(HEAVY, planned, PROBLEM)
+    lost = dataclasses.replace(flown, paths=np.full_like(flown.paths, np.nan))
     with pytest.raises(InputError, match=r"flight_7\.csv: the flight diverges"):
-        capture(HEAVY, lost, np.random.default_rng(0), "flight_7.csv")
+        log(HEAVY, lost, planned, np.random.default_rng(0), "flight_7.csv")
 
 
 # ------------------------------------------------------------------------ weights
@@ -154,7 +145,7 @@ def euler_flight(model, planned, bend=0.0):
     x = [planned.states[0]]
     for u in inputs:
         a = accelerations(model, x[-1][None], np.array([u]))[0]
-        x.append(x[-1] + planned.step * np.concatenate([x[-1][4:], [u], a]))
+        x.append(x[-1] + planned.times[1] * np.concatenate([x[-1][4:], [u], a]))
     return np.array(x), inputs
 
 
@@ -166,7 +157,8 @@ def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned
     equations = []
     for bend in (0.0, 1.0):
         states, inputs = euler_flight(truth, planned, bend)
-        equations.append(weight_equations(HEAVY, basis, states, inputs, planned.step))
+        step = planned.times[1]
+        equations.append(weight_equations(HEAVY, basis, states, inputs, step))
     both = equations[0] + equations[1]
     found = with_weights(basis, solve_weights(both, 1e-9))
     learned = dataclasses.replace(HEAVY, field=found)
@@ -245,14 +237,11 @@ def test_a_launch_differs_in_speed_alone():
 
 
 def test_the_tracer_waits_for_three_flights_and_a_loop_for_one(planned):
-    [flown] = execute(HEAVY, planned, planned.states[:1])
-    log = LoggedFlight(
-        states=flown.knots,
-        rates=flown.rates[:75],
-        step=planned.step,
-        capture=capture(HEAVY, flown, np.random.default_rng(0), "flight_000.csv"),
-    )
-    assert trace_effects(HEAVY, [log, log]).model is HEAVY
-    assert fit_weights(HEAVY, [log]).effects == ("rbf_residual",)
+    flown, rng = fly_planned(HEAVY, planned, PROBLEM), np.random.default_rng(0)
+    logged = log(HEAVY, flown, planned, rng, "flight_000.csv")
+    assert logged.step == pytest.approx(0.01)
+    np.testing.assert_array_equal(logged.rates, flown.commands[0, :75])
+    assert trace_effects(HEAVY, [logged, logged]).model is HEAVY
+    assert fit_weights(HEAVY, [logged]).effects == ("rbf_residual",)
     with pytest.raises(InputError, match="0 rounds of 3 launches"):
         learn(HEAVY, fit_weights, 0, np.random.default_rng(0))

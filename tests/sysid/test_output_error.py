@@ -14,23 +14,19 @@ from glider.sysid.fit.information import (
     moved,
     solve,
 )
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-    fit_covariance,
-    gather,
-)
+from glider.sysid.fit.output_error import fit, fit_covariance, gather
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
     theta_of,
 )
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.sensitivity import linearize
 from glider.sysid.replay.shooting import (
     fit_start,
-    fly,
+    fly_record,
 )
 from glider.sysid.replay.theta import LIBRARY_LAYOUT
 
@@ -91,14 +87,14 @@ def test_signatures_are_derivatives_of_the_errors(windy):
     free = (*slots_of("wind"), *slots_of("marker_offset"), *slots_of("servo_lag"))
     free = tuple(sorted(free))
     theta[list(slots_of("servo_lag"))] = 0.02
-    start = fit_start(record, theta, problem.noise)
-    nodes = fly(record, theta, start, problem.field)
-    here = linearize(record, theta, free, problem.noise, nodes=nodes)
+    start = fit_start(problem, record, theta)
+    nodes = fly_record(problem, record, theta, start)
+    here = linearize(problem, record, theta, free, nodes=nodes)
     for j, i in enumerate(free):
         moved = theta.copy()
         moved[i] += 1e-5
-        flown = fly(record, moved, start, problem.field)
-        there = linearize(record, moved, (), problem.noise, nodes=flown)
+        flown = fly_record(problem, record, moved, start)
+        there = linearize(problem, record, moved, nodes=flown)
         numeric = (here.residual - there.residual)[:-5] / 1e-5
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(here.by_theta[:-5, j], numeric, atol=2e-3 * scale)
@@ -107,8 +103,8 @@ def test_signatures_are_derivatives_of_the_errors(windy):
 def test_launch_state_is_fitted(windy):
     model, problem = windy
     record, theta = problem.records[1], theta_of(model)
-    start = fit_start(record, theta, problem.noise)
-    flown = fly(record, theta, start, problem.field)
+    start = fit_start(problem, record, theta)
+    flown = fly_record(problem, record, theta, start)
     error = record.flight.pose - flown[:, :3]
     assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.3 * problem.noise.position
     assert np.sqrt(np.mean(error[:, 2] ** 2)) < 1.3 * problem.noise.pitch

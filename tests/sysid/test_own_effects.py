@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from glider.errors import InputError
-from glider.physics.effects import KINDS
+from glider.physics.effects import KINDS, Replay
 from glider.physics.model import (
     GliderModel,
     load_model,
@@ -15,10 +15,7 @@ from glider.physics.model import (
 )
 from glider.report.terminal import print_summary
 from glider.sysid.fit.information import covariance
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
@@ -28,22 +25,29 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.own_effects import check_own_effects
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.sensitivity import linearize
 from glider.sysid.replay.shooting import (
     fit_start,
-    fly,
+    fly_record,
 )
-from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.signals import pose_signals, replayed_path
 from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
     layout_of,
 )
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
+from glider.systems.plant import GliderPlant
+from tests.helpers.own_kinds import (
+    ALL,
+    BLEED,
+    BOOM,
+    FLAP,
+    INFLOW,
+    LEAK,
+    STICKY,
+    TWIST,
 )
-from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, TWIST
 
 LAYOUT = layout_of(ALL)
 
@@ -120,16 +124,17 @@ def test_own_effects_of_each_stage_are_fitted(kind):
 def test_flights_are_those_of_the_plant():
     """What the log's kernel flies, with its states at rest, is what Drake flies."""
     model, campaign = planted(BOOM, flights=3)
-    record = make_problem(campaign).records[0]
+    problem = make_problem(campaign)
+    record = problem.records[0]
     theta = theta_of(model)
-    start = fit_start(record, theta, measure_noise(campaign))
+    start = fit_start(problem, record, theta)
     start[7:] = 0.0
-    flown = fly(record, theta, start, GliderModel().residual_field)
+    flown = fly_record(record, theta, start, GliderModel().residual_field)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
-    state = initial_state(plant, start[:7])
+    state = plant.model.initial_state(start[:7])
     state[3], state[7] = start[3] + record.rest, 0.0
     context.SetContinuousState(state)
     # The same command is held between its switches, within the servo's travel.
@@ -152,7 +157,7 @@ def test_own_states_rest_where_the_plant_has_them_rest():
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     theta = LAYOUT.default_theta(plant.model.parameters)
     rest = LAYOUT.steady_states(0.0, state, 0.0, theta)
-    np.testing.assert_allclose(rest, initial_state(plant, state)[7:])
+    np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
     assert rest[2] > 0.1  # It sinks.
     assert LAYOUT.steady_states(0.0, state, 3.0, theta)[1] == 3.0
 
@@ -168,7 +173,7 @@ def test_a_flight_begins_near_rest():
     rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
-    errors = linearize(record, theta, (), problem.noise)
+    errors = linearize(problem, record, theta)
     count = len(rest)
     np.testing.assert_allclose(errors.residual[-count:], 0.0, atol=1e-12)
     spread = 1.0 / np.diag(errors.by_start[-count:, -count:])
@@ -181,18 +186,50 @@ def test_signatures_are_derivatives_of_the_errors(kind):
     problem = make_problem(campaign)
     record, theta = problem.records[0], theta_of(model)
     slots = LAYOUT.slots_of(kind.kind)
-    start = fit_start(record, theta, problem.noise)
-    nodes = fly(record, theta, start, problem.field)
-    here = linearize(record, theta, slots, problem.noise, nodes=nodes)
+    start = fit_start(problem, record, theta)
+    nodes = fly_record(problem, record, theta, start)
+    here = linearize(problem, record, theta, slots, nodes=nodes)
     rows = len(here.residual) - 1 - (LAYOUT.num_states - 7)
     for j, i in enumerate(slots):
         moved = theta.copy()
         moved[i] += 1e-3 * LAYOUT.scale[i]
-        flown = fly(record, moved, start, problem.field)
-        there = linearize(record, moved, (), problem.noise, nodes=flown)
+        flown = fly_record(problem, record, moved, start)
+        there = linearize(problem, record, moved, nodes=flown)
         numeric = (here.residual - there.residual)[:rows] / (1e-3 * LAYOUT.scale[i])
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(here.by_theta[:rows, j], numeric, atol=5e-3 * scale)
+
+
+def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
+    """Integrated by its formula here, solved exactly there."""
+    switches = np.array([0.0, 0.02, 0.05, 0.11, 0.2])
+    commands = np.array([5.0, -8.0, 3.0, 13.0, 0.0])
+    query = np.linspace(-0.05, 0.4, 60)
+    limits = (-0.4, 0.3)
+    own, exact = (
+        replayed_path(replay, switches, commands, query, start=0.1, limits=limits)
+        for replay in (
+            Replay(delay=0.01, actuators=((STICKY, (1.0, 0.04)),)),
+            Replay(delay=0.01, time_constant=0.04),
+        )
+    )
+    np.testing.assert_allclose(own, exact, atol=1e-3)
+    assert np.ptp(exact) > 0.2
+    # Between the stops, where the exact path does not clip within a command.
+    free = [
+        replayed_path(replay, switches, commands, query)
+        for replay in (
+            Replay(actuators=((STICKY, (1.0, 0.04)),)),
+            Replay(time_constant=0.04),
+        )
+    ]
+    np.testing.assert_allclose(*free, atol=1e-5)
+
+
+def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
+    bad = dataclasses.replace(STICKY, formula=lambda rate, s, gain, tau: rate + 1.0)
+    with pytest.raises(InputError, match="returns 2, not 1; defaults that do nothing"):
+        check_own_effects((bad,))
 
 
 def test_the_library_keeps_its_layout():
@@ -208,7 +245,8 @@ def test_the_library_keeps_its_layout():
     [
         ({"kind": "wind"}, "name is taken"),
         ({"kind": "unexplained"}, "name is taken"),
-        ({"stage": "actuator"}, "stage is 'actuator'"),
+        ({"stage": "log"}, "stage is 'log'"),
+        ({"stage": "actuator"}, r"adds_to is .* out of \(\) is needed"),
         ({"adds_to": ("wing_normal",)}, "adds_to"),
         ({"coefficients": ()}, "coefficients are none"),
         ({"states": ("lag",)}, "needed together"),

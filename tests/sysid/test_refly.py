@@ -22,7 +22,7 @@ from glider.sysid.refly import (
 )
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
-from glider.sysid.search.signs import (
+from glider.sysid.replay.signs import (
     Signs,
     turn_campaign,
 )

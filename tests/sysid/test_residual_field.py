@@ -12,13 +12,13 @@ from glider.sysid.fit.field_fit import (
     fit_field,
     place_basis,
 )
-from glider.sysid.fit.output_error import Problem
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
 )
 from glider.sysid.fit.whiteness import LackOfFit
 from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.theta import LIBRARY_LAYOUT
 from glider.sysid.search.residual_field import (

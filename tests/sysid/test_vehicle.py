@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
@@ -155,7 +156,7 @@ def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
 
 
 def test_a_computed_elevator_column_has_no_noise_and_does_no_harm():
-    plan = CampaignPlan(flights=8, noise_elevator=0.0)
+    plan = CampaignPlan(flights=8, capture=MotionCapture(elevator=0.0))
     flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(7))
     assert close_the_loop(flown).verdict == "no_effect"
 

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from glider.compiled.kernel import compiled
+from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import (
@@ -16,6 +16,7 @@ from glider.physics.effects import (
     DYNAMIC_STALL,
     GROUND_EFFECT,
     LIBRARY,
+    NO_FIELD,
     PITCH_OFFSET,
     PROFILE_DRAG,
     SERVO_LAG,
@@ -27,16 +28,12 @@ from glider.physics.model import (
     load_model,
     save_model,
 )
+from glider.physics.numbers import Theta
 from glider.physics.parameters import (
-    PARAMETER_NAMES,
     GliderParameters,
 )
 from glider.physics.state import STATE_NAMES
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-    is_time_varying,
-)
+from glider.systems.plant import GliderPlant
 from tests.helpers.physics import FIELD, PARAMETERS, at_work, drawing, random_states
 
 ALL_AT_WORK = GliderModel(effects=tuple(at_work(k) for k in LIBRARY), field=FIELD)
@@ -111,8 +108,7 @@ def test_parameters_and_coefficients_in_the_context_act():
     np.testing.assert_array_equal(c, [0.05, 0.1, 0.0])
 
     before = rates(plant, context)
-    heavy = PARAMETERS.copy()
-    heavy[PARAMETER_NAMES.index("mass")] *= 2
+    heavy = np.array(PARAMETERS._replace(mass=2 * PARAMETERS.mass))
     context.get_mutable_numeric_parameter(0).SetFromVector(heavy)
     after = rates(plant, context)
     assert after[4] == pytest.approx(before[4] / 2)
@@ -129,7 +125,7 @@ def test_the_forces_make_the_accelerations(effects):
         context = set_up(plant, x, [6.0], [0.3, 0.1])
         wing, elevator, force_x, force_z, moment = output(plant, "forces", context)
         acceleration = rates(plant, context)[4:7]
-        m, inertia, gravity = PARAMETERS[0], PARAMETERS[1], PARAMETERS[8]
+        m, inertia, *_, gravity = PARAMETERS
         np.testing.assert_allclose(
             [force_x / m, force_z / m - gravity, moment / inertia], acceleration
         )
@@ -169,21 +165,21 @@ def test_effects_with_states_enlarge_the_state():
         "dynamic_stall.lagged_sin_alpha",
     )
     assert plant.GetOutputPort("state").size() == 11
-    x = initial_state(plant, random_states(1)[0])
+    x = plant.model.initial_state(random_states(1)[0])
     assert x.shape == (11,)
-    np.testing.assert_array_equal(initial_state(plant, x), x)
+    np.testing.assert_array_equal(plant.model.initial_state(x), x)
     # At rest: with no command, no state of an effect moves.
     at_rest = rates(plant, set_up(plant, x, [0.0]))
     np.testing.assert_allclose(at_rest[7:], 0.0, atol=1e-12)
     np.testing.assert_allclose(at_rest[:7], drawing(x[:7], 0.0), atol=1e-12)
     with pytest.raises(InputError, match="8 numbers; 7 or 11"):
-        initial_state(plant, np.zeros(8))
+        plant.model.initial_state(np.zeros(8))
 
 
 def test_a_lag_of_no_duration_is_left_out():
     effects = (SERVO_LAG(), PROFILE_DRAG(), COMMAND_DELAY())
     plant = GliderPlant(GliderModel(effects=effects))
-    assert [k.kind for k in plant.kinds] == ["profile_drag"]
+    assert [k.kind for k in plant.model.kinds] == ["profile_drag"]
     assert plant.num_continuous_states() == 7
 
 
@@ -193,10 +189,9 @@ def test_an_effect_given_twice_is_refused():
 
 
 def test_only_a_field_over_time_makes_it_time_varying():
-    assert not is_time_varying(GliderModel())
-    assert is_time_varying(GliderModel(field=FIELD))
+    assert not GliderModel().is_time_varying
+    assert GliderModel(field=FIELD).is_time_varying
     plant = GliderPlant(GliderModel(field=FIELD))
-    assert plant.is_time_varying()
     x = random_states(1)[0]
     context = set_up(plant, x, [2.0])
     now = rates(plant, context)
@@ -205,7 +200,7 @@ def test_only_a_field_over_time_makes_it_time_varying():
     steady = FieldData(
         variables=["alpha"], centers=[[0.3]], widths=[0.2], weights={"c_drag": [0.1]}
     )
-    assert not is_time_varying(GliderModel(field=steady))
+    assert not GliderModel(field=steady).is_time_varying
 
 
 # --------------------------------------------------------------------- scalars
@@ -214,7 +209,7 @@ def test_only_a_field_over_time_makes_it_time_varying():
 def autodiff_rates(model, fast, seeds, with_theta, wind=True):
     """Returns value and gradient by state, inputs and perhaps all parameters."""
     plant = GliderPlant(model, fast=fast)
-    x = initial_state(plant, random_states(1, seed=4)[0])
+    x = plant.model.initial_state(random_states(1, seed=4)[0])
     parts = [x, [2.0]] + ([[0.3, -0.2]] if wind else [])
     context = plant.CreateDefaultContext()
     numeric = [context.get_numeric_parameter(i).CopyToVector() for i in (0, 1)]
@@ -264,7 +259,7 @@ def test_parameters_alone_may_carry_the_derivatives():
         context.get_mutable_numeric_parameter(0).SetFromVector(p)
         first = ExtractGradient(rates(twin, context))
         # The cache of parameters must notice a change of them.
-        p = InitializeAutoDiff(2.0 * PARAMETERS)
+        p = InitializeAutoDiff(2.0 * np.array(PARAMETERS))
         context.get_mutable_numeric_parameter(0).SetFromVector(p)
         gradients.append([first, ExtractGradient(rates(twin, context))])
         assert np.max(np.abs(np.diff(gradients[-1], axis=0))) > 1e-3
@@ -286,13 +281,15 @@ def test_a_formula_that_does_not_compile_goes_the_plain_way():
     gradient = ExtractGradient(rates(twin, set_up(twin, ad[:7], ad[7:])))
     assert not twin.fast
     drawn = ExtractGradient(drawing(ad[:7], ad[7]))
-    assert gradient[6, 2] - drawn[6, 2] == pytest.approx(-0.01 / PARAMETERS[1])
+    assert gradient[6, 2] - drawn[6, 2] == pytest.approx(
+        -0.01 / PARAMETERS.pitch_inertia
+    )
 
 
 @pytest.mark.parametrize("model", EACH, ids=EACH_IDS)
 def test_symbols_give_the_same_numbers(model):
     plant = GliderPlant(model)
-    point = initial_state(plant, random_states(1, seed=2)[0])
+    point = plant.model.initial_state(random_states(1, seed=2)[0])
     n = len(point)
     x = MakeVectorContinuousVariable(n, "x")
     u = MakeVectorContinuousVariable(1, "u")
@@ -323,7 +320,7 @@ def test_a_copy_keeps_model_and_way(convert):
 def test_a_clone_flies_the_same():
     """Drake wraps the clone of a Python system and renames its ports."""
     plant = GliderPlant(ALL_AT_WORK)
-    clone, x = plant.Clone(), initial_state(plant, random_states(1)[0])
+    clone, x = plant.Clone(), plant.model.initial_state(random_states(1)[0])
     context = clone.CreateDefaultContext()
     context.SetContinuousState(x)
     clone.GetInputPort("wrapped_elevator_rate").FixValue(context, [2.0])
@@ -348,7 +345,7 @@ def test_a_simulator_flies_the_kernels_rollout():
     effects = (SERVO_LAG(time_constant=0.03), GROUND_EFFECT(strength=0.2))
     model = GliderModel(effects=effects)
     plant = GliderPlant(model)
-    start = initial_state(plant, np.array([-3.5, 0.1, 0, 0, 7, 0, 0]))
+    start = plant.model.initial_state(np.array([-3.5, 0.1, 0, 0, 7, 0, 0]))
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
     context.SetContinuousState(start)
@@ -358,19 +355,10 @@ def test_a_simulator_flies_the_kernels_rollout():
         plant.GetInputPort("elevator_rate").FixValue(context, [u])
         simulator.AdvanceTo(0.1 * (k + 1))
 
-    states = np.empty((1, 1, len(start)))
-    compiled(plant.kinds).rollouts(
-        start[np.newaxis],
-        np.repeat(commands, 100)[np.newaxis],
-        0.001,
-        PARAMETERS,
-        np.array([0.03, 0.2, 0.5]),
-        model.residual_field,
-        4,
-        states,
-    )
+    tape = np.repeat(commands, 100)[np.newaxis]
+    states = fly_tapes(model, start[np.newaxis], tape, 0.001)
     end = context.get_continuous_state_vector().CopyToVector()
-    np.testing.assert_allclose(states[0, 0], end, atol=1e-6)
+    np.testing.assert_allclose(states[0, -1], end, atol=1e-6)
 
 
 def test_it_lives_in_a_diagram_of_any_scalar():
@@ -389,7 +377,7 @@ def test_a_model_from_a_file_flies_the_same(tmp_path):
     path = tmp_path / "model.yaml"
     save_model(path, ALL_AT_WORK)
     again, plant = GliderPlant(load_model(path)), GliderPlant(ALL_AT_WORK)
-    x = initial_state(plant, random_states(1)[0])
+    x = plant.model.initial_state(random_states(1)[0])
     np.testing.assert_array_equal(
         rates(again, set_up(again, x, [2.0])), rates(plant, set_up(plant, x, [2.0]))
     )
@@ -399,10 +387,9 @@ def test_the_reference_state_at_rest_uses_the_models_own_air():
     """Wind of the model counts: the lagged sine is that of the flow it meets."""
     effects = (WIND(x=-1.0, z=0.5), DYNAMIC_STALL(strength=1.0))
     plant = GliderPlant(GliderModel(effects=effects))
-    x = initial_state(plant, [0, 0, -0.2, 0, 6.0, 0, 0])
-    chain = compose(plant.kinds)
-    c = np.array([-1.0, 0.5, 1.0, 0.08])
-    field = plant.model.residual_field
-    flow, _ = chain.meet_air(0.0, x, 0.0, 0.0, 0.0, PARAMETERS, c, field)
+    x = plant.model.initial_state([0, 0, -0.2, 0, 6.0, 0, 0])
+    chain = compose(plant.model.kinds)
+    theta = Theta(PARAMETERS, np.array([-1.0, 0.5, 1.0, 0.08]), NO_FIELD)
+    flow, _ = chain.meet_air(0.0, x, 0.0, 0.0, 0.0, theta)
     assert x[7] == flow.sin_alpha
     assert flow.air_x == 7.0

@@ -9,6 +9,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import (
     STOPPING_TIME,
+    Servo,
     limited_rate,
 )
 from glider.systems.servo import ElevatorServo
@@ -19,7 +20,7 @@ ANGLES = st.floats(-3.0, 3.0)
 
 
 def servo_rate(command, elevator):
-    return limited_rate(command, elevator, LOW, HIGH, LIMIT)
+    return limited_rate(command, elevator, Servo(LOW, HIGH, LIMIT))
 
 
 @given(COMMANDS, ANGLES)

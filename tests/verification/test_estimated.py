@@ -12,12 +12,10 @@ from pydrake.trajectories import PiecewisePolynomial
 from diagrams.estimated_loop import estimated_loop
 from diagrams.parts import tape_rows
 from diagrams.studies.funnel_estimate import estimate_figures
-from glider.control.policy import sample_policy
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import (
-    CAPTURE_RATE,
-    CAPTURE_STD,
+    CAPTURE,
     PROCESS,
 )
 from glider.estimation.running import Belief
@@ -63,7 +61,7 @@ def regulator_of(funnel):
     """Returns a funnel's own feedback as a System, u = offset - gain x."""
     policy = funnel_policy(funnel)
     times = np.linspace(0.0, policy.plan.duration, 441)
-    offset, gain = sample_policy(policy, times)
+    offset, gain = policy.sample(times)
 
     def held(values):
         return PiecewisePolynomial.FirstOrderHold(times, list(values))
@@ -88,8 +86,8 @@ def watched(funnel, launch, draws):
     At twice the rate of motion capture.
     """
     model = funnel.nominal.model
-    std = np.array(CAPTURE_STD) * (NOISE / CAPTURE_STD[0])
-    ekf = make_ekf(model, rate=CAPTURE_RATE, process=PROCESS, noise=std**2)
+    std = CAPTURE.std * (NOISE / CAPTURE.position)
+    ekf = make_ekf(model, rate=CAPTURE.rate, process=PROCESS, noise=std**2)
     prior = Belief(
         mean=launch[0] - UNKNOWN * (launch[0] - funnel.center(0.0)),
         covariance=UNKNOWN**2 / 9.0 * np.linalg.inv(funnel.shape(0.0)),
@@ -105,7 +103,7 @@ def watched(funnel, launch, draws):
             output: monitor.GetOutputPort(output) for output in ("margin", "inside")
         }
         for signal, output in signals.items():
-            log = LogVectorOutput(output, builder, 0.5 / CAPTURE_RATE)
+            log = LogVectorOutput(output, builder, 0.5 / CAPTURE.rate)
             logs[name, signal] = log
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
@@ -114,7 +112,7 @@ def watched(funnel, launch, draws):
     )
     own = glider.GetMyMutableContextFromRoot(context)
     own.SetContinuousState(launch[0])
-    tape = np.zeros((tape_rows(CAPTURE_RATE), 4))
+    tape = np.zeros((tape_rows(CAPTURE.rate), 4))
     tape[1 : SAMPLES + 1] = draws[0] * std
     capture.set_tape(capture.GetMyMutableContextFromRoot(context), tape)
     simulator.AdvanceTo(funnel.nominal.times[-1])

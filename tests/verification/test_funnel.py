@@ -15,7 +15,6 @@ from glider.paths import models_path
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.systems.plant import GliderPlant
 from glider.verification.dynamics.error_dynamics import (
     evaluate,
     expand,
@@ -358,7 +357,7 @@ def short(article_plan):
     plan = article_plan
     arrays = {name: getattr(plan, name)[36:] for name in ("states", "slopes", "inputs")}
     plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
-    policy = compiled_policy(GliderPlant(), plan)
+    policy = compiled_policy(GliderModel(), plan)
     settings = FunnelSettings(step=0.011, hold=0.044, remainder=0.5, margin=0.1)
     return make_funnel(GliderModel(), policy, settings)
 

@@ -11,6 +11,7 @@ from glider.physics.effects import (
     NO_FIELD,
     SERVO_LAG,
 )
+from glider.physics.numbers import Theta
 from glider.verification.dynamics.jets import (
     coefficients_of,
     monomials,
@@ -66,8 +67,8 @@ def test_many_points_at_once_are_the_same_as_one_by_one():
 
 def expand_dynamics(kinds, x, c, order):
     jets = variables(x, order)
-    chain = compose(kinds)
-    rates = chain.derivatives(0.0, jets, 1.5, 0.2, 0.1, PARAMETERS, c, NO_FIELD)
+    theta = Theta(PARAMETERS, c, NO_FIELD)
+    rates = compose(kinds).derivatives(0.0, jets, 1.5, 0.2, 0.1, theta)
     return np.array([coefficients_of(rate, jets[0]) for rate in rates])
 
 
@@ -76,9 +77,8 @@ def test_the_linear_part_of_the_dynamics_is_drakes_autodiff():
     x = np.append(random_states(1)[0], 0.5)
     found = expand_dynamics(kinds, x, c, 3)
     duals = InitializeAutoDiff(x).ravel()
-    rates = compose(kinds).derivatives(
-        0.0, duals, 1.5, 0.2, 0.1, PARAMETERS, c, NO_FIELD
-    )
+    theta = Theta(PARAMETERS, c, NO_FIELD)
+    rates = compose(kinds).derivatives(0.0, duals, 1.5, 0.2, 0.1, theta)
     expected = ExtractGradient(np.array(rates))
     assert found[:, 1:9] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
@@ -86,14 +86,13 @@ def test_the_linear_part_of_the_dynamics_is_drakes_autodiff():
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_error_falls_with_the_order_of_the_expansion(order):
     x, rng = random_states(1, seed=2)[0], np.random.default_rng(1)
-    coefficients = expand_dynamics((), x, np.zeros(0), order)
+    theta = Theta(PARAMETERS, np.zeros(0), NO_FIELD)
+    coefficients = expand_dynamics((), x, theta.c, order)
     direction = rng.normal(size=7) * [0.1, 0.1, 0.1, 0.1, 0.5, 0.5, 0.5]
     errors = []
     for size in (0.2, 0.1):
         step = size * direction
         powers = np.prod(step ** monomials(7, order).exponents, axis=1)
-        true = compose().derivatives(
-            0.0, x + step, 1.5, 0.2, 0.1, PARAMETERS, np.zeros(0), NO_FIELD
-        )
+        true = compose().derivatives(0.0, x + step, 1.5, 0.2, 0.1, theta)
         errors.append(np.linalg.norm(true - coefficients @ powers))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.5)

@@ -12,6 +12,7 @@ from glider.physics.effects.effect import (
     EffectKind,
     Flow,
     Motion,
+    Replay,
 )
 from glider.physics.effects.field import (
     FIELD_TERMS,

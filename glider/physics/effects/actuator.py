@@ -42,6 +42,14 @@ def _command_delay_steady(rate, delay):
     return rate * delay * delay / 12.0, 0.0 * rate
 
 
+def _replay_lag(replay, time_constant):
+    return replay._replace(time_constant=time_constant)
+
+
+def _replay_delay(replay, delay):
+    return replay._replace(delay=delay)
+
+
 SERVO_LAG = EffectKind(
     kind="servo_lag",
     stage="actuator",
@@ -62,6 +70,7 @@ SERVO_LAG = EffectKind(
     states=("servo_rate",),
     state_rate=_servo_lag_rate,
     steady_state=_servo_lag_steady,
+    replay=_replay_lag,
 )
 """Servo lag: the elevator's rate follows the command, τ ṙ = u - r; the angle
 then follows the integrated command with the same lag."""
@@ -86,6 +95,7 @@ COMMAND_DELAY = EffectKind(
     states=("delay_first", "delay_second"),
     state_rate=_command_delay_rate,
     steady_state=_command_delay_steady,
+    replay=_replay_delay,
 )
 """Command delay: r(t) = u(t - T). A plant needs finitely many states and takes
 the Padé approximant of order two,

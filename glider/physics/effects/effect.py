@@ -24,6 +24,7 @@ STAGES = {
     "wrench": ("force_x", "force_z", "moment"),
     "inertia": ("mass", "inertia", "added_mass"),
     "sensor": ("pose_x", "pose_z", "pose_pitch"),
+    "log": ("pose_x", "pose_z", "pose_pitch"),
 }
 """The terms that effects of each stage may add to.
 
@@ -33,8 +34,29 @@ downward flow at the tail along the body's normal [m/s]. surface: normal-force
 coefficient of the wing [-], relative change of the wing's and the elevator's
 force [-]. wrench: world force [N] and moment about +y [N m]. inertia: relative
 change of mass and pitch inertia [-], added mass along the wing's normal [kg].
-sensor: measured minus true pose [m, m, rad].
+sensor: measured minus true pose [m, m, rad]. log: the same, of a fault that is undone
+in the log before anything else looks at it.
 """
+
+
+class Replay(NamedTuple):
+    """How the elevator follows logged commands, and which moment a row shows.
+
+    A log is not flown through the plant's actuators and clocks but through these,
+    which are exact.
+    """
+
+    delay: float = 0.0
+    """Time between a command and what it does [s]."""
+
+    time_constant: float = 0.0
+    """First-order lag of the elevator's rate [s]; 0 for none."""
+
+    latency: float = 0.0
+    """The row of time t shows the flight at t - latency [s]."""
+
+    actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
+    """Further actuators and their coefficients, integrated by their formulas."""
 
 
 class Motion(NamedTuple):
@@ -137,6 +159,9 @@ class EffectKind:
             instead of a Flow.
         steady_state: the same arguments without states: their values at rest.
         state_scales: typical sizes of the states; 1 where not given.
+        replay: ``replay(before, *coefficients)`` returns the Replay with this effect,
+            where a log is replayed through it; then it is no part of the dynamics that
+            fly the log. An actuator without one is integrated by its formulas.
     """
 
     kind: str
@@ -150,6 +175,24 @@ class EffectKind:
     state_rate: Callable | None = None
     steady_state: Callable | None = None
     state_scales: tuple[float, ...] = ()
+    replay: Callable[..., Replay] | None = None
+
+    @property
+    def is_replayed(self) -> bool:
+        """Whether a log is replayed through it, not flown with it."""
+        return self.stage == "actuator" or self.replay is not None
+
+    def replayed(self, before: Replay, values: tuple[float, ...]) -> Replay:
+        """Returns a Replay with this effect at some coefficients."""
+        if self.replay is not None:
+            return self.replay(before, *values)
+        if values == tuple(c.default for c in self.coefficients):
+            return before  # It does nothing.
+        return before._replace(actuators=(*before.actuators, (self, values)))
+
+    def __hash__(self) -> int:
+        """Returns the name's: kinds are looked up before each compiled call."""
+        return hash(self.kind)
 
     def __call__(self, **values: float) -> "Effect":
         """Returns this effect with the given coefficients, others at default."""

@@ -39,6 +39,10 @@ def _angle_sign(flow, pitch, elevator, command):
     return (pitch - 1.0) * flow.pitch
 
 
+def _replay_latency(replay, latency):
+    return replay._replace(latency=latency)
+
+
 MARKER_OFFSET = EffectKind(
     kind="marker_offset",
     stage="sensor",
@@ -62,6 +66,7 @@ POSE_LATENCY = EffectKind(
         Coefficient(name="latency", unit="s", scale=0.02, lower=-0.2, upper=0.2),
     ),
     formula=_pose_latency,
+    replay=_replay_latency,
     words="a pose that is logged late against elevator and command",
     depends_on=("elevator_rate", "pitchdot"),
 )
@@ -97,7 +102,7 @@ PITCH_OFFSET = EffectKind(
 
 ANGLE_SIGN = EffectKind(
     kind="angle_sign",
-    stage="sensor",
+    stage="log",
     adds_to=("pose_pitch",),
     coefficients=(
         Coefficient(name="pitch", unit="-", default=1.0, lower=-1.0, upper=1.0),

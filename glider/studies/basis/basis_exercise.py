@@ -5,14 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.compiled.kernel import compiled
+from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects import NO_FIELD
-from glider.physics.parameters import (
-    GliderParameters,
-    parameter_vector,
-)
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
 from glider.studies.basis.basis_features import angle_sign
 from glider.studies.basis.basis_model import (
@@ -69,7 +66,7 @@ def load_exercise(path: Path | None = None) -> Exercise:
         rates.append(
             recipe.tape + rng.uniform(-tape_spread, tape_spread, len(recipe.tape))
         )
-    flights = fly_tapes(
+    flights = fly_exercise(
         drawing, np.array(starts), np.array(rates), recipe.step, order=1
     )
     rest = [i for i in range(recipe.flights) if i != recipe.held_out]
@@ -85,7 +82,7 @@ def load_exercise(path: Path | None = None) -> Exercise:
     )
 
 
-def fly_tapes(
+def fly_exercise(
     drawing: GliderParameters,
     start: np.ndarray,
     rates: np.ndarray,
@@ -106,10 +103,8 @@ def fly_tapes(
     """
     if rates.ndim != 2 or start.shape != (len(rates), NUM_STATES):
         raise InputError(
-            f"fly_tapes: launches are {start.shape} and tapes {rates.shape}; "
+            f"fly_exercise: launches are {start.shape} and tapes {rates.shape}; "
             f"(B, {NUM_STATES}) and (B, N) are needed."
         )
-    states = np.empty((len(rates), rates.shape[1] + 1, NUM_STATES))
-    p, c = parameter_vector(drawing), np.zeros(0)
-    compiled().rollouts(start, rates, step, p, c, NO_FIELD, order, states)
+    states = fly_tapes(GliderModel(parameters=drawing), start, rates, step, order=order)
     return SampledFlights(states=states, rates=rates, step=step)

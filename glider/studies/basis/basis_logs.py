@@ -8,15 +8,15 @@ from glider.campaign.logs import (
     Flight,
     campaign_of,
 )
+from glider.campaign.motion_capture import MotionCapture
 from glider.studies.basis.basis_exercise import (
     Exercise,
-    fly_tapes,
+    fly_exercise,
 )
 from glider.studies.basis.basis_features import angle_sign
 from glider.studies.basis.basis_model import SampledFlights
 from glider.sysid.fit.simulate import (
     FINE,
-    CampaignPlan,
 )
 from glider.sysid.pipeline import (
     Progress,
@@ -54,7 +54,7 @@ def filmed_campaign(
 
     They are flown by fine Runge-Kutta steps, where the exercise takes Euler steps of
     a hundredth of a second that part from the glider by centimetres, and measured
-    with the noise of `simulate.CampaignPlan`.
+    with the noise of `MotionCapture`.
 
     Args:
         exercise: the flights.
@@ -62,7 +62,7 @@ def filmed_campaign(
         rng: of the noise.
     """
     given = exercise.flights
-    fine = fly_tapes(
+    fine = fly_exercise(
         exercise.drawing,
         given.states[:, 0].copy(),
         given.rates.repeat(FINE, axis=1),
@@ -72,10 +72,7 @@ def filmed_campaign(
     flights = SampledFlights(
         states=fine.states[:, ::FINE], rates=given.rates, step=given.step
     )
-    plan = CampaignPlan()
-    place, angle = plan.noise_position, plan.noise_pitch
-    level = [place, place, angle, plan.noise_elevator]
-    noise = rng.normal(size=(*flights.states.shape[:2], 4)) * level
+    noise = MotionCapture().draw(rng, *flights.states.shape[:2])
     return _campaign(exercise, flights, angles, noise)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from glider.compiled.replay import advance_nodes, flow_at
 from glider.physics.effects import (
     FIELD_TERMS,
     FIELD_VARIABLES,
@@ -22,12 +23,9 @@ from glider.sysid.fit.information import (
     moved,
     solve,
 )
-from glider.sysid.fit.output_error import (
-    Problem,
-    degrees_of_freedom,
-    gather,
-)
+from glider.sysid.fit.output_error import degrees_of_freedom, gather
 from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import (
     node_signals,
@@ -48,15 +46,14 @@ def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
     elevator, rate = node_signals(record, theta)
     nodes = true_nodes(record, theta)
-    values = np.empty((len(record.time), 9))
-    record.layout.kernel.log_flow(
+    values = flow_at(
+        record.layout.compiled_kinds,
         record.time,
         nodes,
         elevator,
         rate,
         record.layout.dynamics(theta),
         NO_FIELD,
-        values,
     )
     alpha = np.arctan2(values[:, 1], values[:, 2])
     columns = {
@@ -128,16 +125,14 @@ def forcing_of(
         nodes = true_nodes(record, theta)
 
         def ends(weights: np.ndarray) -> np.ndarray:
-            reached = np.empty_like(nodes[1:])
-            record.layout.kernel.log_advance(
+            return advance_nodes(
+                record.layout.compiled_kinds,
                 record.time,
                 nodes,
                 *signals,
                 dynamics,
                 constant._replace(weights=weights),
-                reached,
             )
-            return reached
 
         nominal = ends(constant.weights)
         responses = []

@@ -10,30 +10,25 @@ then sums over these matrices.
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from glider.physics.effects import (
-    NO_FIELD,
-    Field,
-)
 from glider.sysid.fit.information import (
     bounded_step,
     cost,
     covariance,
     eliminate_start,
 )
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.sensitivity import linearize
 from glider.sysid.replay.shooting import (
     fit_start,
-    fly,
+    fly_record,
 )
-from glider.sysid.replay.theta import Layout
 
 _POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
 
@@ -70,40 +65,6 @@ class Fit:
         return self.cost / float(self.degrees.sum() - len(self.free))
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Problem:
-    """What a fit is about: the flights, their noise and the residual field.
-
-    Attributes:
-        records: the flights.
-        noise: of the campaign.
-        field: a residual field in the model.
-        trim_is_known: as in `linearize`.
-        is_exact: whether errors are taken along rollouts from fitted starts, not
-            linearised about the smoothed measurement.
-        prior: mean and standard deviation of theta (each as the layout has it,
-            infinite where nothing is known beforehand), or None.
-    """
-
-    records: Sequence[Record]
-    noise: Noise
-    field: Field = NO_FIELD
-    trim_is_known: bool = True
-    is_exact: bool = False
-    prior: tuple[np.ndarray, np.ndarray] | None = None
-
-    @property
-    def layout(self) -> Layout:
-        """What theta's entries are."""
-        return self.records[0].layout
-
-    def thinned(self, count: int) -> "Problem":
-        """Returns the problem with at most `count` of its flights, evenly picked."""
-        last = len(self.records) - 1
-        keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
-        return dataclasses.replace(self, records=[self.records[i] for i in keep])
-
-
 def gather(
     problem: Problem,
     theta: np.ndarray,
@@ -118,14 +79,12 @@ def gather(
     def one(i: int) -> np.ndarray:
         record = problem.records[i]
         errors = linearize(
+            problem,
             record,
             theta,
             free,
-            problem.noise,
-            field=problem.field,
             nodes=_rollout(problem, record, theta) if problem.is_exact else None,
             forcing=None if forcing is None else forcing(record),
-            trim_is_known=problem.trim_is_known,
         )
         return eliminate_start(errors)
 
@@ -136,10 +95,7 @@ def gather(
 
 
 def _rollout(problem: Problem, record: Record, theta: np.ndarray) -> np.ndarray:
-    start = fit_start(
-        record, theta, problem.noise, problem.field, problem.trim_is_known
-    )
-    return fly(record, theta, start, problem.field)
+    return fly_record(problem, record, theta, fit_start(problem, record, theta))
 
 
 def _prior_information(

@@ -8,19 +8,16 @@ import dataclasses
 
 import numpy as np
 
-from glider.physics.effects import Field
-from glider.sysid.fit.output_error import (
-    Problem,
-    in_parallel,
-)
+from glider.sysid.fit.output_error import in_parallel
 from glider.sysid.replay.nodes import sensed
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.shooting import (
     AlongPitch,
     cut,
     fit_start,
-    fly,
+    fly_record,
 )
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import Errors
@@ -47,9 +44,9 @@ class Forecast:
     trim: float
 
 
-def beginning_rows(record: Record, trim_is_known: bool) -> int:
+def beginning_rows(problem: Problem, record: Record) -> int:
     """Returns how many rows the launch state is fitted on."""
-    own_trim = not trim_is_known and not record.has_servo
+    own_trim = not problem.trim_is_known and not record.has_servo
     share = BEGINNING_WITH_TRIM if own_trim else BEGINNING
     until = share * record.time[-1]
     return max(int(np.searchsorted(record.time, until)), 10)
@@ -61,23 +58,21 @@ def foretell(
     """Foretells one flight from its beginning, or fits the whole of it."""
     rows = len(record.time)
     if not whole:
-        rows = beginning_rows(record, problem.trim_is_known)
-    start = fit_start(
-        cut(record, 0, rows), theta, problem.noise, problem.field, problem.trim_is_known
-    )
-    states = fly(record, theta, start, problem.field)
+        rows = beginning_rows(problem, record)
+    start = fit_start(problem, cut(record, 0, rows), theta)
+    states = fly_record(problem, record, theta, start)
     return Forecast(
         pose=sensed(record.layout, states, theta),
-        translated=_translate(record, theta, start, problem.field, rows),
+        translated=_translate(problem, record, theta, start, rows),
         trim=float(start[OFFSET]),
     )
 
 
 def _translate(
-    record: Record, theta: np.ndarray, start: np.ndarray, field: Field, rows: int
+    problem: Problem, record: Record, theta: np.ndarray, start: np.ndarray, rows: int
 ) -> np.ndarray:
     """Integrates the forces along the measured pitch; x, z, rates fitted on rows."""
-    along = AlongPitch(record, theta, field)
+    along = AlongPitch(problem, record, theta)
     launch = along.first.copy()
     launch[-1] = start[OFFSET]
     for _ in range(3):

@@ -13,10 +13,13 @@ from glider.campaign.logs import (
     Flight,
     campaign_of,
 )
-from glider.physics.actuator_replay import elevator_path
+from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.replay import roll_out
 from glider.physics.effects import LIBRARY
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
+from glider.sysid.replay.signals import replayed_path
+from glider.sysid.replay.signs import signs_of, turn
 from glider.sysid.replay.theta import (
     OFFSET,
     Layout,
@@ -37,20 +40,11 @@ class CampaignPlan:
     duration: float = 0.86
     """Of each flight [s]."""
 
-    pose_rate: float = 120.0
-    """Motion capture [Hz]."""
+    capture: MotionCapture = MotionCapture()
+    """What measures."""
 
     command_rate: float = 50.0
     """Elevator-rate commands [Hz]."""
-
-    noise_position: float = 0.0004
-    """Standard deviation of measured x and z [m]."""
-
-    noise_pitch: float = 0.0025
-    """Of measured pitch [rad]."""
-
-    noise_elevator: float = 0.005
-    """Of measured elevator [rad]."""
 
     launch: tuple[float, ...] = (-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
     """Mean launch state."""
@@ -69,7 +63,7 @@ def theta_of(model: GliderModel) -> np.ndarray:
     layout = layout_for(model)
     theta = layout.default_theta(model.parameters)
     for effect in model.effects:
-        if effect.kind.kind != "angle_sign":
+        if effect.kind.stage != "log":
             theta[list(layout.slots_of(effect.kind.kind))] = effect.values
     return theta
 
@@ -88,7 +82,7 @@ def simulate_campaign(
         _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
     )
     return campaign_of(
-        name, model.parameters, flights, plan.pose_rate, plan.command_rate
+        name, model.parameters, flights, plan.capture.rate, plan.command_rate
     )
 
 
@@ -122,8 +116,8 @@ def _fly(
 ) -> Flight:
     layout, theta = layout_for(model), theta_of(model)
     low, high = model.parameters.elevator_limits
-    rows = round(plan.duration * plan.pose_rate) + 1
-    time = np.arange(rows) / plan.pose_rate
+    rows = round(plan.duration * plan.capture.rate) + 1
+    time = np.arange(rows) / plan.capture.rate
     switches = np.arange(int(plan.duration * plan.command_rate) + 1) / plan.command_rate
     commands = random_commands(
         len(switches),
@@ -134,18 +128,11 @@ def _fly(
     )
 
     def path(query: np.ndarray) -> np.ndarray:
-        return elevator_path(
-            switches,
-            commands,
-            query,
-            delay=theta[layout.index["command_delay", "delay"]],
-            time_constant=theta[layout.index["servo_lag", "time_constant"]],
-            limits=(low, high),
-        )
+        return replayed_path(replay, switches, commands, query, limits=(low, high))
 
-    latency = float(theta[layout.index["pose_latency", "latency"]])
-    fine_rate = plan.pose_rate * FINE
-    before = int(np.ceil(max(latency, 0.0) * fine_rate))
+    replay = layout.replay(theta)
+    fine_rate = plan.capture.rate * FINE
+    before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
     fine = np.arange(-before, (rows - 1) * FINE + 1) / fine_rate
     start = np.zeros(layout.num_states)
     start[:7] = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
@@ -155,28 +142,22 @@ def _fly(
     start[7:] = layout.steady_states(fine[0], start, rate[0], theta)
     start[OFFSET] = 0.0
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-    states = np.empty((len(fine), layout.num_states))
-    layout.kernel.log_rollout(
+    states = roll_out(
+        layout.compiled_kinds,
         fine,
         start,
         elevator,
         rate,
         layout.dynamics(theta),
         model.residual_field,
-        states,
     )
     shown = sensed(layout, states, theta)
     pose = np.stack(
-        [np.interp(time - latency, fine, column) for column in shown.T], axis=1
+        [np.interp(time - replay.latency, fine, column) for column in shown.T], axis=1
     )
-    level = [plan.noise_position, plan.noise_position, plan.noise_pitch]
-    pose = pose + rng.normal(size=pose.shape) * level
-    measured = path(time) + rng.normal(size=rows) * plan.noise_elevator
+    pose = pose + rng.normal(size=pose.shape) * plan.capture.std[:3]
+    measured = path(time) + rng.normal(size=rows) * plan.capture.elevator
     latest = np.searchsorted(switches, time + 1e-9, side="right") - 1
     command = commands[latest]
-    for effect in model.effects:
-        if effect.kind.kind == "angle_sign":
-            signs = effect.to_dict()
-            pose[:, 2] *= signs["pitch"]
-            measured, command = measured * signs["elevator"], command * signs["command"]
-    return Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
+    flight = Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
+    return turn(flight, signs_of(model))

@@ -11,10 +11,8 @@ import dataclasses
 import numpy as np
 from scipy.fft import dct
 
-from glider.sysid.fit.output_error import (
-    Problem,
-    in_parallel,
-)
+from glider.sysid.fit.output_error import in_parallel
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.sensitivity import (
     fitted_start,
@@ -62,14 +60,7 @@ def flight_errors(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
     """
 
     def one(record: Record) -> np.ndarray:
-        flight = linearize(
-            record,
-            theta,
-            (),
-            problem.noise,
-            field=problem.field,
-            trim_is_known=problem.trim_is_known,
-        )
+        flight = linearize(problem, record, theta)
         error = flight.residual - flight.by_start @ fitted_start(flight)
         n = len(record.time)
         channels = [error[: 3 * n].reshape(n, 3)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from glider.compiled.replay import measure_nodes, with_extras
 from glider.physics.effects import (
     NO_FIELD,
     Field,
@@ -20,18 +21,8 @@ from glider.sysid.replay.theta import (
 
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
-    nothing = np.zeros(0, dtype=np.int64)
-    pose = np.empty((len(nodes), 3))
-    layout.kernel.log_measure(
-        nodes,
-        layout.dynamics(theta),
-        nothing,
-        layout.scale,
-        pose,
-        np.empty((len(nodes), 3, nodes.shape[1])),
-        np.empty((len(nodes), 3, 0)),
-    )
-    return pose
+    nothing, kinds = np.zeros(0, dtype=np.int64), layout.compiled_kinds
+    return measure_nodes(kinds, nodes, layout.dynamics(theta), nothing, layout.scale)[0]
 
 
 def true_nodes(
@@ -57,14 +48,14 @@ def true_nodes(
         path = logged_elevator(record, theta)
         nodes[:, OFFSET] = np.mean(record.flight.elevator - path)
     nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
-    layout.kernel.log_extras(
+    return with_extras(
+        layout.compiled_kinds,
         record.time,
         nodes,
         *pose_signals(record, theta),
         layout.dynamics(theta),
         field,
     )
-    return nodes
 
 
 def launch_steady_states(

@@ -7,9 +7,9 @@ drawing that flies wrongly.
 import math
 from collections.abc import Callable, Sequence
 
-import numba
 import numpy as np
 
+from glider.compiled.kernel import check_compiles
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import (
@@ -19,7 +19,6 @@ from glider.physics.effects import (
 )
 from glider.physics.parameters import (
     GliderParameters,
-    parameter_vector,
 )
 
 _RESERVED = ("parameters", "rbf_residual", "unexplained")
@@ -48,19 +47,20 @@ def check_own_effects(own: Sequence[EffectKind]) -> None:
 
 def _check_shape(effect: EffectKind) -> None:
     where = f"own effect '{effect.kind}'"
-    stages = [stage for stage in STAGES if stage != "actuator"]
+    stages = [stage for stage in STAGES if stage != "log"]
     if effect.stage not in stages:
         raise InputError(
             f"{where}: stage is '{effect.stage}'; one of {', '.join(stages)} is needed."
         )
-    terms = STAGES[effect.stage]
-    if not effect.adds_to or not set(effect.adds_to) <= set(terms):
+    terms, is_actuator = STAGES[effect.stage], effect.stage == "actuator"
+    if bool(effect.adds_to) == is_actuator or not set(effect.adds_to) <= set(terms):
         raise InputError(
-            f"{where}: adds_to is {effect.adds_to}; out of {', '.join(terms)} is "
-            f"needed at stage {effect.stage}."
+            f"{where}: adds_to is {effect.adds_to}; out of {', '.join(terms) or '()'} "
+            f"is needed at stage {effect.stage}."
         )
     names = [c.name for c in effect.coefficients]
-    if len(set(names)) < len(names) or all(c.is_shape for c in effect.coefficients):
+    has_size = is_actuator or not all(c.is_shape for c in effect.coefficients)
+    if not names or len(set(names)) < len(names) or not has_size:
         raise InputError(
             f"{where}: its coefficients are {', '.join(names) or 'none'}; different "
             "names are needed, and one without a grid, which is the effect's size."
@@ -79,33 +79,30 @@ def _check_shape(effect: EffectKind) -> None:
 
 def _check_formulas(effect: EffectKind) -> None:
     """Tries the formulas, plain and compiled, with the default coefficients."""
-    drawing = compose()
-    p = parameter_vector(GliderParameters())
-    motion = drawing.motion_of(0.1, _TRIAL_STATE, _TRIAL_RATE)
-    flow = drawing.flow_of(motion, 0.0, 0.0, p)
+    chain = compose()
+    motion = chain.motion_of(0.1, _TRIAL_STATE, _TRIAL_RATE)
+    flow = chain.flow_of(motion, 0.0, 0.0, GliderParameters().numbers)
+    is_actuator = effect.stage == "actuator"
+    given = {"actuator": _TRIAL_RATE, "air": motion}.get(effect.stage, flow)
+    along = _TRIAL_RATE if is_actuator else flow
     values = effect().values
     states: tuple[float, ...] = ()
     if effect.steady_state is not None and effect.state_rate is not None:
         count, steady = len(effect.states), effect.steady_state
-        states = _tried(effect, "steady_state", steady, count, flow, values)
+        states = _tried(effect, "steady_state", steady, count, along, values)
         rate_at = (*states, *values)
-        _tried(effect, "state_rate", effect.state_rate, count, flow, rate_at)
-    # Off rest, for at rest an effect with a state may do nothing at any size.
-    states = tuple(s + 0.1 for s in states)
-    first = motion if effect.stage == "air" else flow
-    added = _tried(
-        effect,
-        "formula",
-        effect.formula,
-        len(effect.adds_to),
-        first,
-        (*states, *values),
-    )
-    if any(added):
+        _tried(effect, "state_rate", effect.state_rate, count, along, rate_at)
+    if not is_actuator:
+        # Off rest, for at rest an effect with a state may do nothing at any size.
+        states = tuple(s + 0.1 for s in states)
+    count = 1 if is_actuator else len(effect.adds_to)
+    added = _tried(effect, "formula", effect.formula, count, given, (*states, *values))
+    nothing = _TRIAL_RATE if is_actuator else 0.0
+    if any(a != nothing for a in added):
         raise InputError(
             f"own effect '{effect.kind}': with its defaults the formula returns "
-            f"{', '.join(f'{a:g}' for a in added)}; defaults that do nothing are "
-            "needed."
+            f"{', '.join(f'{a:g}' for a in added)}, not {nothing:g}; defaults that do "
+            "nothing are needed."
         )
 
 
@@ -114,19 +111,19 @@ def _tried(
     name: str,
     function: Callable,
     count: int,
-    flow: tuple,
+    first: tuple | float,
     values: tuple[float, ...],
 ) -> tuple[float, ...]:
     """Returns a formula's results as a tuple, once they are what they must be."""
     where = f"own effect '{effect.kind}': its {name}"
-    for form in (function, numba.njit(function)):
+    for form in (function, lambda *given: check_compiles(function, given)):
         try:
-            result = form(flow, *values)
+            result = form(first, *values)
         except Exception as error:  # Whatever a user's function may raise.
-            first = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            text = next(iter(str(error).strip().splitlines()), type(error).__name__)
             what = "fails" if form is function else "does not compile"
             raise InputError(
-                f"{where} {what} ({first.rstrip('.')}); arithmetic and the functions "
+                f"{where} {what} ({text.rstrip('.')}); arithmetic and the functions "
                 "sin, cos, sqrt, exp and tanh of numpy are needed."
             ) from None
     numbers = result if isinstance(result, tuple) else (result,)

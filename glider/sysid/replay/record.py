@@ -9,6 +9,7 @@ from glider.campaign.logs import (
     Flight,
 )
 from glider.physics.actuator_replay import command_steps
+from glider.physics.effects import Replay
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.smoothing import smoothing_maps
 from glider.sysid.replay.theta import (
@@ -48,7 +49,7 @@ class Record:
     commands: np.ndarray
     limits: tuple[float, float] | None
     rest: float
-    replays: dict[tuple[float, ...], tuple[np.ndarray, ...]] = dataclasses.field(
+    replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
 

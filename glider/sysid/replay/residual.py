@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.replay import flow_at
 from glider.physics.effects import (
     FIELD_VARIABLES,
     NO_FIELD,
@@ -29,16 +30,13 @@ def flow_along(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
 
-    The flow's columns are those of `glider.compiled.replay.log_flow`.
+    The flow's columns are those of `compiled.replay.log_flow`.
     """
     nodes = true_nodes(record, theta).copy()
     nodes[:, OFFSET] = trim
     elevator, rate = node_signals(record, theta)
-    values = np.empty((len(record.time), 9))
-    dynamics = record.layout.dynamics(theta)
-    record.layout.kernel.log_flow(
-        record.time, nodes, elevator, rate, dynamics, field, values
-    )
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    values = flow_at(kinds, record.time, nodes, elevator, rate, dynamics, field)
     return nodes, values
 
 

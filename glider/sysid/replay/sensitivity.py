@@ -12,16 +12,13 @@ import dataclasses
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from glider.physics.effects import (
-    NO_FIELD,
-    Field,
-)
+from glider.compiled.replay import advance_nodes, measure_nodes, propagate, shoot
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.nodes import (
     launch_steady_states,
     true_nodes,
 )
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import (
     logged_elevator,
@@ -53,71 +50,87 @@ class Linearized:
 
 
 def linearize(
+    problem: Problem,
     record: Record,
     theta: np.ndarray,
-    free: tuple[int, ...],
-    noise: Noise,
+    free: tuple[int, ...] = (),
     *,
-    field: Field = NO_FIELD,
     nodes: np.ndarray | None = None,
     forcing: np.ndarray | None = None,
-    trim_is_known: bool = True,
 ) -> Linearized:
     """Compares a flight with a model; see the module's docstring.
 
     Args:
+        problem: whose noise, field and knowledge of the elevator to take.
         record: the flight.
         theta: the model, as `layout` has it.
-        free: indices into theta of the columns wanted.
-        noise: of the campaign.
-        field: a residual field.
+        free: indices into theta of the columns wanted, replayed ones last.
         nodes: (n, num_states) other linearisation points than the smoothed states.
         forcing: (n - 1, num_states, k) further columns: how each of k unnamed
             coefficients moves the end of each interval.
-        trim_is_known: whether an elevator without a servo stands at zero in every
-            flight (its angle is then `elevator_trim`), not at an own unknown angle.
     """
-    points = true_nodes(record, theta, field) if nodes is None else nodes
-    if nodes is None and not (record.has_servo or trim_is_known):
-        points = points.copy()
-        points[:, OFFSET] = own_trim(record, theta, noise, field, points)
+    points = _smoothed(problem, record, theta) if nodes is None else nodes
+    return _linearize_about(problem, record, theta, free, points, forcing)
+
+
+def _smoothed(problem: Problem, record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns the smoothed states, an elevator without a servo at its own angle.
+
+    That can be large, so the flight is linearised about it, not about zero.
+    """
+    nodes = true_nodes(record, theta, problem.field)
+    if record.has_servo or problem.trim_is_known:
+        return nodes
+    points, trim = nodes.copy(), 0.0
+    for _ in range(3):
+        points[:, OFFSET] = trim
+        errors = _linearize_about(problem, record, theta, (), points, None)
+        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
+        trim = float(np.clip(trim + change, -1.2, 1.2))
+        if not np.isfinite(trim):
+            trim = 0.0
+            break
+        if abs(change) < 1e-3:
+            break
+    points[:, OFFSET] = trim
+    return points
+
+
+def _linearize_about(
+    problem: Problem,
+    record: Record,
+    theta: np.ndarray,
+    free: tuple[int, ...],
+    points: np.ndarray,
+    forcing: np.ndarray | None,
+) -> Linearized:
+    """Linearizes about states (n, num_states) along the flight."""
+    noise, field = problem.noise, problem.field
     n, dim = points.shape
     layout = record.layout
-    loops = layout.kernel
+    kinds = layout.compiled_kinds
     in_kernel = np.array([i for i in free if i < layout.num_compiled], dtype=np.int64)
     in_signal = [i for i in free if i >= layout.num_compiled]
     if [*in_kernel, *in_signal] != list(free):
         raise ValueError(f"free must name the signals' slots last: {free}")
-    dynamics = layout.dynamics(theta).copy()
-    scale = layout.scale
-
-    ends = np.empty((n - 1, dim))
-    by_x = np.empty((n - 1, dim, dim))
-    by_kernel = np.empty((n - 1, dim, len(in_kernel)))
-    loops.log_shoot(
-        record.time, points, *pose_signals(record, theta), dynamics, in_kernel,
-        scale, field, ends, by_x, by_kernel,
-    )  # fmt: skip
+    dynamics = layout.dynamics(theta)
+    signals = pose_signals(record, theta)
+    ends, by_x, by_kernel = shoot(
+        kinds, record.time, points, *signals, dynamics, field, in_kernel, layout.scale
+    )
     columns = [by_kernel]
     for i in in_signal:
-        moved = theta.copy()
-        moved[i] += _SIGNAL_STEP
-        others = np.empty((n - 1, dim))
-        loops.log_advance(
-            record.time, points, *pose_signals(record, moved), dynamics, field, others
-        )
-        columns.append(((others - ends) / _SIGNAL_STEP)[:, :, None])
+        moved, step = theta.copy(), SIGNAL_STEP * layout.scale[i]
+        moved[i] += step
+        signals = pose_signals(record, moved)
+        others = advance_nodes(kinds, record.time, points, *signals, dynamics, field)
+        columns.append(((others - ends) / step)[:, :, None])
     if forcing is not None:
         columns.append(forcing)
     inputs = np.concatenate([*columns, (ends - points[1:])[:, :, None]], axis=2)
-    states = np.empty((n, dim, dim + inputs.shape[2]))
-    loops.log_propagate(by_x, inputs, states)
-
-    pose = np.empty((n, 3))
-    pose_by_x = np.empty((n, 3, dim))
-    pose_by_kernel = np.empty((n, 3, len(in_kernel)))
-    loops.log_measure(
-        points, dynamics, in_kernel, scale, pose, pose_by_x, pose_by_kernel
+    states = propagate(by_x, inputs)
+    pose, pose_by_x, pose_by_kernel = measure_nodes(
+        kinds, points, dynamics, in_kernel, layout.scale
     )
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         rows = pose_by_x @ states
@@ -129,13 +142,13 @@ def linearize(
         table = np.zeros((n, rows.shape[2]))
         path = logged_elevator(record, theta)
         for j, i in enumerate(in_signal, start=dim + len(in_kernel)):
-            moved = theta.copy()
-            moved[i] += _SIGNAL_STEP
-            table[:, j] = (logged_elevator(record, moved) - path) / _SIGNAL_STEP
+            moved, step = theta.copy(), SIGNAL_STEP * layout.scale[i]
+            moved[i] += step
+            table[:, j] = (logged_elevator(record, moved) - path) / step
         table[:, OFFSET] = 1.0
         table[:, -1] = record.flight.elevator - path - points[:, OFFSET]
         blocks.append(table / noise.elevator)
-    is_known = trim_is_known and not record.has_servo
+    is_known = problem.trim_is_known and not record.has_servo
     blocks.append(_launch_prior(record, theta, points[0], is_known, rows.shape[2]))
     table = np.vstack(blocks)
     return Linearized(
@@ -181,31 +194,9 @@ def fitted_start(errors: Linearized) -> np.ndarray:
     return scale * cho_solve(cho_factor(gram), scaled.T @ errors.residual)
 
 
-def own_trim(
-    record: Record, theta: np.ndarray, noise: Noise, field: Field, nodes: np.ndarray
-) -> float:
-    """Returns the elevator angle of a flight without a servo [rad].
-
-    It can be large, so the flight is linearised about it, not about zero.
-    """
-    trim = 0.0
-    for _ in range(3):
-        points = nodes.copy()
-        points[:, OFFSET] = trim
-        errors = linearize(
-            record, theta, (), noise, field=field, nodes=points, trim_is_known=False
-        )
-        change = float(np.clip(fitted_start(errors)[OFFSET], -0.3, 0.3))
-        trim = float(np.clip(trim + change, -1.2, 1.2))
-        if not np.isfinite(trim):
-            return 0.0
-        if abs(change) < 1e-3:
-            break
-    return trim
-
-
-_SIGNAL_STEP = 1e-5
-"""Finite-difference step of delays and time constants [s]."""
+SIGNAL_STEP = 5e-4
+"""Finite-difference step of replayed coefficients, in their own scale: about 1e-5 s
+of a delay."""
 
 _PRIOR_EXTRA = 0.05
 """Spread of effects' own states at launch about their steady values, in their

@@ -9,15 +9,12 @@ import dataclasses
 
 import numpy as np
 
-from glider.physics.effects import (
-    NO_FIELD,
-    Field,
-)
+from glider.compiled.replay import roll_out, translate
 from glider.sysid.replay.nodes import (
     sensed,
     true_nodes,
 )
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.sensitivity import (
     fitted_start,
@@ -47,48 +44,33 @@ def cut(record: Record, first: int, last: int) -> Record:
     )
 
 
-def fly(
-    record: Record, theta: np.ndarray, start: np.ndarray, field: Field
+def fly_record(
+    problem: Problem, record: Record, theta: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     """Returns the states (n, num_states) of a free rollout along a record's times."""
-    states = np.empty((len(record.time), len(start)))
-    record.layout.kernel.log_rollout(
+    return roll_out(
+        record.layout.compiled_kinds,
         record.time,
         start,
         *pose_signals(record, theta),
         record.layout.dynamics(theta),
-        field,
-        states,
+        problem.field,
     )
-    return states
 
 
 def fit_start(
-    record: Record,
-    theta: np.ndarray,
-    noise: Noise,
-    field: Field = NO_FIELD,
-    trim_is_known: bool = True,
-    iterations: int = 4,
+    problem: Problem, record: Record, theta: np.ndarray, iterations: int = 4
 ) -> np.ndarray:
     """Returns the launch state (num_states,) that fits a whole record best."""
     nodes = true_nodes(record, theta)
     start = nodes[0].copy()
     for _ in range(iterations):
-        errors = linearize(
-            record,
-            theta,
-            (),
-            noise,
-            field=field,
-            nodes=nodes,
-            trim_is_known=trim_is_known,
-        )
+        errors = linearize(problem, record, theta, nodes=nodes)
         step = fitted_start(errors)
         start = nodes[0] + step
         if not np.all(np.isfinite(start)):
             return true_nodes(record, theta)[0]
-        nodes = fly(record, theta, start, field)
+        nodes = fly_record(problem, record, theta, start)
         if not np.all(np.isfinite(nodes)):
             return true_nodes(record, theta)[0]
         if np.max(np.abs(step)) < 1e-6:
@@ -102,13 +84,13 @@ class AlongPitch:
     A launch is here (x, z, ẋ, ż, elevator offset).
     """
 
-    def __init__(self, record: Record, theta: np.ndarray, field: Field):
+    def __init__(self, problem: Problem, record: Record, theta: np.ndarray):
         """Prepares the pitch that the model's sensors tell of."""
-        nodes = true_nodes(record, theta, field)
+        nodes = true_nodes(record, theta, problem.field)
         change = (nodes - record.nodes)[:, [2, 6]]
         middle = 0.5 * (change[1:] + change[:-1])
         self._pitch = record.pitch + np.stack([change[:-1], middle, change[1:]], axis=1)
-        self._record, self._theta, self._field = record, theta, field
+        self._record, self._theta, self._field = record, theta, problem.field
         self._state = nodes[0].copy()
         self.first = np.append(nodes[0, [0, 1, 4, 5]], 0.0)
         self._signals = pose_signals(record, theta)
@@ -117,16 +99,15 @@ class AlongPitch:
         """Returns x and z, as the sensors would show them, (n, 2)."""
         state = self._state.copy()
         state[[0, 1, 4, 5, 3]] = launch
-        states = np.empty((len(self._record.time), len(state)))
         layout = self._record.layout
-        layout.kernel.log_translation(
+        states = translate(
+            layout.compiled_kinds,
             self._record.time,
             state,
             self._pitch,
             *self._signals,
             layout.dynamics(self._theta),
             self._field,
-            states,
         )
         return sensed(layout, states, self._theta)[:, :2]
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from glider.compiled.replay import turn_elevator
 from glider.physics.actuator_replay import elevator_path
+from glider.physics.effects import SERVO_LAG, Replay
 from glider.sysid.replay.record import Record
 
 
@@ -23,23 +25,18 @@ def logged_elevator(record: Record, theta: np.ndarray) -> np.ndarray:
 
 def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
     """Replays the actuator; a record keeps what it was asked last."""
-    index = record.layout.index
-    latency = float(theta[index["pose_latency", "latency"]])
-    delay = float(theta[index["command_delay", "delay"]])
-    time_constant = float(theta[index["servo_lag", "time_constant"]])
-    key = (latency, delay, time_constant)
-    if key in record.replays:
-        return record.replays[key]
+    replay = record.layout.replay(theta)
+    if replay in record.replays:
+        return record.replays[replay]
     n = len(record.time)
     if record.has_servo:
         middle = 0.5 * (record.time[1:] + record.time[:-1])
-        query = np.concatenate([record.time, middle]) - latency
-        path = elevator_path(
+        query = np.concatenate([record.time, middle]) - replay.latency
+        path = replayed_path(
+            replay,
             record.switch_times,
             record.commands,
             np.concatenate([query, record.time]),
-            delay=delay,
-            time_constant=time_constant,
             start=record.rest,
             limits=record.limits,
         )
@@ -50,8 +47,52 @@ def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
         elevator, rate, logged = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
     if len(record.replays) > 32:
         record.replays.clear()
-    record.replays[key] = elevator, rate, logged
+    record.replays[replay] = elevator, rate, logged
     return elevator, rate, logged
+
+
+def replayed_path(
+    replay: Replay,
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    *,
+    start: float = 0.0,
+    limits: tuple[float, float] | None = None,
+) -> np.ndarray:
+    """Returns the elevator's angle at the query times [rad].
+
+    Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
+
+    Args:
+        replay: of the actuators.
+        switch_times: (k,) when each command was given [s], increasing.
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        query: (m,) times, increasing or not [s].
+        start: angle before the first command [rad].
+        limits: travel of the elevator [rad], or None.
+    """
+    if not replay.actuators:
+        return elevator_path(
+            switch_times,
+            commands,
+            query,
+            delay=replay.delay,
+            time_constant=replay.time_constant,
+            start=start,
+            limits=limits,
+        )
+    actuators = replay.actuators
+    if replay.time_constant > 0.0:
+        actuators = ((SERVO_LAG, (replay.time_constant,)), *actuators)
+    return turn_elevator(
+        actuators,
+        switch_times + replay.delay,
+        commands,
+        query,
+        start,
+        (-np.inf, np.inf) if limits is None else limits,
+    )
 
 
 def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,37 +8,29 @@ the effects on the log's signals, which are replayed instead.
 
 import dataclasses
 import functools
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
-from glider.compiled.kernel import (
-    Kernel,
-    compiled,
-)
 from glider.physics.compose import compose
 from glider.physics.effects import (
     KINDS,
     LIBRARY,
     EffectKind,
+    Replay,
 )
 from glider.physics.parameters import (
+    NUM_PARAMETERS,
     PARAMETER_NAMES,
     GliderParameters,
-    parameter_vector,
+    Parameters,
 )
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.own_effects import check_own_effects
 
-SIGNAL_KINDS = ("servo_lag", "command_delay", "pose_latency")
-"""Effects on the clocks and paths of the log's signals, replayed exactly."""
-
 OFFSET = 3
 """Where a log is flown, x[OFFSET] is the elevator's constant offset from its
 replayed path."""
-
-_COMPILING = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,6 +41,8 @@ class Layout:
         own: a user's own kinds of effects, beside the library's.
         kinds: name to kind, of both.
         compiled_kinds: the effects that the compiled dynamics hold.
+        replayed_kinds: the effects on clocks and paths of the log's signals, which are
+            replayed instead.
         slots: what each entry of theta is: (kind, coefficient), where the kind
             of the drawing is "parameters".
         index: the other way round.
@@ -65,6 +59,7 @@ class Layout:
     own: tuple[EffectKind, ...]
     kinds: dict[str, EffectKind]
     compiled_kinds: tuple[EffectKind, ...]
+    replayed_kinds: tuple[EffectKind, ...]
     slots: tuple[tuple[str, str], ...]
     index: dict[tuple[str, str], int]
     num_compiled: int
@@ -76,28 +71,37 @@ class Layout:
     sensor_slots: tuple[int, ...]
     at_rest: tuple[tuple[Callable, slice], ...]
 
-    @functools.cached_property
-    def kernel(self) -> Kernel:
-        """The compiled loops over the dynamics with all these effects."""
-        with _COMPILING:  # Threads that meet here share one.
-            return compiled(self.compiled_kinds, True)
-
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
-        return tuple(i for i, (k, _) in enumerate(self.slots) if k == kind)
+        return self._slots_of_kinds.get(kind, ())
+
+    @functools.cached_property
+    def _slots_of_kinds(self) -> dict[str, tuple[int, ...]]:
+        places: dict[str, tuple[int, ...]] = {}
+        for i, (kind, _) in enumerate(self.slots):
+            places[kind] = (*places.get(kind, ()), i)
+        return places
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of the drawing: its parameters, effects that do nothing."""
         coefficients = [
             c.default
-            for e in (*self.compiled_kinds, *(KINDS[k] for k in SIGNAL_KINDS))
+            for e in (*self.compiled_kinds, *self.replayed_kinds)
             for c in e.coefficients
         ]
-        return np.concatenate([parameter_vector(parameters), coefficients])
+        return np.concatenate([parameters.numbers, coefficients])
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""
         return theta[: self.num_compiled]
+
+    def replay(self, theta: np.ndarray) -> Replay:
+        """Returns how a log's signals are replayed."""
+        replay = Replay()
+        for kind in self.replayed_kinds:
+            values = theta[list(self.slots_of(kind.kind))].tolist()
+            replay = kind.replayed(replay, tuple(values))
+        return replay
 
     def steady_states(
         self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
@@ -112,7 +116,7 @@ class Layout:
         """
         drawing = compose()
         motion = drawing.motion_of(time, state.tolist(), rate)
-        parameters = theta[: len(PARAMETER_NAMES)].tolist()
+        parameters = Parameters(*theta[:NUM_PARAMETERS].tolist())
         flow = drawing.flow_of(motion, 0.0, 0.0, parameters)
         rest: list[float] = []
         for steady, own in self.at_rest:
@@ -130,10 +134,10 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     """
     check_own_effects(own)
     kinds = {**KINDS, **{e.kind: e for e in own}}
-    held = tuple(
-        e for e in (*LIBRARY, *own) if e.kind not in (*SIGNAL_KINDS, "angle_sign")
-    )
-    in_theta = (*held, *(KINDS[k] for k in SIGNAL_KINDS))
+    flown = tuple(e for e in (*LIBRARY, *own) if e.stage != "log")
+    held = tuple(e for e in flown if not e.is_replayed)
+    replayed = tuple(e for e in flown if e.is_replayed)
+    in_theta = (*held, *replayed)
     slots = (
         *(("parameters", name) for name in PARAMETER_NAMES),
         *((e.kind, c.name) for e in in_theta for c in e.coefficients),
@@ -144,12 +148,13 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
     lower, upper, scale = np.array(bounds).T.copy()
     sizes = [len(e.coefficients) for e in held]
-    starts = np.cumsum([len(PARAMETER_NAMES), *sizes]).tolist()
+    starts = np.cumsum([NUM_PARAMETERS, *sizes]).tolist()
     state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
     return Layout(
         own=own,
         kinds=kinds,
         compiled_kinds=held,
+        replayed_kinds=replayed,
         slots=slots,
         index={slot: i for i, slot in enumerate(slots)},
         num_compiled=starts[-1],
@@ -163,7 +168,7 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
             for i, (kind, _) in enumerate(slots)
             if kind in kinds
             and kinds[kind].stage == "sensor"
-            and kind not in SIGNAL_KINDS
+            and not kinds[kind].is_replayed
         ),
         at_rest=tuple(
             (e.steady_state, slice(start, start + len(e.coefficients)))

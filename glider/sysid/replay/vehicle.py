@@ -17,7 +17,6 @@ from glider.physics.parameters import (
 )
 from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
-    SIGNAL_KINDS,
     Layout,
 )
 
@@ -96,9 +95,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if "mass" not in known and has_scale:
         unknown.append("mass")
     nuisance = [index["parameters", name] for name in unknown]
-    dropped = {"angle_sign"}
+    dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
     if campaign.elevator != "servo":
-        dropped |= set(SIGNAL_KINDS) | {"elevator_trim"}
+        dropped |= {kind.kind for kind in layout.replayed_kinds} | {"elevator_trim"}
     if campaign.elevator == "fixed":
         nuisance.append(index["elevator_trim", "angle"])
     if "mass" not in known or "wing_area" in unknown:

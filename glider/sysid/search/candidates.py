@@ -14,16 +14,12 @@ from glider.sysid.fit.information import (
     held_out_costs,
     solve,
 )
-from glider.sysid.fit.output_error import (
-    Fit,
-    Problem,
-    fit,
-    gather,
-)
+from glider.sysid.fit.output_error import Fit, fit, gather
 from glider.sysid.fit.whiteness import (
     LackOfFit,
     lack_of_fit,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.theta import Layout
 
 Progress = Callable[[str], None]

@@ -8,12 +8,9 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.fit.output_error import (
-    Fit,
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import Fit, fit
 from glider.sysid.fit.whiteness import lack_of_fit
+from glider.sysid.replay.problem import Problem
 from glider.sysid.search.beam_search import (
     SILENT,
     trace,

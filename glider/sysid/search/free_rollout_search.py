@@ -17,14 +17,9 @@ from glider.sysid.fit.information import (
     held_out_costs,
     solve,
 )
-from glider.sysid.fit.output_error import (
-    Fit,
-    Problem,
-    fit,
-    gather,
-    in_parallel,
-)
+from glider.sysid.fit.output_error import Fit, fit, gather, in_parallel
 from glider.sysid.fit.prediction import foretell
+from glider.sysid.replay.problem import Problem
 from glider.sysid.search.candidates import (
     Fitted,
     Search,

@@ -30,15 +30,12 @@ from glider.sysid.fit.field_fit import (
     place_basis,
 )
 from glider.sysid.fit.information import held_out_costs
-from glider.sysid.fit.output_error import (
-    Problem,
-    degrees_of_freedom,
-    gather,
-)
+from glider.sysid.fit.output_error import degrees_of_freedom, gather
 from glider.sysid.fit.whiteness import (
     LackOfFit,
     lack_of_fit,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.result import Estimate
 
 SURVEY_FLIGHTS = 12

@@ -3,21 +3,18 @@
 import dataclasses
 from collections.abc import Sequence
 
-import numpy as np
-
 from glider.campaign.logs import (
     Campaign,
     Flight,
 )
-from glider.sysid.fit.output_error import (
-    Problem,
-    fit,
-)
+from glider.sysid.fit.output_error import fit
 from glider.sysid.replay.noise import (
     Noise,
     measure_noise,
 )
+from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
+from glider.sysid.replay.signs import Signs, turn
 from glider.sysid.replay.vehicle import Vehicle
 
 ADVANTAGE = 5.0
@@ -39,49 +36,6 @@ _WITH_SERVO = (
     (-1, -1, 1),
     (-1, 1, -1),
 )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Signs:
-    """The signs of the logged pitch, elevator and command, and how sure they are.
-
-    Attributes:
-        pitch: +1, or -1 where the log has the other sign.
-        elevator: alike.
-        command: alike.
-        evidence: log-likelihood gained by them [nats].
-        share: of the error that they take away.
-    """
-
-    pitch: int = 1
-    elevator: int = 1
-    command: int = 1
-    evidence: float = 0.0
-    share: float = 0.0
-
-    @property
-    def are_right(self) -> bool:
-        """Whether nothing is to be turned."""
-        return (self.pitch, self.elevator, self.command) == (1, 1, 1)
-
-
-def turn(flight: Flight, signs: Signs) -> Flight:
-    """Returns the flight with wrong signs undone."""
-    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
-    if flight.elevator is None or flight.command is None:
-        return dataclasses.replace(flight, pose=pose)
-    return dataclasses.replace(
-        flight,
-        pose=pose,
-        elevator=flight.elevator * signs.elevator,
-        command=flight.command * signs.command,
-    )
-
-
-def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
-    """Returns the campaign with wrong signs undone."""
-    flights = tuple(turn(f, signs) for f in campaign.flights)
-    return dataclasses.replace(campaign, flights=flights)
 
 
 def find_signs(

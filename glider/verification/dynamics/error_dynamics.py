@@ -7,9 +7,7 @@ as long as the servo follows its command, which the funnel sees to.
 
 import numpy as np
 
-from glider.physics.compose import compose
 from glider.physics.model import GliderModel
-from glider.physics.parameters import parameter_vector
 from glider.verification.dynamics import dependence
 from glider.verification.dynamics.jets import (
     Monomials,
@@ -32,18 +30,7 @@ def open_loop_rates(model, states, command):
         states: n numbers x.
         command: u.
     """
-    kinds = tuple(effect.kind for effect in model.effects)
-    chain = compose(kinds, model.field is not None)
-    return chain.derivatives(
-        0.0,
-        states,
-        command,
-        0.0,
-        0.0,
-        parameter_vector(model.parameters),
-        model.coefficients,
-        model.residual_field,
-    )
+    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, model.numbers)
 
 
 def closed_loop_rates(model, states, gains, nominal, inputs):

@@ -13,17 +13,12 @@ from glider.control.policy import (
     TrackingPolicy,
     aligned_count,
     check_plan,
-    sample_policy,
 )
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 from glider.physics.state import STATE_NAMES
-from glider.simulation.closed_loop import fly_closed_loop
-from glider.systems.plant import (
-    GliderPlant,
-    is_time_varying,
-)
+from glider.simulation.fly import fly
 
 FLIGHT_STEP = 0.0005
 """Of the integration [s]."""
@@ -66,16 +61,15 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
         InputError: the plan is for another glider, the flight needs its servo at a
             limit, or the glider's dynamics vary with time.
     """
-    plant = GliderPlant(model)
     plan = policy.plan
-    check_plan(plant, plan)
-    if is_time_varying(plant.model):
+    check_plan(model, plan)
+    if model.is_time_varying:
         raise InputError("A funnel needs a glider whose dynamics do not vary in time.")
     count = aligned_count(plan, step)
     fine = aligned_count(plan, min(FLIGHT_STEP, plan.duration / count))
     fine = count * -(-fine // count)
-    flight = fly_closed_loop(
-        plant.model,
+    flight = fly(
+        model,
         policy,
         plan.states[:1],
         step=plan.duration / fine * (1.0 + 1e-9),
@@ -85,16 +79,15 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     assert flight.paths is not None
     states = flight.paths[0][:: fine // count]
     times = np.linspace(0.0, plan.duration, count + 1)
-    offset, gains = sample_policy(policy, times)
+    offset, gains = policy.sample(times)
     inputs = offset - np.sum(gains * states, axis=1)
-    low, high = plant.model.parameters.elevator_limits
-    limit = plant.model.parameters.elevator_rate_limit
+    servo = model.parameters.servo
     for u, x in zip(inputs, states, strict=True):
-        if limited_rate(u, x[_ELEVATOR], low, high, limit) != u:
+        if limited_rate(u, x[_ELEVATOR], servo) != u:
             raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return Nominal(
-        model=plant.model,
-        state_names=tuple(plant.state_names),
+        model=model,
+        state_names=model.state_names,
         times=times,
         states=states,
         inputs=inputs,

@@ -19,7 +19,6 @@ from glider.physics.model import (
     load_model,
     save_model,
 )
-from glider.systems.plant import is_time_varying
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.between import nominal_slopes
 from glider.verification.funnel.settings import FunnelSettings
@@ -158,7 +157,7 @@ def load_funnel(path: Path | str) -> Funnel:
         names = tuple(notes["state_names"])
         _check_shapes(arrays, len(names))
         model = _read_model(notes["model"])
-        if is_time_varying(model):
+        if model.is_time_varying:
             raise ValueError("its glider's dynamics vary with time")
         nominal = Nominal(
             model=model,

@@ -13,7 +13,7 @@ from glider.control.policy import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-from glider.simulation.closed_loop import fly_closed_loop
+from glider.simulation.fly import fly
 from glider.verification.funnel.between import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.forms import to_ball
@@ -105,7 +105,7 @@ def fly_from(
     policy = funnel_policy(funnel, first)
     step = (policy.plan.times[1] - policy.plan.times[0]) / 2.0
     model = funnel.nominal.model if model is None else model
-    flights = fly_closed_loop(
+    flights = fly(
         model, policy, states, step=step * (1.0 + 1e-9), after=0.0, keep_paths=True
     )
     assert flights.paths is not None

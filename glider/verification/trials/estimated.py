@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from glider.control.policy import sample_policy
+from glider.compiled.ekf import filter_flights
 from glider.errors import InputError
 from glider.estimation.ekf import (
     Ekf,
@@ -21,13 +21,12 @@ from glider.estimation.ekf import (
 )
 from glider.estimation.flights import fly_watched
 from glider.estimation.perching import (
-    CAPTURE_RATE,
-    CAPTURE_STD,
+    CAPTURE,
     PROCESS,
 )
 from glider.physics.servo import limited_rate
 from glider.physics.state import STATE_NAMES
-from glider.simulation.closed_loop import AFTER
+from glider.simulation.fly import AFTER
 from glider.simulation.miss import (
     PERCH_RADIUS,
     least_distance,
@@ -49,7 +48,7 @@ TICKS = 4
 
 _ELEVATOR = STATE_NAMES.index("elevator")
 
-_limited_rates = np.vectorize(limited_rate, otypes=[float])
+_limited_rates = np.vectorize(limited_rate, otypes=[float], excluded=["servo"])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,8 +115,8 @@ def study_estimates(
         One for each share and noise, the noises of a share in a row.
     """
     starts = draw_inside(funnel, flights, rng)
-    samples = math.ceil((funnel.nominal.times[-1] + AFTER) * CAPTURE_RATE)
-    draws = rng.normal(size=(flights, samples, len(CAPTURE_STD)))
+    samples = math.ceil((funnel.nominal.times[-1] + AFTER) * CAPTURE.rate)
+    draws = rng.normal(size=(flights, samples, len(CAPTURE.std)))
     found = []
     for share in unknown:
         for noise in noises:
@@ -144,7 +143,7 @@ def fly_estimated(
         funnel: whose feedback flies its own glider.
         starts: (B, n) launches.
         noise: standard deviation of a measured position [m]; the angles' are in
-            proportion, as in CAPTURE_STD.
+            proportion, as in CAPTURE.std.
         unknown: from 0 to 1. The filter starts with this share of the launch's
             deviation from the plan unknown: at 0 from the launch itself, at 1 from
             the plan's. Its covariance is that of launches uniform in the inlet,
@@ -160,14 +159,14 @@ def fly_estimated(
             f"fly_estimated: the noise is {noise} m and the unknown share {unknown}; "
             "a positive number and one from 0 to 1 are needed."
         )
-    std = np.array(CAPTURE_STD) * (noise / CAPTURE_STD[0])
-    rate = TICKS * CAPTURE_RATE
+    std = CAPTURE.std * (noise / CAPTURE.position)
+    rate = TICKS * CAPTURE.rate
     model = funnel.nominal.model
     ekf = make_ekf(model, rate=rate, process=PROCESS, noise=std**2)
     steps = TICKS * draws.shape[1]
-    offset, gain = sample_policy(funnel_policy(funnel), np.arange(steps) / rate)
-    limits = (*model.parameters.elevator_limits, model.parameters.elevator_rate_limit)
+    offset, gain = funnel_policy(funnel).sample(np.arange(steps) / rate)
 
+    servo = model.parameters.servo
     batch, n = starts.shape
     states = np.empty((steps + 1, batch, n))
     means = np.empty((steps + 1, batch, n))
@@ -182,7 +181,7 @@ def fly_estimated(
         states[k + 1] = flown.states[:, 1]
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
-        rates = _limited_rates(command, means[k, :, _ELEVATOR], *limits)
+        rates = _limited_rates(command, means[k, :, _ELEVATOR], servo=servo)
         means[k + 1], covariances = _filter(
             ekf, k / rate, means[k], covariances, rates, measured[k]
         )
@@ -213,20 +212,15 @@ def _filter(
     measured: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Advances B beliefs, (B, n) and (B, n, n), by one prediction and its sample."""
-    batch, n = mean.shape
-    rows = measured.shape[-1]
-    means, covariances = np.empty((batch, 2, n)), np.empty((batch, 2, n, n))
-    means[:, 0], covariances[:, 0] = mean, covariance
-    ekf.kernel.ekf_run(
-        *ekf.loop_arguments(time),
+    means, covariances, *_ = filter_flights(
+        ekf.model,
+        time,
+        ekf.z,
+        ekf.estimated,
+        ekf.clock,
         ekf.process * ekf.period,
         ekf.noise,
-        rates[:, None, None],
-        measured,
-        means,
-        covariances,
-        np.empty((batch, 1, rows)),
-        np.empty((batch, 1, rows, rows)),
-        np.empty((batch, 1)),
+        (rates[:, None, None], measured),
+        (mean, covariance),
     )
     return means[:, 1], covariances[:, 1]

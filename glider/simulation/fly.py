@@ -1,26 +1,17 @@
-"""Many flights under one tracking feedback, by compiled code."""
+"""One way to fly: many launches of a glider under a policy, by compiled code."""
 
 import dataclasses
 import math
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
-from glider.compiled.kernel import compiled
-from glider.control.policy import (
-    TrackingPolicy,
-    aligned_count,
-    sample_policy,
-)
+from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.physics.parameters import parameter_vector
-from glider.physics.state import NUM_STATES
-from glider.simulation.miss import PERCH_RADIUS
-from glider.systems.plant import (
-    GliderPlant,
-    initial_state,
-)
+from glider.physics.servo import Servo, limited_rate
+from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.simulation.flights import Flights
 
 STEP = 0.002
 """Longest Runge-Kutta step [s]."""
@@ -29,27 +20,25 @@ AFTER = 0.1
 """How long a flight goes on after the plan's end [s]: a glider that comes late
 passes the wire later. The plan ends at 0.9 m/s forward and 2 m/s down."""
 
+_ELEVATOR = STATE_NAMES.index("elevator")
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Flights:
-    """What became of some launches."""
 
-    times: np.ndarray
-    """(N + 1,) of the steps [s]."""
-
-    miss: np.ndarray
-    """(B,) least distance of the center of mass from the wire [m]."""
-
-    ends: np.ndarray
-    """(B, n) the last states."""
-
-    paths: np.ndarray | None = None
-    """(B, N + 1, n) all states, if they were asked for."""
+class Policy(Protocol):
+    """What tells the elevator's rate from the time and the state."""
 
     @property
-    def perched(self) -> np.ndarray:
-        """(B,) whether the wire was within reach."""
-        return self.miss < PERCH_RADIUS
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states that are fed back, the glider's first ones."""
+
+    @property
+    def duration(self) -> float:
+        """Time until the plan's end [s]."""
+
+    def count(self, step: float) -> int:
+        """Returns how many equal steps, none longer, the plan divides into."""
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns u = offset - gain x: offset (J,) [rad/s] and gain (J, m) at times."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,7 +61,7 @@ class Clock:
 
 
 def make_clock(
-    policy: TrackingPolicy,
+    policy: Policy,
     command_rate: float | None = None,
     step: float = STEP,
     after: float = AFTER,
@@ -85,10 +74,10 @@ def make_clock(
         step: longest step [s].
         after: how long the flight goes on after the plan [s].
     """
-    duration = policy.plan.duration
+    duration = policy.duration
     if not (math.isfinite(after) and after >= 0.0):
         raise InputError(f"'after' is {after} s; a number not negative is needed.")
-    count = aligned_count(policy.plan, step)
+    count = policy.count(step)
     if command_rate is None:
         step = duration / count
         return Clock(step=step, steps=count + math.ceil(after / step), hold=0)
@@ -104,9 +93,9 @@ def check_command_rate(rate: float) -> None:
         raise InputError(f"The command rate is {rate} Hz; a positive number is needed.")
 
 
-def fly_closed_loop(
+def fly(
     model: GliderModel,
-    policy: TrackingPolicy,
+    policy: Policy,
     starts: np.ndarray,
     *,
     wire: tuple[float, float] = (0.0, 0.0),
@@ -116,7 +105,7 @@ def fly_closed_loop(
     after: float = AFTER,
     keep_paths: bool = False,
 ) -> Flights:
-    """Flies launches of one glider under a feedback, servo limits included.
+    """Flies launches of one glider under a policy, servo limits included.
 
     The same loop as `diagrams.closed_loop`, by Runge-Kutta at fixed steps.
 
@@ -134,24 +123,24 @@ def fly_closed_loop(
             m states and `make_clock(...).commands` commands.
         step: longest step [s].
         after: how long the flights go on after the plan [s].
-        keep_paths: whether to return all states.
+        keep_paths: whether to return all states, and what the servo made of held
+            commands.
 
     Raises:
         InputError: what is given does not fit together.
     """
-    plant = GliderPlant(model)
-    known = policy.plan.state_names
-    if plant.state_names[: len(known)] != tuple(known):
+    known = policy.state_names
+    if model.state_names[: len(known)] != tuple(known):
         raise InputError(
             f"The policy feeds back {', '.join(known)}, but the glider has the states "
-            f"{', '.join(plant.state_names)}; diagrams.closed_loop with its observer "
+            f"{', '.join(model.state_names)}; diagrams.closed_loop with its observer "
             "is needed."
         )
     clock = make_clock(policy, command_rate, step, after)
-    starts = full_starts(plant, starts)
-    batch, n = starts.shape
-    shape = (batch, clock.commands, len(known))
-    noise = np.empty((batch, 0, len(known))) if noise is None else np.asarray(noise)
+    starts = full_starts(model, starts)
+    shape = (len(starts), clock.commands, len(known))
+    noise = np.empty((len(starts), 0, len(known))) if noise is None else noise
+    noise = np.asarray(noise, dtype=float)
     if noise.shape[1] > 0 and (clock.hold == 0 or noise.shape != shape):
         raise InputError(
             f"The noise has shape {noise.shape}; "
@@ -161,35 +150,40 @@ def fly_closed_loop(
         sampled = np.arange(clock.commands) * clock.hold * clock.step
     else:
         sampled = np.arange(2 * clock.steps + 1) * 0.5 * clock.step
-    offset, gain = sample_policy(policy, sampled)
-    miss = np.empty(batch)
-    states = np.empty((batch, clock.steps + 1 if keep_paths else 1, n))
-    drawing = plant.model.parameters
-    compiled(plant.kinds, plant.model.field is not None).guided(
+    offset, gain = policy.sample(sampled)
+    miss, states = fly_feedback(
+        model,
         starts,
         clock.steps,
         clock.step,
-        np.ascontiguousarray(offset),
-        np.ascontiguousarray(gain),
-        clock.hold,
-        np.ascontiguousarray(noise, dtype=float),
-        np.array([*drawing.elevator_limits, drawing.elevator_rate_limit]),
-        np.array(wire, dtype=float),
-        parameter_vector(drawing),
-        plant.model.coefficients,
-        plant.model.residual_field,
-        miss,
-        states,
+        Feedback(offset=offset, gain=gain, hold=clock.hold, noise=noise),
+        wire=wire,
+        keep_paths=keep_paths,
     )
+    commands = None
+    if keep_paths and clock.hold:
+        begins = states[:, : -1 : clock.hold]
+        seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
+        wanted = offset - np.sum(gain * seen, axis=2)
+        commands = _limited(wanted, begins[:, :, _ELEVATOR], model.parameters.servo)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=miss,
         ends=states[:, -1].copy(),
         paths=states if keep_paths else None,
+        command_times=sampled if clock.hold else None,
+        commands=commands,
     )
 
 
-def full_starts(plant: Any, starts: np.ndarray) -> np.ndarray:
+def _limited(wanted: np.ndarray, elevator: np.ndarray, servo: Servo) -> np.ndarray:
+    """Returns what a servo makes of commands, elementwise."""
+    pairs = zip(wanted.ravel(), elevator.ravel(), strict=True)
+    rates = [limited_rate(command, angle, servo) for command, angle in pairs]
+    return np.array(rates).reshape(wanted.shape)
+
+
+def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:
     """Returns launch states (B, n); given (B, 7), the effects' own are at rest."""
     starts = np.array(starts, dtype=float)
     if starts.ndim != 2 or not len(starts) or not np.all(np.isfinite(starts)):
@@ -197,4 +191,4 @@ def full_starts(plant: Any, starts: np.ndarray) -> np.ndarray:
             f"The launches have shape {starts.shape}; (B, {NUM_STATES}) finite "
             "numbers are needed."
         )
-    return np.ascontiguousarray(initial_state(plant, starts.T).T)
+    return np.ascontiguousarray(model.initial_state(starts.T).T)

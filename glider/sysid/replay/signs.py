@@ -1,0 +1,72 @@
+"""Angles that are logged with the other sign, and logs with them turned back."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.logs import (
+    Campaign,
+    Flight,
+)
+from glider.physics.effects import ANGLE_SIGN, Effect
+from glider.physics.model import GliderModel
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Signs:
+    """The signs of the logged pitch, elevator and command, and how sure they are.
+
+    Attributes:
+        pitch: +1, or -1 where the log has the other sign.
+        elevator: alike.
+        command: alike.
+        evidence: log-likelihood gained by them [nats].
+        share: of the error that they take away.
+    """
+
+    pitch: int = 1
+    elevator: int = 1
+    command: int = 1
+    evidence: float = 0.0
+    share: float = 0.0
+
+    @property
+    def are_right(self) -> bool:
+        """Whether nothing is to be turned."""
+        return (self.pitch, self.elevator, self.command) == (1, 1, 1)
+
+
+def turn(flight: Flight, signs: Signs) -> Flight:
+    """Returns the flight with wrong signs undone."""
+    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
+    if flight.elevator is None or flight.command is None:
+        return dataclasses.replace(flight, pose=pose)
+    return dataclasses.replace(
+        flight,
+        pose=pose,
+        elevator=flight.elevator * signs.elevator,
+        command=flight.command * signs.command,
+    )
+
+
+def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
+    """Returns the campaign with wrong signs undone."""
+    flights = tuple(turn(f, signs) for f in campaign.flights)
+    return dataclasses.replace(campaign, flights=flights)
+
+
+def signs_of(model: GliderModel) -> Signs:
+    """Returns the signs that a model says its logs have."""
+    for effect in model.effects:
+        if effect.kind.stage == "log":
+            return Signs(**{name: round(v) for name, v in effect.to_dict().items()})
+    return Signs()
+
+
+def sign_effect(signs: Signs) -> Effect:
+    """Returns the signs as an effect of a model."""
+    return ANGLE_SIGN(
+        pitch=float(signs.pitch),
+        elevator=float(signs.elevator),
+        command=float(signs.command),
+    )

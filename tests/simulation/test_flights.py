@@ -1,0 +1,73 @@
+"""One flight is taken out of many with the rates that its commands made."""
+
+import numpy as np
+import pytest
+
+from glider.physics.servo import limited_rate
+from glider.simulation.fly import fly
+from glider.simulation.miss import PERCH_RADIUS
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from tests.helpers.flights import DRAWING, PROBLEM, draw_noise, policy
+
+STARTS = draw_launches(
+    PROBLEM,
+    LaunchSpread(height=0.3, speed=0.5, pitch=0.15),
+    4,
+    np.random.default_rng(0),
+)
+
+
+def fly_with_paths(**options):
+    return fly(DRAWING, policy(), STARTS, keep_paths=True, **options)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
+    """The rate is what moves the elevator, but where a stop slows it down."""
+    commands = fly_with_paths(command_rate=50.0).commands.shape[1]
+    noise = draw_noise(len(STARTS), commands) if noisy else None
+    flights = fly_with_paths(command_rate=50.0, noise=noise)
+    assert len(flights) == 4
+    servo = DRAWING.parameters.servo
+    for b in range(4):
+        flight = flights.flight(b)
+        np.testing.assert_array_equal(flight.states, flights.paths[b])
+        np.testing.assert_array_equal(flight.times, flights.times)
+        assert flight.miss == flights.miss[b]
+        assert flight.perched == flights.perched[b] == (flight.miss < PERCH_RADIUS)
+        assert flight.rates.shape == flight.times.shape
+        assert np.max(np.abs(flight.rates)) <= servo.rate
+        elevator = flight.states[:, 3]
+        begins = flights.command_times[flights.command_times < flight.times[-1] - 1e-9]
+        for begin in begins:
+            during = np.flatnonzero(np.abs(flight.times - begin - 0.01) < 0.0101)
+            np.testing.assert_array_equal(
+                flight.rates[during[:-1]], flight.rates[during[0]]
+            )
+        moved = np.diff(elevator) / np.diff(flight.times)
+        room = np.minimum(servo.high - elevator, elevator - servo.low)[:-1]
+        free = room > 0.1
+        assert np.mean(free) > 0.5
+        np.testing.assert_allclose(moved[free], flight.rates[:-1][free], atol=1e-9)
+
+
+def test_commands_are_those_of_the_policy_after_the_servos_limits():
+    flights = fly_with_paths(command_rate=50.0)
+    offset, gain = policy().sample(flights.command_times)
+    hold = round(0.02 / flights.times[1])
+    begins = flights.paths[:, :-1:hold]
+    wanted = offset - np.sum(gain * begins, axis=2)
+    servo = DRAWING.parameters.servo
+    limited = np.vectorize(limited_rate, excluded=["servo"])(
+        wanted, begins[:, :, 3], servo=servo
+    )
+    np.testing.assert_allclose(flights.commands, limited, atol=1e-12)
+    assert np.any(np.abs(wanted) > servo.rate)  # The limit was at work.
+
+
+def test_a_flight_without_a_path_or_a_held_command_is_refused():
+    many = fly(DRAWING, policy(), STARTS, command_rate=50.0)
+    assert many.paths is None and many.commands is None
+    for flights in (many, fly_with_paths()):
+        with pytest.raises(ValueError, match="paths and held commands"):
+            flights.flight(0)
