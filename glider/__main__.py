@@ -37,8 +37,9 @@ Checks the certificate of a funnel: at each of its times, in exact arithmetic, t
 deviation leaves it, that the servo stays within its limits, and that it ends in the
 goal. Needs no solver and no plan: all is in the file, the glider too.
 
-The certificate is of third-order polynomials and bears a remainder beside them. With
---prove, the true one is proven to be no larger, at the same times.
+The certificate is of the third-order Taylor polynomials of the dynamics, with a bound
+of their remainder. With --prove, the remainder is proven to be within that bound, at
+the same times.
 
 exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
@@ -130,14 +131,16 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         type=int,
         default=1,
-        help="check every so many times only (default: all)",
+        help="check every N-th time only, and the last (default: all)",
     )
     check.add_argument(
         "--prove",
         action="store_true",
-        help="prove the remainder of the Taylor polynomials too; takes minutes",
+        help="prove the bound of the Taylor remainder too; takes minutes",
     )
-    check.add_argument("--json", action="store_true", help="print JSON instead")
+    check.add_argument(
+        "--json", action="store_true", help="print JSON instead of sentences"
+    )
     check.set_defaults(run=_check_funnel)
     return parser
 
@@ -156,10 +159,6 @@ def _close_the_loop(args: argparse.Namespace) -> int:
         raise InputError(f"--out {folder}: is a file; a folder is needed.")
     progress_console = Console(stderr=True)
     with progress_console.status("starting") as status:
-        # These take a second to import: not before --help.
-        from glider.report.folder import write_report
-        from glider.report.json_report import to_json
-        from glider.report.terminal import print_summary
         from glider.sysid.pipeline import close_the_loop
 
         result = close_the_loop(
@@ -172,6 +171,11 @@ def _close_the_loop(args: argparse.Namespace) -> int:
             progress=lambda text: status.update(f"{text} ..."),
         )
         status.update("writing the report ...")
+        # Matplotlib takes half a second to import: not before the input is read.
+        from glider.report.folder import write_report
+        from glider.report.json_report import to_json
+        from glider.report.terminal import print_summary
+
         write_report(result, folder)
     if args.json:
         print(json.dumps(to_json(result), indent=2))
@@ -184,12 +188,17 @@ def _close_the_loop(args: argparse.Namespace) -> int:
 def _check_funnel(args: argparse.Namespace) -> int:
     import dataclasses
 
-    from rich.console import Console
-    from rich.progress import Progress
+    from glider.verification.funnel.file import read_file
 
     if args.every < 1:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
-    from glider.verification.funnel.funnel import load_funnel
+    file = read_file(args.funnel)
+
+    # These take a second to import: not before it is known that there is a funnel.
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.remainder_proof import (
         describe_proof,
@@ -197,7 +206,7 @@ def _check_funnel(args: argparse.Namespace) -> int:
         remainder_status,
     )
 
-    funnel = load_funnel(args.funnel)
+    funnel = funnel_of(file, args.funnel)
     proof = None
     with Progress(transient=True, console=Console(stderr=True)) as bar:
 
@@ -225,9 +234,9 @@ def _check_funnel(args: argparse.Namespace) -> int:
         print(fault)
     if verdict.holds:
         print(
-            f"The certificate holds: at all {verdict.times} times, exactly, V falls by "
-            f"at least {verdict.slack:.2g} of itself a second on the boundary; between "
-            f"them, in floating point, by {-verdict.between:.2g}."
+            f"The certificate holds: on the boundary, at all {verdict.times} times, "
+            f"exactly, V̇/V <= {-verdict.slack:.2g} 1/s; between them, in floating "
+            f"point, V̇/V <= {verdict.between:.2g} 1/s."
         )
     else:
         print(f"The certificate does not hold: {len(verdict.faults)} faults.")

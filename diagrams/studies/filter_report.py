@@ -1,4 +1,4 @@
-"""What flights tell a filter of two numbers: in figures, in words, as a picture."""
+"""A report of what flights tell a filter of two numbers: figures, words, a picture."""
 
 import dataclasses
 from pathlib import Path
@@ -21,15 +21,15 @@ from glider.studies.plots.knowledge import (
 )
 
 PERCHES = 200
-"""Over which NEES and NIS of the filter that perches are taken."""
+"""Number of perches that NEES and NIS of the filter that perches are taken over."""
 
 TRUSTED = f"motion capture at 120 Hz with 1 mm of noise, over {PERCHES} perches"
-"""Of which filter they are."""
+"""Description of that filter, and of the perches."""
 
 LABELS = ("wing offset l_w [m]", "elevator area S_e [m²]")
 
 SHOWN = 1.0
-"""Of each flight in the picture [s]; afterwards a cruise tells little more."""
+"""Time of each flight in the picture [s]; afterwards a cruise tells little more."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,22 +37,22 @@ class FilterReport:
     """Flights that were watched, by name, and the filter that perches."""
 
     plan: Plan
-    """Of the perches."""
+    """Plan of the perches."""
 
     drifting: dict[str, Watched]
-    """By the article's filter, which lets the numbers drift."""
+    """Flights watched by the article's filter, which lets the numbers drift."""
 
     constant: list[dict[str, Watched]]
-    """By one that takes them for constants: the same flights, with other noise."""
+    """The same, with other noise, by one that takes the numbers for constants."""
 
     settled: np.ndarray
-    """(K + 1, 2) least deviations in a settled cruise."""
+    """Least deviations in a settled cruise, (K + 1, 2)."""
 
     consistency: Consistency
-    """Of the filter that perches, over PERCHES perches."""
+    """Consistency of the filter that perches, over PERCHES perches."""
 
     flown: EstimatedPerches
-    """The launches with that filter's estimate, and without."""
+    """Launches with that filter's estimate, and without."""
 
     @property
     def end(self) -> int:
@@ -61,7 +61,7 @@ class FilterReport:
 
     @property
     def least(self) -> dict[str, np.ndarray]:
-        """(2,) least deviations then, by flight."""
+        """Least deviations (2,) then, by flight."""
         bounds = {name: watched.bound for name, watched in self.constant[0].items()}
         bounds["settled cruise"] = self.settled
         return {name: bound[self.end] for name, bound in bounds.items()}

@@ -1,4 +1,4 @@
-"""What a funnel bears of an estimate: in numbers, in words, as a picture."""
+"""A report of the estimation error that a funnel bears: numbers, words, a picture."""
 
 from collections.abc import Sequence
 from itertools import groupby

@@ -1,4 +1,4 @@
-"""What funnels promise and keep, in numbers and in words."""
+"""A report of what funnels promise and keep, in numbers and in words."""
 
 import numpy as np
 
@@ -20,14 +20,15 @@ from glider.verification.proof.remainder_proof import (
 def key_figures(found: FunnelComparison) -> dict[str, object]:
     """Returns the drawing's figures, those of the corrected model, and of the flights.
 
-    Escapes of the true glider are null where its states are not the funnel's.
+    The keys are read by other programs. Escapes of the true glider are null where its
+    states are not the funnel's.
     """
     figures = figures_of(found.drawn)
     figures["corrected"] = figures_of(found.corrected)
     for name, study in found.studies.items():
-        attack = study.on_truth
-        figures[f"{name}_on_truth_escapes"] = attack and attack.escapes
-        figures[f"{name}_on_truth_samples"] = attack and attack.samples
+        flown = study.on_truth
+        figures[f"{name}_on_truth_escapes"] = flown and flown.escapes
+        figures[f"{name}_on_truth_samples"] = flown and flown.samples
     if found.estimated:
         figures["estimate"] = estimate_figures(found.estimated)
     return figures
@@ -35,6 +36,8 @@ def key_figures(found: FunnelComparison) -> dict[str, object]:
 
 def figures_of(study: FunnelStudy) -> dict[str, object]:
     """Returns the key figures of a funnel: inlet, check, escapes, proof of remainder.
+
+    The keys are read by other programs.
 
     The inlet is given by the half-widths of its slices: how far one state alone may
     deviate at the launch.
@@ -50,9 +53,9 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
             "zdot": float(widths["zdot"]),
         },
         "seconds": funnel.seconds,
-        "samples": study.attack.samples,
-        "escapes": study.attack.escapes,
-        "largest_end": float(study.attack.ends.max()),
+        "samples": study.falsification.samples,
+        "escapes": study.falsification.escapes,
+        "largest_end": float(study.falsification.ends.max()),
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
         "states": list(funnel.nominal.state_names),
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
@@ -84,20 +87,20 @@ def describe(found: FunnelComparison, truth: str) -> str:
 
 def _describe(name: str, study: FunnelStudy) -> str:
     widths = dict(zip(STATE_NAMES, study.funnel.half_widths(), strict=False))
-    verdict, attack, proof = study.verdict, study.attack, study.proof
+    verdict, flown, proof = study.verdict, study.falsification, study.proof
     checked = "holds" if verdict.holds else "DOES NOT HOLD"
     return (
         f"{name}: a launch may err by {100 * widths['z']:.1f} cm in height, "
         f"{np.degrees(widths['pitch']):.1f}° in pitch or {widths['xdot']:.2f} m/s in "
         f"speed ({study.funnel.seconds:.0f} s; remainder: "
         f"{remainder_status(study.funnel, proof)}).\n"
-        f"  Its certificate {checked} at {verdict.times} times; {attack.escapes} of "
-        f"{attack.samples} flights from its boundary leave it."
+        f"  Its certificate {checked} at {verdict.times} times; {flown.escapes} of "
+        f"{flown.samples} flights from its boundary leave it."
         + (f"\n  {describe_proof(study.funnel, proof)}" if proof else "")
     )
 
 
 def _words(study: FunnelStudy) -> str:
-    if attack := study.on_truth:
-        return f"{attack.escapes} of {attack.samples} flights leave it"
+    if flown := study.on_truth:
+        return f"{flown.escapes} of {flown.samples} flights leave it"
     return "it has no meaning: their states differ"

@@ -1,4 +1,4 @@
-"""A funnel in Meshcat: a tube round the flight."""
+"""A scene of a funnel in Meshcat: a tube round the flight."""
 
 import argparse
 
@@ -19,7 +19,7 @@ from diagrams.studies.funnel_study import FunnelStudy
 from glider.verification.funnel.funnel import Funnel
 
 RINGS, SIDES = 90, 24
-"""Of the mesh: along the flight and round it."""
+"""Numbers of vertices of the mesh, along the flight and round it."""
 
 
 def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -45,10 +45,10 @@ def draw_tube(
     """Draws the positions that a funnel allows as a tube of revolution.
 
     Args:
-        meshcat: where.
-        funnel: what.
-        name: path in Meshcat.
-        color: red, green, blue, opacity.
+        meshcat: where to draw.
+        funnel: the funnel.
+        name: its path in Meshcat.
+        color: red, green, blue, opacity, each from 0 to 1.
     """
     nominal = funnel.nominal
     times = np.linspace(nominal.times[0], nominal.times[-1], RINGS)

@@ -1,4 +1,4 @@
-"""Funnels made or loaded, checked, attacked, flown in: one glider's, and two."""
+"""A study of funnels made or loaded, checked, tried by flights: one, and two."""
 
 import dataclasses
 from pathlib import Path
@@ -28,15 +28,15 @@ from glider.verification.proof.remainder_proof import (
     prove_remainder,
 )
 from glider.verification.sos.solving import SolverError
-from glider.verification.trials.attack import (
-    Attack,
-    attack_funnel,
-    fly_inside,
-)
 from glider.verification.trials.estimated import EstimatedFlights
+from glider.verification.trials.falsify import (
+    Falsification,
+    falsify_funnel,
+)
+from glider.verification.trials.flights import fly_inside
 
 SHOWN = 40
-"""Flights from inside that are kept to look at."""
+"""Number of flights from inside that are kept to look at."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,38 +44,38 @@ class FunnelTrials:
     """How funnels are made and tried."""
 
     settings: FunnelSettings = FunnelSettings()
-    """Of a funnel that is made."""
+    """Settings of a funnel that is made."""
 
     samples: int = 8000
-    """Flights from its boundary, before the climb."""
+    """Number of flights from a boundary, before the climb."""
 
     every: int = 1
-    """The certificate is checked at every so many times."""
+    """Step between the times at which a certificate is checked."""
 
     prove: bool = False
-    """Whether its remainder is proved too, where it bears one."""
+    """Whether the remainder is proved too, where a funnel bears one."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelStudy:
-    """A funnel and what became of it."""
+    """A funnel and what was found of it."""
 
     funnel: Funnel
-    """The funnel."""
+    """Funnel that was made or loaded."""
 
     verdict: Verdict
-    """Of the check in whole numbers."""
+    """Outcome of the check in whole numbers."""
 
-    attack: Attack
+    falsification: Falsification
     """Flights of its own glider from its boundary."""
 
     proof: RemainderProof | None
-    """Of its remainder, where asked for."""
+    """Proof of its remainder, where asked for."""
 
     flights: np.ndarray
-    """(SHOWN, T, n) paths of launches from inside."""
+    """Paths (SHOWN, T, n) of launches from inside."""
 
-    on_truth: Attack | None
+    on_truth: Falsification | None
     """Flights of the true glider; None where their states differ."""
 
 
@@ -84,17 +84,17 @@ class FunnelComparison:
     """The funnel of a drawing, and that of the model which its flights' logs show."""
 
     drawn: FunnelStudy
-    """Of the drawing."""
+    """Funnel of the drawing."""
 
     corrected: FunnelStudy
-    """Of the model that was found."""
+    """Funnel of the model that was found."""
 
     estimated: list[EstimatedFlights]
-    """The drawing's, flown on an estimate; none where not asked for."""
+    """Flights in the first on an estimate; none where not asked for."""
 
     @property
     def studies(self) -> dict[str, FunnelStudy]:
-        """Both, by name."""
+        """Both studies, by name."""
         return {"drawn": self.drawn, "corrected": self.corrected}
 
 
@@ -122,7 +122,7 @@ def study_funnel(
     rng: np.random.Generator,
     progress: Progress,
 ) -> FunnelStudy:
-    """Makes a funnel for a model or loads one from a file, and tries it.
+    """Makes a funnel for a model or loads one from a file, checks it and tries it.
 
     Args:
         source: the model, or a file of a funnel.
@@ -137,8 +137,8 @@ def study_funnel(
         funnel = certify_perch(source, trials.settings, progress)
     progress("checking the certificate in whole numbers")
     verdict = check_funnel(funnel, trials.every)
-    progress("trying to break the funnel")
-    attack = attack_funnel(funnel, trials.samples, rng)
+    progress("trying to falsify the funnel by flights")
+    falsification = falsify_funnel(funnel, trials.samples, rng)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
         proof = prove_remainder(
@@ -149,13 +149,13 @@ def study_funnel(
     flights = fly_inside(funnel, SHOWN, rng)
     progress("the funnel, flown by the true glider")
     try:
-        on_truth = attack_funnel(funnel, trials.samples, rng, model=truth)
+        on_truth = falsify_funnel(funnel, trials.samples, rng, model=truth)
     except InputError:  # The funnel's model has states that the true glider lacks.
         on_truth = None
     return FunnelStudy(
         funnel=funnel,
         verdict=verdict,
-        attack=attack,
+        falsification=falsification,
         proof=proof,
         flights=flights,
         on_truth=on_truth,

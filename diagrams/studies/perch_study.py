@@ -1,4 +1,4 @@
-"""A plan, its replay without feedback, and flights that feedback brings to the wire."""
+"""A study of a perch: the plan, its replay without feedback, flights with feedback."""
 
 import dataclasses
 
@@ -13,16 +13,16 @@ class PerchStudy:
     """A plan and what came of it."""
 
     plan: Plan
-    """What was flown."""
+    """Plan that was flown."""
 
     replayed: FlownFlight
-    """Its commands without feedback, from the launch that was planned."""
+    """Flight of its commands without feedback, from the launch that was planned."""
 
     blind: list[FlownFlight]
-    """The same from launches that err."""
+    """Flights of the same from launches that err."""
 
     flights: list[FlownFlight]
-    """From those launches, with feedback."""
+    """Flights from those launches, with feedback."""
 
     @property
     def misses(self) -> list[float]:
@@ -31,7 +31,7 @@ class PerchStudy:
 
     @property
     def perched(self) -> int:
-        """How many flights with feedback came within reach of the wire."""
+        """Number of flights with feedback that came within reach of the wire."""
         return sum(flight.perched for flight in self.flights)
 
     @property

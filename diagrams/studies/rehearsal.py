@@ -83,16 +83,16 @@ class Correction:
     """What closing the loop is worth: rehearsals before and after."""
 
     truth: GliderModel
-    """The glider that flies."""
+    """Glider that flies."""
 
     before: Rehearsal
-    """With its drawing for a model."""
+    """Rehearsal with its drawing for a model."""
 
     found: Result
-    """What the logs of those flights show."""
+    """Findings in the logs of those flights."""
 
     after: Rehearsal
-    """With the model that was found."""
+    """Rehearsal with the model that was found."""
 
     def key_figures(self) -> dict[str, object]:
         """Returns effects, misses and successes, for a file."""

@@ -22,8 +22,9 @@ from pathlib import Path
 
 import numba
 import numpy as np
+from numba.extending import register_jitable
 
-from glider.compiled import constants, runge_kutta
+from glider.compiled import constants, runge_kutta, trigonometry
 from glider.errors import InputError
 from glider.physics import (
     aerodynamics,
@@ -31,10 +32,10 @@ from glider.physics import (
     numbers,
     parameters,
     servo,
-    trigonometry,
 )
 from glider.physics.compose import formulas, source
 from glider.physics.effects import EffectKind, effect, field
+from glider.physics.formulas import tell_compiler
 
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 """Liberties that the compiler may take with rounding; NaN and infinity stay."""
@@ -65,6 +66,12 @@ from glider.physics.servo import limited_rate, rate_bounds
 """
 
 _COMPILING = threading.RLock()
+
+tell_compiler(register_jitable)
+
+
+machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
+"""Compiles a function of arrays that has no physics in it, and keeps it on disk."""
 
 
 class UncompilableError(InputError):

@@ -6,7 +6,8 @@ exp, tanh, arctan; no branch on a value, no abs or atan2.
 """
 
 import numpy as np
-from numba.extending import register_jitable as scalar
+
+from glider.physics.formulas import scalar
 
 SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at

@@ -13,15 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from glider.errors import (
-    MISPLACED,
-    InputError,
-    one_line,
-)
+from glider.errors import InputError
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.effects import (
     FIELD_VARIABLES,
@@ -41,6 +35,10 @@ from glider.physics.parameters import (
     check_parameters,
 )
 from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.physics.typed_yaml import (
+    load_typed,
+    save_typed,
+)
 
 _TIME = FIELD_VARIABLES.index("t")
 
@@ -163,7 +161,7 @@ class _ModelFile:
     field: FieldData | None = None
 
 
-def save_model(path: Path, model: GliderModel) -> None:
+def save_model(path: Path | str, model: GliderModel) -> None:
     """Writes a model; `load_model` gives it back unchanged."""
     data = _ModelFile(
         parameters=model.parameters,
@@ -173,10 +171,10 @@ def save_model(path: Path, model: GliderModel) -> None:
         ],
         field=model.field,
     )
-    yaml_dump_typed(data, filename=str(path), schema=_ModelFile)
+    save_typed(_ModelFile, path, data)
 
 
-def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
+def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
     """Loads a model; anything unknown in the file is an InputError.
 
     Args:
@@ -184,10 +182,7 @@ def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderMode
         own_effects: kinds that the library lacks and the file may name.
     """
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
-    try:
-        data = yaml_load_typed(schema=_ModelFile, filename=str(path))
-    except (OSError, yaml.YAMLError, *MISPLACED) as error:
-        raise InputError(f"{path}: not a glider model: {one_line(error)}") from None
+    data = load_typed(_ModelFile, path, "a glider model")
     check_parameters(dataclasses.asdict(data.parameters), source=str(path))
     effects: list[Effect] = []
     for entry in data.effects:
@@ -210,3 +205,19 @@ def load_model(path: Path, own_effects: Sequence[EffectKind] = ()) -> GliderMode
     return GliderModel(
         parameters=data.parameters, effects=tuple(effects), field=data.field
     )
+
+
+def as_model(model: GliderModel | Path | str) -> GliderModel:
+    """Returns a model as it is, or loaded where the path of its file is given.
+
+    Raises:
+        InputError: it is neither, or the file holds no model.
+    """
+    if isinstance(model, (str, Path)):
+        return load_model(model)
+    if not isinstance(model, GliderModel):
+        raise InputError(
+            f"a glider model: found {type(model).__name__}; a GliderModel or the "
+            "path of its file is needed."
+        )
+    return model

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yaml
-from pydrake.common.yaml import yaml_load_typed
 
 from glider.errors import InputError
 from glider.physics.servo import Servo
+from glider.physics.typed_yaml import load_typed
 
 
 class Parameters(NamedTuple):
@@ -33,7 +33,7 @@ PARAMETER_NAMES = Parameters._fields
 NUM_PARAMETERS = len(PARAMETER_NAMES)
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
 class GliderParameters:
     """A rigid glider: a fixed wing plate and a hinged elevator plate.
 
@@ -139,17 +139,12 @@ def _check_limits(value: object, source: str) -> None:
 
 
 def load_parameters(path: Path) -> GliderParameters:
-    """Loads a vehicle; a misspelt field or a value out of range is an error.
-
-    yaml_load_typed sets the fields after construction, so the values are
-    checked once more here.
-    """
+    """Loads a vehicle; a misspelt field or a value out of range is an error."""
     try:
-        parameters = yaml_load_typed(schema=GliderParameters, filename=str(path))
-    except (RuntimeError, TypeError, ValueError, OSError, yaml.YAMLError) as error:
+        parameters = load_typed(GliderParameters, path, "a vehicle")
+    except InputError:
         _check_known_fields(path)
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not a vehicle: {first}") from None
+        raise
     check_parameters(dataclasses.asdict(parameters), source=str(path))
     return parameters
 

@@ -7,7 +7,7 @@ that hold a command for a step.
 import math
 from typing import NamedTuple
 
-from glider.physics.aerodynamics import scalar
+from glider.physics.formulas import scalar
 
 STOPPING_TIME = 0.005
 """Time constant τ of slowing down before a stop [s]. At 13 rad/s the servo does so

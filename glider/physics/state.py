@@ -6,8 +6,6 @@ elevator is trailing edge up, which pitches the nose up. The angle of attack is
 atan2(-zdot, xdot) - pitch, positive when the nose is above the velocity.
 """
 
-from pydrake.common.containers import namedview
-
 STATE_NAMES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 """Position [m], angles [rad], then their rates [m/s, rad/s]; the elevator's
 rate is the input."""
@@ -16,7 +14,3 @@ POSE_NAMES = ("x", "z", "pitch")
 """What motion capture measures [m, m, rad]."""
 
 NUM_STATES = len(STATE_NAMES)
-
-GliderState = namedview("GliderState", STATE_NAMES)
-"""A view by name; it aliases what it wraps, so read from it, never write
-through a slice of it (that is the first fault of reference-facts)."""

@@ -1,23 +1,9 @@
-"""Sine and cosine that a compiled loop can compute for many gliders at once.
+"""Sine and cosine of any kind of number.
 
-In Python they are NumPy's. In compiled code, the C library's would be two thirds
-of the time of a glider's step and keep the compiler from treating several
-gliders in one instruction; there, real numbers take a series without a branch,
-within 4e-16 of NumPy's (for angles up to 1e6 rad).
+In Python they are NumPy's; in compiled code those of `glider.compiled.trigonometry`.
 """
 
-import math
-
-import numba
 import numpy as np
-from numba.extending import overload
-
-# π in parts, so that subtracting multiples of it rounds only once: the first
-# has few enough digits for its multiples to be exact (Cody and Waite 1980).
-_PI = (3.1415926534682512, 1.2154201012607932e-10, 4.0445324975919012e-21)
-
-_TAYLOR = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(11))
-"""Of sin r / r in r²; at π/2 the next term is 1e-18."""
 
 
 def sin(angle):
@@ -28,50 +14,3 @@ def sin(angle):
 def cos(angle):
     """Cosine of a float, AutoDiffXd, Expression or complex number [rad]."""
     return np.cos(angle)
-
-
-@numba.njit(error_model="numpy", fastmath={"contract"})
-def _signed_sine(angle, turns):
-    """Returns sin(angle - turns π), which lies within ±π/2 of zero."""
-    rest = ((angle - turns * _PI[0]) - turns * _PI[1]) - turns * _PI[2]
-    square = rest * rest
-    total = _TAYLOR[10]
-    for k in range(9, -1, -1):
-        total = total * square + _TAYLOR[k]
-    return rest * total
-
-
-@numba.njit(error_model="numpy")
-def _sign(turns):
-    """Returns (-1)^turns for a whole number of half turns, as a float."""
-    return 1.0 - 2.0 * (turns - 2.0 * np.floor(0.5 * turns))
-
-
-@overload(sin)
-def _compiled_sin(angle):
-    if isinstance(angle, numba.types.Complex):
-        return lambda angle: complex(
-            np.sin(angle.real) * np.cosh(angle.imag),
-            np.cos(angle.real) * np.sinh(angle.imag),
-        )
-
-    def series(angle):
-        turns = np.floor(angle * (1.0 / math.pi) + 0.5)
-        return _sign(turns) * _signed_sine(angle, turns)
-
-    return series
-
-
-@overload(cos)
-def _compiled_cos(angle):
-    if isinstance(angle, numba.types.Complex):
-        return lambda angle: complex(
-            np.cos(angle.real) * np.cosh(angle.imag),
-            -np.sin(angle.real) * np.sinh(angle.imag),
-        )
-
-    def series(angle):
-        turns = np.floor(angle * (1.0 / math.pi))
-        return -_sign(turns) * _signed_sine(angle, turns + 0.5)
-
-    return series

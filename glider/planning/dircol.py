@@ -8,6 +8,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from pydrake.planning import DirectCollocation
@@ -20,7 +21,7 @@ from pydrake.solvers import (
 )
 
 from glider.errors import InputError
-from glider.physics.model import GliderModel
+from glider.physics.model import GliderModel, as_model
 from glider.planning.audit import (
     path_defect,
     segment_drift,
@@ -97,7 +98,7 @@ class PlanningError(RuntimeError):
 
 
 def plan(
-    model: GliderModel,
+    model: GliderModel | Path | str,
     problem: PerchingProblem | None = None,
     knots: Sequence[int] = (25, 41),
     *,
@@ -108,7 +109,8 @@ def plan(
     """Plans a flight of a glider from the launch to the wire.
 
     Args:
-        model: the glider. Effects' own states start at rest in still air.
+        model: the glider, or the path of its file. Effects' own states start at rest
+            in still air.
         problem: what to fly, None for the article's perch; the elevator's limits
             are the vehicle's.
         knots: numbers of knots; each plan is the guess for the next.
@@ -122,6 +124,7 @@ def plan(
     """
     if not knots or min(knots) < 3:
         raise InputError(f"plan: knots is {tuple(knots)}; at least 3 are needed.")
+    model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
     dynamics = Dynamics(model, fast)
     if progress and fast:

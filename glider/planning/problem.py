@@ -5,21 +5,16 @@ import math
 from pathlib import Path
 
 import numpy as np
-import yaml
-from pydrake.common.yaml import yaml_load_typed
 
-from glider.errors import (
-    MISPLACED,
-    InputError,
-    one_line,
-)
+from glider.errors import InputError
 from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
 )
+from glider.physics.typed_yaml import load_typed
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
 class PerchingProblem:
     """Fly from a launch to a wire and arrive slowly, nose up.
 
@@ -166,9 +161,6 @@ def load_problem(path: Path | str) -> PerchingProblem:
 
     A file gives only the fields that differ from the article's problem.
     """
-    try:
-        problem = yaml_load_typed(schema=PerchingProblem, filename=str(path))
-    except (OSError, yaml.YAMLError, *MISPLACED) as error:
-        raise InputError(f"{path}: not a perching problem: {one_line(error)}") from None
+    problem = load_typed(PerchingProblem, path, "a perching problem")
     check_problem(problem, source=str(path))
     return problem

@@ -2,13 +2,14 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import InputError
-from glider.physics.model import GliderModel
+from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import Servo, limited_rate
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.simulation.flights import Flights
@@ -94,7 +95,7 @@ def check_command_rate(rate: float) -> None:
 
 
 def fly(
-    model: GliderModel,
+    model: GliderModel | Path | str,
     policy: Policy,
     starts: np.ndarray,
     *,
@@ -110,8 +111,8 @@ def fly(
     The same loop as `diagrams.closed_loop`, by Runge-Kutta at fixed steps.
 
     Args:
-        model: the glider that is flown; it may have effects that the policy does
-            not know, in still air beyond its own.
+        model: the glider that is flown, or the path of its file; it may have effects
+            that the policy does not know, in still air beyond its own.
         policy: fed with the first states of the glider. A policy whose planner's
             effects have states that the glider lacks needs the observer of
             `diagrams.closed_loop`.
@@ -129,6 +130,7 @@ def fly(
     Raises:
         InputError: what is given does not fit together.
     """
+    model = as_model(model)
     known = policy.state_names
     if model.state_names[: len(known)] != tuple(known):
         raise InputError(

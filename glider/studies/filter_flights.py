@@ -17,7 +17,7 @@ from glider.studies.filter_study import (
 )
 
 FLIGHTS = 20
-"""Over which the NEES of constants is taken."""
+"""Number of flights that the NEES of constants is taken over."""
 
 
 def perching_glider() -> GliderModel:

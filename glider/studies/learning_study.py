@@ -1,4 +1,4 @@
-"""What the loop of learning came to, taught in two ways, beside one who knows."""
+"""A study of the loop of learning: taught in two ways, beside one who knows."""
 
 import dataclasses
 import itertools
@@ -24,14 +24,14 @@ class LearningStudy:
     """Median miss of a planner that knows the truth [m]."""
 
     weights: list[Round]
-    """The model is given 26 weights a coefficient."""
+    """Rounds that give the model 26 weights a coefficient."""
 
     traced: list[Round]
-    """It is given the effects that logs are traced to."""
+    """Rounds that give it the effects that logs are traced to."""
 
     @property
     def launches(self) -> int:
-        """Flights in a round."""
+        """Number of flights in a round."""
         return len(self.weights[0].flights)
 
     def key_figures(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What is a learned residual worth on flights that it has not seen?"""
+"""A study of what a learned residual is worth on flights that it has not seen."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ from glider.sysid.replay.vehicle import (
 from glider.sysid.result import Errors
 
 WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
-"""Of each model, for people."""
+"""Names of the models for people."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -31,19 +31,19 @@ class Searches:
     """What the searches of each method found, and what the first of each drew."""
 
     cost: SequenceCost
-    """What they minimize."""
+    """Cost that they minimize."""
 
     start: np.ndarray
-    """(n,) state at launch."""
+    """State (n,) at launch."""
 
     plans: dict[str, list[Plan]]
-    """Method to its plans, one a seed."""
+    """Plans by method, one a seed."""
 
     drawn: dict[str, dict[int, np.ndarray]]
-    """Method to number of the iteration, from 1, to sequences (B, N) [rad/s]."""
+    """Sequences (B, N) [rad/s] by method and number of the iteration, from 1."""
 
     flights_per_second: float
-    """How many sampled flights one core flies and weighs."""
+    """Number of sampled flights that one core flies and weighs in a second."""
 
     def histories(self) -> dict[str, np.ndarray]:
         """Returns the costs by each method, (seeds, iterations + 1)."""

@@ -11,7 +11,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from glider.compiled.jacobian import differentiate
 from glider.compiled.kernel import UncompilableError
 from glider.physics.chain import NUM_INPUTS
-from glider.physics.model import GliderModel
+from glider.physics.model import GliderModel, as_model
 from glider.physics.numbers import Theta
 from glider.physics.parameters import Parameters
 from glider.physics.state import POSE_NAMES
@@ -39,7 +39,8 @@ def GliderPlant_(T):
                          [             ] -> pose
 
         Args:
-            model: the glider; the default is that of GliderParameters.
+            model: the glider, or the path of its file; the default is that of
+                GliderParameters.
             fast: whether the AutoDiffXd twin takes value and Jacobian from
                 compiled code (about a quarter of the time; the first call
                 compiles, later sessions read it from disk). Where a formula
@@ -62,7 +63,7 @@ def GliderPlant_(T):
         def _construct(self, model=None, fast=True, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("glider")
-            model = GliderModel() if model is None else model
+            model = GliderModel() if model is None else as_model(model)
             parameters = dataclasses.replace(model.parameters)  # A copy, checked.
             self.model = dataclasses.replace(model, parameters=parameters)
             self.fast = fast

@@ -1,8 +1,12 @@
-"""Certificates: funnels about a plan by sums of squares, checked exactly.
+"""Verification: funnels about a plan by sums of squares, checked in whole numbers.
 
-nominal, jets, error_dynamics, between: the one physics, expanded about a flight.
-sphere, forms, programs, solving, grams: sums of squares on a sphere, solved in other
-processes. settings, limits, remainder, shape_flow, descent, ascent, build: a funnel is
-shaped, scaled and certified. exact, check: the certificate, without a solver. attack:
-the attempt to break it. funnel, monitor: what is kept, and used in a diagram.
+A funnel is a tube of states round a flight that the closed loop does not leave.
+dynamics: the physics, expanded about a nominal flight. sos: sums of squares on a
+sphere, and exact arithmetic. funnel: makes funnels, saves and loads them. proof: checks
+one without a solver. trials: tries to falsify one with flights. monitor: a Drake System
+that tells inside from outside.
+
+Shapes in docstrings: T times, n states, M monomials up to order 3, C₃ and C₄ monomials
+of degree 3 and 4 and C of both, E entries of a Gram matrix's lower triangle and s of
+its rows, B points, flights or boxes.
 """

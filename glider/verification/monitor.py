@@ -1,4 +1,4 @@
-"""A funnel in a diagram: is the glider inside, and by how much?"""
+"""A Drake System that watches a funnel: is the glider inside, and by how much?"""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -7,12 +7,13 @@ from glider.verification.funnel.funnel import Funnel
 
 
 class FunnelMonitor(LeafSystem):
-    """Tells where a state is in a funnel.
+    """A monitor of where a state is in a funnel.
 
     state -> [ FunnelMonitor ] -> margin
                                -> inside
 
-    Feed it a plant's state for the truth, or an estimator's for what is believed.
+    Input port:
+        state: (n,) a plant's for the truth, or an estimator's for what is believed.
 
     Output ports:
         margin: 1 - √V: 1 at the nominal flight, 0 at the boundary, negative outside;

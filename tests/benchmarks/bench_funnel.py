@@ -18,7 +18,7 @@ from glider.verification.proof.remainder_proof import (
     prove_remainder,
     remainder_status,
 )
-from glider.verification.trials.attack import attack_funnel
+from glider.verification.trials.falsify import falsify_funnel
 
 EVERY = 5
 """Of the times that the proof looks at."""
@@ -39,7 +39,7 @@ def main():
         began = time.perf_counter()
         proof = prove_remainder(funnel, EVERY) if remainder > 1.0 else None
         proven = time.perf_counter() - began
-        attack = attack_funnel(funnel, 8000, np.random.default_rng(0))
+        attack = falsify_funnel(funnel, 8000, np.random.default_rng(0))
         widths = funnel.half_widths()
         print(
             row.format(

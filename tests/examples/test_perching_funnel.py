@@ -47,8 +47,8 @@ def test_certificates_hold_and_no_flight_leaves(found):
     for study in found.studies.values():
         assert study.verdict.holds
         assert study.proof is not None
-        assert study.attack.samples >= 80
-        assert study.attack.escapes == 0
+        assert study.falsification.samples >= 80
+        assert study.falsification.escapes == 0
         assert study.funnel.half_widths()[1] > 0.05
         levels = study.funnel.level(study.funnel.nominal.times, study.flights)
         assert np.all(levels <= 1.0)
@@ -85,8 +85,8 @@ def test_it_is_told_as_it_is(told, found):
         assert part["certificate_checked"] is True
         assert part["checked_times"] == study.verdict.times
         assert part["faults"] == []
-        assert (part["samples"], part["escapes"]) == (study.attack.samples, 0)
-        assert part["largest_end"] == study.attack.ends.max() <= 1.0
+        assert (part["samples"], part["escapes"]) == (study.falsification.samples, 0)
+        assert part["largest_end"] == study.falsification.ends.max() <= 1.0
         assert part["remainder"].startswith("rigorous until t=0.")
         assert part["remainder_proof"]
         assert part["remainder_inflation"] == study.funnel.settings.remainder

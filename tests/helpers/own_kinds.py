@@ -1,10 +1,10 @@
 """Effects that the library lacks, one a stage, as a user would write them."""
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

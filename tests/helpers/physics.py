@@ -1,6 +1,7 @@
 """What the tests of the physics share: random states, effects at work."""
 
 import numpy as np
+from pydrake.common.containers import namedview
 
 from glider.physics.compose import (
     compose,
@@ -17,7 +18,11 @@ from glider.physics.parameters import (
     GliderParameters,
     Parameters,
 )
-from glider.physics.state import GliderState
+from glider.physics.state import STATE_NAMES
+
+GliderState = namedview("GliderState", STATE_NAMES)
+"""A view by name; it aliases what it wraps, so that writing through a slice of it
+writes into the state (the published notebook's first fault)."""
 
 PARAMETERS = GliderParameters().numbers
 NO_COEFFICIENTS = np.zeros(0)

@@ -16,9 +16,9 @@ from glider.physics.parameters import (
     GliderParameters,
     Parameters,
 )
-from glider.physics.state import GliderState
 from tests.helpers.physics import (
     PARAMETERS,
+    GliderState,
     drawing,
     nose_up_dynamics,
     random_states,

@@ -12,6 +12,7 @@ from glider.physics.effects import (
 )
 from glider.physics.model import (
     GliderModel,
+    as_model,
     load_model,
     save_model,
 )
@@ -88,6 +89,7 @@ def test_the_arrays_of_a_field():
         ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
         ("- 1", "not a glider model"),
+        ("effects: [", "line 2, column 1"),
         ("effects: 3", "not a glider model"),
         ("effects: [wind]", "not a glider model: a value"),
         ("parameters: [1]", "not a glider model: a value"),
@@ -107,5 +109,29 @@ def test_what_is_wrong_is_named(tmp_path, text, words):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.yaml"):
+    with pytest.raises(InputError, match=r"absent\.yaml: .*: No such file"):
         load_model(tmp_path / "absent.yaml")
+
+
+def test_a_path_stands_for_the_model_in_its_file(tmp_path):
+    model, path = GliderModel(effects=(WIND(x=-0.5),)), tmp_path / "model.yaml"
+    save_model(path, model)
+    assert as_model(model) is model
+    assert as_model(path) == model
+    assert as_model(str(path)) == model
+
+
+@pytest.mark.parametrize(
+    ("thing", "found"),
+    [
+        (5, "int"),
+        (None, "NoneType"),
+        (["model.yaml"], "list"),
+        (GliderModel, "type"),
+        (GliderParameters(), "GliderParameters"),
+        (WIND, "EffectKind"),
+    ],
+)
+def test_what_is_neither_a_model_nor_a_path_is_refused(thing, found):
+    with pytest.raises(InputError, match=f"found {found}; a GliderModel or the path"):
+        as_model(thing)

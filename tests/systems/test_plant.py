@@ -1,5 +1,7 @@
 """The plant is the dynamics with ports, in every scalar type and way."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -10,6 +12,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 
 from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
+from glider.paths import models_path
 from glider.physics.compose import compose
 from glider.physics.effects import (
     COMMAND_DELAY,
@@ -49,6 +52,32 @@ def set_up(plant, x, u, wind=None):
     if wind is not None:
         plant.GetInputPort("wind").FixValue(context, wind)
     return context
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_the_path_of_a_model_stands_for_it(tmp_path, kind):
+    model, path = GliderModel(effects=(WIND(x=-0.5),)), tmp_path / "model.yaml"
+    save_model(path, model)
+    plant = GliderPlant(kind(path))
+    assert plant.model == model
+    assert plant.ToAutoDiffXd().model == model
+
+
+@pytest.mark.parametrize(
+    ("thing", "words"),
+    [
+        ("absent.yaml", "absent.yaml: not a glider model: No such file"),
+        (models_path("problems", "perching.yaml"), "perching.yaml: not a glider model"),
+        (models_path(), "not a glider model: Is a directory"),
+        (0.08, "found float; a GliderModel or the path of its file is needed"),
+        (GliderParameters(), "found GliderParameters; a GliderModel or the path"),
+    ],
+)
+def test_what_is_no_model_is_refused_in_one_sentence(thing, words):
+    with pytest.raises(InputError) as error:
+        GliderPlant(thing)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def rates(plant, context):

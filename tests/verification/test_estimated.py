@@ -19,29 +19,21 @@ from glider.estimation.perching import (
     PROCESS,
 )
 from glider.estimation.running import Belief
-from glider.paths import models_path
-from glider.verification.funnel.funnel import load_funnel
 from glider.verification.monitor import FunnelMonitor
-from glider.verification.trials.attack import (
-    boundary_states,
-    fly_from,
-    funnel_policy,
-)
 from glider.verification.trials.estimated import (
     fly_estimated,
     study_estimates,
+)
+from glider.verification.trials.flights import (
+    boundary_states,
+    fly_from,
+    funnel_policy,
 )
 
 NOISE = 0.003
 UNKNOWN = 0.5
 SAMPLES = 118
-"""Of motion capture until after the wire."""
-
-
-@pytest.fixture(scope="module")
-def funnel():
-    """The drawn glider's, as it ships."""
-    return load_funnel(models_path("funnels", "drawn.npz"))
+"""Number of samples of motion capture until after the wire."""
 
 
 @pytest.fixture(scope="module")

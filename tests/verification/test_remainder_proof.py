@@ -11,23 +11,20 @@ from glider.physics.model import GliderModel
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.jets import monomials
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.remainder import (
-    remainder_of,
-    sample_remainder,
-)
+from glider.verification.funnel.remainder import remainder_of
 from glider.verification.proof.boxes import (
     RADIUS,
     bound_in_ball,
 )
-from glider.verification.proof.enclosure import make_rest
+from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.remainder_proof import (
     RemainderProof,
-    Search,
+    TimeProof,
     describe_proof,
     halve,
+    prove_at,
     prove_remainder,
     remainder_status,
-    search_at,
 )
 
 EARLY, LATE = 20, 150
@@ -36,7 +33,7 @@ EARLY, LATE = 20, 150
 
 @pytest.fixture(scope="module")
 def funnel():
-    """The drawn glider's with a remainder, as it ships."""
+    """The nominal model's funnel with a remainder, as it ships."""
     return load_funnel(models_path("funnels", "proven", "drawn.npz"))
 
 
@@ -52,11 +49,6 @@ def ball(m, count, seed=0):
     return w / np.linalg.norm(w, axis=0) * rng.uniform(size=count) ** (1.0 / m)
 
 
-def sphere(m, count):
-    w = ball(m, count, seed=count).T
-    return w / np.linalg.norm(w, axis=1, keepdims=True)
-
-
 def random_boxes(m, count, size):
     rng = np.random.default_rng(1)
     center = ball(m, count, seed=2)
@@ -66,14 +58,16 @@ def random_boxes(m, count, size):
 @pytest.mark.parametrize("k", [EARLY, LATE])
 @pytest.mark.parametrize("size", [0.03, 0.3])
 def test_no_remainder_on_a_box_is_larger_than_its_bound(funnel, coefficients, k, size):
-    rest = make_rest(funnel.nominal, k, coefficients, funnel.S[k])
-    m = rest.T.shape[1]
+    remainder = make_remainder(funnel.nominal, k, coefficients, funnel.S[k])
+    m = remainder.basis.shape[1]
     center, half = random_boxes(m, 40, size)
-    bounds, reached, _ = rest.bounds(center, half)
+    bounds, reached, _ = remainder.bounds(center, half)
     v = np.random.default_rng(3).uniform(-1.0, 1.0, (100, m, 1))
     w = np.moveaxis(center + half * v, 1, 2).reshape(-1, m)
-    found = remainder_of(funnel.nominal, coefficients, [k], (w @ rest.T.T)[None])[0]
-    found = np.abs(found[:, rest.rows]).reshape(100, 40, -1)
+    found = remainder_of(
+        funnel.nominal, coefficients, [k], (w @ remainder.basis.T)[None]
+    )[0]
+    found = np.abs(found[:, remainder.rows]).reshape(100, 40, -1)
     inside = np.linalg.norm(w, axis=1).reshape(100, 40, 1) <= 1.0
     largest = np.where(inside, found, 0.0).max(axis=0).T
     assert np.all(largest <= bounds)
@@ -112,40 +106,38 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
 
 @pytest.mark.parametrize("k", [0, EARLY, LATE])
 def test_the_shipped_remainder_is_proven(funnel, coefficients, k):
-    search = search_at(funnel.nominal, k, coefficients, funnel.S[k], funnel.beta[k])
-    assert search.proven
-    assert 100 < search.boxes < 15_000  # Turned as R varies; else ten times more.
-    assert 0.5 < search.share < 1.0
+    proof = prove_at(funnel.nominal, k, coefficients, funnel.S[k], funnel.beta[k])
+    assert proof.proven
+    assert 100 < proof.boxes < 15_000  # Turned as R varies; else ten times more.
+    assert 0.5 < proof.ratio < 1.0
 
 
 def test_a_remainder_that_is_too_small_is_refuted(funnel, coefficients):
     k, beta = EARLY, funnel.beta[EARLY].copy()
     beta[6] *= 0.5
-    search = search_at(funnel.nominal, k, coefficients, funnel.S[k], beta)
-    assert not search.proven
-    assert search.share > 1.0
+    proof = prove_at(funnel.nominal, k, coefficients, funnel.S[k], beta)
+    assert not proof.proven
+    assert proof.ratio > 1.0
     beta = 0.85 * funnel.beta[LATE]  # Random points do not find that it is too small.
-    search = search_at(funnel.nominal, LATE, coefficients, funnel.S[LATE], beta)
-    assert search.share > 1.0
-    none = search_at(funnel.nominal, k, coefficients, funnel.S[k], 0.0 * beta)
+    proof = prove_at(funnel.nominal, LATE, coefficients, funnel.S[LATE], beta)
+    assert proof.ratio > 1.0
+    none = prove_at(funnel.nominal, k, coefficients, funnel.S[k], 0.0 * beta)
     assert not none.proven
 
 
 def test_a_polynomial_that_is_not_the_dynamics_is_refuted(funnel, coefficients):
     wrong = coefficients.copy()
     wrong[EARLY, 6, 40:] *= 1.1
-    search = search_at(
-        funnel.nominal, EARLY, wrong, funnel.S[EARLY], funnel.beta[EARLY]
-    )
-    assert not search.proven
+    proof = prove_at(funnel.nominal, EARLY, wrong, funnel.S[EARLY], funnel.beta[EARLY])
+    assert not proof.proven
 
 
 def test_a_search_gives_up_when_its_boxes_are_used(funnel, coefficients):
-    search = search_at(
+    proof = prove_at(
         funnel.nominal, 0, coefficients, funnel.S[0], funnel.beta[0], budget=50
     )
-    assert not search.proven
-    assert search.share < 1.0
+    assert not proof.proven
+    assert proof.ratio < 1.0
 
 
 def test_a_proof_ends_where_the_first_time_fails(funnel):
@@ -153,18 +145,18 @@ def test_a_proof_ends_where_the_first_time_fails(funnel):
     beta[100] *= 0.3
     proof = prove_remainder(dataclasses.replace(funnel, beta=beta), every=100)
     assert list(proof.times) == list(times)
-    assert [search.proven for search in proof.searches] == [True, False, True]
+    assert [one.proven for one in proof.at_times] == [True, False, True]
     assert proof.until == times[0]
     assert remainder_status(funnel, proof).endswith("t=0.0000 at 3 of 201 times")
     proof = prove_remainder(funnel, every=100, budget=1)
     assert proof.until is None
     assert remainder_status(funnel, proof) == "sampled"
-    good, bad = (Search(proven=p, boxes=3, share=0.5) for p in (True, False))
-    proof = RemainderProof(times=np.array([0.0, 0.5, 0.8]), searches=(good, good, bad))
+    good, bad = (TimeProof(proven=p, boxes=3, ratio=0.5) for p in (True, False))
+    proof = RemainderProof(times=np.array([0.0, 0.5, 0.8]), at_times=(good, good, bad))
     assert proof.until == 0.5
     assert proof.boxes == 9
     assert "until 0.5000 s, and at 2 of 3 times" in describe_proof(funnel, proof)
-    proof = RemainderProof(times=np.array([0.0, 0.5]), searches=(good, good))
+    proof = RemainderProof(times=np.array([0.0, 0.5]), at_times=(good, good))
     assert "is proven: at all 2 times" in describe_proof(funnel, proof)
     bare = dataclasses.replace(funnel, beta=0.0 * funnel.beta)
     assert "bears no remainder" in describe_proof(bare, proof)
@@ -205,21 +197,11 @@ def test_it_bounds_the_remainder_of_gliders_with_effects(funnel, effects):
     model = GliderModel(effects=effects)
     nominal = dataclasses.replace(funnel.nominal, model=model)
     own, S = expand(nominal), 4.0 * funnel.S[LATE]
-    rest = make_rest(nominal, LATE, own, S)
-    center, half = random_boxes(rest.T.shape[1], 40, 0.05)
-    bounds, _, _ = rest.bounds(center, half)
-    found = remainder_of(nominal, own, [LATE], (center.T @ rest.T.T)[None])[0]
-    found = np.abs(found[:, rest.rows]).T
+    remainder = make_remainder(nominal, LATE, own, S)
+    center, half = random_boxes(remainder.basis.shape[1], 40, 0.05)
+    bounds, _, _ = remainder.bounds(center, half)
+    found = remainder_of(nominal, own, [LATE], (center.T @ remainder.basis.T)[None])[0]
+    found = np.abs(found[:, remainder.rows]).T
     assert np.isfinite(bounds).mean() > 0.9
     assert np.all(found <= bounds)
     assert found.max() > 1e-3
-
-
-def test_climbing_finds_nearly_all_of_what_many_more_samples_find(funnel, coefficients):
-    at = np.array([EARLY, LATE])
-    few, many = (
-        sample_remainder(funnel.nominal, coefficients, funnel.S[at], sphere(7, n), at)
-        for n in (300, 20_000)
-    )
-    assert np.all(few[:, 4:] > 0.85 * many[:, 4:])
-    assert np.all(few[:, :4] == 0.0)

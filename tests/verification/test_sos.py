@@ -29,6 +29,7 @@ from glider.verification.sos.solving import (
     solve_apart,
 )
 from glider.verification.sos.sphere import sphere
+from tests.verification.points import sphere_points
 
 N = 3
 TABLES = sphere(N)
@@ -40,11 +41,6 @@ def random_forms(seed, size=1.0):
     cubic = size * rng.normal(size=len(TABLES.cubic))
     quartic = size * rng.normal(size=len(TABLES.quartic))
     return quadratic + quadratic.T, cubic, quartic
-
-
-def points(count, seed=0):
-    z = np.random.default_rng(seed).normal(size=(count, N))
-    return z / np.linalg.norm(z, axis=1, keepdims=True)
 
 
 def basis_at(z):
@@ -60,7 +56,7 @@ def test_a_gram_matrix_gives_its_polynomials_values():
     rng = np.random.default_rng(0)
     gram = rng.normal(size=(TABLES.size, TABLES.size))
     gram = gram + gram.T
-    z = points(20)
+    z = sphere_points(20, N)
     coefficients = TABLES.map @ TABLES.entries(gram)
     b = basis_at(z)
     assert np.sum(b * b, axis=1) == pytest.approx(2.0)  # |z|² + |z ⊗ z|²
@@ -81,12 +77,12 @@ def test_the_margin_is_the_least_value_that_ascent_finds(seed):
     forms = random_forms(seed)
     polynomial = TABLES.coefficients(*forms)
     _, margin, entries = largest_margin(polynomial, N)
-    starts = points(30, seed)[None]
+    starts = sphere_points(30, N, seed)[None]
     least, at = largest_values(*(-form[None] for form in forms), starts)
     assert margin == pytest.approx(-least[0], abs=1e-3)
     assert TABLES.values(polynomial, at[0]) == pytest.approx(-least[0])
-    rest = polynomial - margin * TABLES.constant
-    assert TABLES.map @ entries == pytest.approx(rest, abs=1e-3)
+    expected = polynomial - margin * TABLES.constant
+    assert TABLES.map @ entries == pytest.approx(expected, abs=1e-3)
     assert least_eigenvalue(TABLES, entries) > -1e-3
 
 

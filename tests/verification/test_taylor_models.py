@@ -9,7 +9,7 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.dependence import variables
-from glider.verification.dynamics.error_dynamics import curved_parts
+from glider.verification.dynamics.error_dynamics import nonlinear_parts
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.taylor_models import TaylorModel
 
@@ -46,10 +46,10 @@ def boxes(size, count=300):
 
 @pytest.mark.parametrize("name", FORMULAS)
 @pytest.mark.parametrize("size", [0.001, 0.1, 1.0])
-def test_every_value_on_a_box_is_within_the_rest_of_the_polynomial(name, size):
+def test_every_value_on_a_box_is_within_the_remainder_of_the_polynomial(name, size):
     center, half = boxes(size)
     model = FORMULAS[name](*models(center, half))
-    assert np.all(np.isfinite(model.rest))
+    assert np.all(np.isfinite(model.remainder))
     v = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
     v[:, :4] = [[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]]
     points = center[:, :, None] + half[:, :, None] * v[:, None]
@@ -57,16 +57,16 @@ def test_every_value_on_a_box_is_within_the_rest_of_the_polynomial(name, size):
     polynomial = model.coefficients.T @ model.table.values(v.T).T
     off = np.abs(truth - polynomial)
     # What NumPy itself rounds, here and in the polynomial.
-    assert np.all(off <= model.rest[:, None] + 1e-14 * (1.0 + np.abs(truth)))
+    assert np.all(off <= model.remainder[:, None] + 1e-14 * (1.0 + np.abs(truth)))
 
 
 @pytest.mark.parametrize(
     "name", ["sqrt", "sin, cos", "exp", "tanh", "quotient", "arctan"]
 )
-def test_the_rest_falls_with_the_fourth_power_of_the_box(name):
+def test_the_remainder_falls_with_the_fourth_power_of_the_box(name):
     center, half = boxes(0.02)
-    large = FORMULAS[name](*models(center, half)).rest
-    small = FORMULAS[name](*models(center, 0.5 * half)).rest
+    large = FORMULAS[name](*models(center, half)).remainder
+    small = FORMULAS[name](*models(center, 0.5 * half)).remainder
     assert np.median(np.log2(large / small)) == pytest.approx(4.0, abs=0.3)
 
 
@@ -74,26 +74,26 @@ def test_a_root_near_zero_is_known_to_an_eighth_of_its_largest():
     center, half = np.zeros((2, 1)), np.ones((2, 1))
     x, y = models(center, half)
     root = np.sqrt(x * x + y * y)
-    assert root.rest[0] <= 2.0 * np.sqrt(2.0) / 8.0 * 1.5
+    assert root.remainder[0] <= 2.0 * np.sqrt(2.0) / 8.0 * 1.5
 
 
 def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
     x, y = models(np.zeros((2, 1)), np.ones((2, 1)))
     for unknown in (1.0 / x, np.sqrt(1.0 / x) * y, np.sin(x / y) * 0.0 + x):
-        assert not np.isfinite(unknown.rest[0])
+        assert not np.isfinite(unknown.remainder[0])
 
 
-def test_dependence_tells_what_is_curved_from_what_is_linear():
+def test_dependence_tells_what_is_nonlinear_from_what_is_linear():
     x, y, z = variables(3)
     formula = 2.0 * x - y / 3.0 + np.sin(z) * 4.0 + 1.0
-    assert formula.linear == {0, 1, 2}
-    assert formula.curved == {2}
-    assert (x * y).curved == {0, 1}
-    assert (1.0 / x).curved == {0}
+    assert formula.variables == {0, 1, 2}
+    assert formula.nonlinear == {2}
+    assert (x * y).nonlinear == {0, 1}
+    assert (1.0 / x).nonlinear == {0}
 
 
-def test_a_gliders_accelerations_are_curved_in_all_but_its_position():
-    assert curved_parts(GliderModel(), 7) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+def test_a_gliders_accelerations_are_nonlinear_in_all_but_its_position():
+    assert nonlinear_parts(GliderModel(), 7) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
     slow = GliderModel(effects=(SERVO_LAG(time_constant=0.03), WIND(x=1.0)))
     # The elevator turns at the servo's rate, state 7, not as commanded.
-    assert curved_parts(slow, 8) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+    assert nonlinear_parts(slow, 8) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])

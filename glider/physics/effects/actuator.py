@@ -5,11 +5,11 @@ one. Replaying a log, `glider.physics.actuator_replay` solves the same equations
 exactly.
 """
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

@@ -1,10 +1,10 @@
 """Effects of the air: how it moves."""
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

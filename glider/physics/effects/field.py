@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.errors import InputError
-from glider.physics.aerodynamics import (
-    angle_of_attack,
-    scalar,
-)
+from glider.physics.aerodynamics import angle_of_attack
+from glider.physics.formulas import scalar
 
 FIELD_VARIABLES = (
     "x",

@@ -1,10 +1,10 @@
 """Effects of geometry: where the surfaces sit and what flow meets the tail."""
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

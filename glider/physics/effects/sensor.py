@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

@@ -5,12 +5,12 @@ import numpy as np
 from glider.physics.aerodynamics import (
     angle_of_attack,
     gaussian,
-    scalar,
 )
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 REFERENCE_SPEED = 7.0
 """Launch speed of the article's perch [m/s]."""

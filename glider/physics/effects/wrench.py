@@ -1,10 +1,10 @@
 """Effects that add a force or a moment."""
 
-from glider.physics.aerodynamics import scalar
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
+from glider.physics.formulas import scalar
 
 
 @scalar

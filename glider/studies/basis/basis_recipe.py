@@ -5,18 +5,12 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import yaml
-from pydrake.common.yaml import yaml_load_typed
-
-from glider.errors import (
-    MISPLACED,
-    InputError,
-    one_line,
-)
+from glider.errors import InputError
 from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
 )
+from glider.physics.typed_yaml import load_typed
 from glider.studies.basis.basis_features import FEATURES
 
 _SEEDS = 2**32
@@ -26,7 +20,7 @@ _CHANNELS = 3
 """Along the wing, normal to it and in pitch."""
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: yaml_load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
 class Recipe:
     """Launches and tapes about nominal ones, and features to fit to the flights.
 
@@ -63,10 +57,7 @@ class Recipe:
 
 def load_recipe(path: Path) -> Recipe:
     """Loads a recipe; what is missing, misspelt or cannot be is an InputError."""
-    try:
-        recipe = yaml_load_typed(schema=Recipe, filename=str(path))
-    except (OSError, yaml.YAMLError, *MISPLACED) as error:
-        raise InputError(f"{path}: not an exercise: {one_line(error)}") from None
+    recipe = load_typed(Recipe, path, "an exercise")
     check_recipe(recipe, source=str(path))
     return recipe
 

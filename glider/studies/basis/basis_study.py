@@ -38,10 +38,10 @@ class BasisFits:
     """Models of a few features each, fitted."""
 
     configurations: dict[str, dict[str, BasisFit]]
-    """The exercise's, by SIGNS and name."""
+    """Fits of the exercise's configurations, by SIGNS and name."""
 
     subsets: dict[str, BasisFit]
-    """The best subsets, by name."""
+    """Fits of the best subsets, by name."""
 
     @property
     def models(self) -> dict[str, BasisDynamics]:
@@ -58,19 +58,19 @@ class BasisStudy:
     """All answers to the exercise."""
 
     exercise: Exercise
-    """The flights."""
+    """Flights that were given."""
 
     fits: BasisFits
-    """To their accelerations."""
+    """Models of their accelerations."""
 
     choice: dict[str, dict[str, float]]
     """Errors of candidates on flights left out, by SIGNS and name."""
 
     signs: Signs
-    """Of the exercise's own numbers as a log."""
+    """Signs in the exercise's own numbers as a log."""
 
     traced: Result
-    """What the tracer finds in its flights filmed."""
+    """Findings of the tracer in its flights filmed."""
 
     rollouts: dict[str, dict[str, RolloutError]]
     """Errors on the held-out flight "before" and "after" refinement, by model."""

@@ -1,7 +1,7 @@
-"""What makes a kind of number go through `glider.physics.compose`.
+"""A base for kinds of number that go through `glider.physics.compose`.
 
 The physics knows + - * / and six functions of NumPy. All of it comes down to three
-operations, which a kind of number defines: `plus`, `times` and `of`.
+operations, which a kind of number defines: `plus`, `times` and `apply`.
 """
 
 import abc
@@ -12,10 +12,9 @@ import numpy as np
 
 
 class Number(abc.ABC):
-    """Meets floats, arrays and its own kind in formulas.
+    """A kind of number that meets floats, arrays and its own kind in formulas.
 
-    Takes + - * / with numbers and its own kind, and NumPy's sqrt, sin, cos, exp, tanh
-    and arctan.
+    It takes + - * / and NumPy's sqrt, sin, cos, exp, tanh and arctan.
     """
 
     @abc.abstractmethod
@@ -27,7 +26,7 @@ class Number(abc.ABC):
         """Returns the product with another of this kind or a plain number."""
 
     @abc.abstractmethod
-    def of(self, function: np.ufunc) -> "Number":
+    def apply(self, function: np.ufunc) -> "Number":
         """Returns one of FUNCTIONS of this number."""
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
@@ -35,7 +34,7 @@ class Number(abc.ABC):
         if method != "__call__" or kwargs:
             return NotImplemented
         if ufunc in FUNCTIONS:
-            return self.of(ufunc)
+            return self.apply(ufunc)
         if ufunc in _OPERATIONS:
             return _OPERATIONS[ufunc](*inputs)
         return NotImplemented
@@ -62,15 +61,17 @@ class Number(abc.ABC):
         return self.times(other)
 
     def __truediv__(self, other):
-        inverse = other.of(np.reciprocal) if isinstance(other, Number) else 1.0 / other
+        inverse = (
+            other.apply(np.reciprocal) if isinstance(other, Number) else 1.0 / other
+        )
         return self.times(inverse)
 
     def __rtruediv__(self, other):
-        return self.of(np.reciprocal).times(other)
+        return self.apply(np.reciprocal).times(other)
 
 
 FUNCTIONS = (np.sqrt, np.sin, np.cos, np.exp, np.tanh, np.arctan, np.reciprocal)
-"""What `Number.of` is asked for."""
+"""Functions that `Number.apply` is asked for; np.reciprocal stands for division."""
 
 
 def _either(forward: str, backward: str) -> Callable:

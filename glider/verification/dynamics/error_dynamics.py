@@ -1,4 +1,4 @@
-"""How a deviation from the nominal flight goes on: Taylor polynomials along it.
+"""Dynamics of the deviation from a nominal flight, as Taylor polynomials along it.
 
 With x = x₀(t) + e and u = u₀(t) - K(t) e,
     ė = f(x₀ + e, u₀ - K e) - f(x₀, u₀) = F₁ e + F₂(e, e) + F₃(e, e, e) + R(e)
@@ -18,8 +18,8 @@ from glider.verification.dynamics.jets import (
 from glider.verification.dynamics.nominal import Nominal
 
 ORDER = 3
-"""Of the expansion that funnels are built on. Order 2 is not enough: its remainder
-eats the funnel."""
+"""Order of the expansion that funnels are built on. With order 2, the remainder leaves
+a launch 1.7 cm of height; with order 3, 9 cm."""
 
 
 def open_loop_rates(model, states, command):
@@ -28,29 +28,29 @@ def open_loop_rates(model, states, command):
     Args:
         model: the GliderModel.
         states: n numbers x.
-        command: u.
+        command: u, a number [rad/s].
     """
     return model.chain.derivatives(0.0, states, command, 0.0, 0.0, model.numbers)
 
 
-def closed_loop_rates(model, states, gains, nominal, inputs):
+def closed_loop_rates(model, states, gains, x0, u0):
     """Returns ẋ of the closed loop for any kind of number, servo limits apart.
 
     Args:
         model: the GliderModel.
         states: n numbers, jets or arrays x.
         gains: n numbers or arrays K.
-        nominal: n numbers or arrays x₀.
-        inputs: u₀, a number or an array.
+        x0: n numbers or arrays x₀.
+        u0: u₀, a number or an array.
     """
-    command = inputs
-    for gain, x, x0 in zip(gains, states, nominal, strict=True):
-        command = command - gain * (x - x0)
+    command = u0
+    for gain, x, center in zip(gains, states, x0, strict=True):
+        command = command - gain * (x - center)
     return open_loop_rates(model, states, command)
 
 
-def curved_parts(model: GliderModel, num_states: int) -> tuple[list[int], list[int]]:
-    """Returns which variables and which rates are not linear.
+def nonlinear_parts(model: GliderModel, num_states: int) -> tuple[list[int], list[int]]:
+    """Returns the indices of the variables and of the rates that are not linear.
 
     Args:
         model: the glider.
@@ -58,44 +58,40 @@ def curved_parts(model: GliderModel, num_states: int) -> tuple[list[int], list[i
     """
     *states, command = dependence.variables(num_states + 1)
     rates = open_loop_rates(model, states, command)
-    curved: list[frozenset[int]]
-    curved = [getattr(rate, "curved", frozenset()) for rate in rates]
-    which = frozenset[int]().union(*curved)
-    return sorted(which), [row for row, of in enumerate(curved) if of]
+    nonlinear: list[frozenset[int]]
+    nonlinear = [getattr(rate, "nonlinear", frozenset()) for rate in rates]
+    which = frozenset[int]().union(*nonlinear)
+    return sorted(which), [row for row, of in enumerate(nonlinear) if of]
 
 
-def expand(nominal: Nominal, order: int = ORDER) -> np.ndarray:
-    """Returns the Taylor coefficients of ė, shape (T, n, M); the constant is zero.
+def expand(nominal: Nominal) -> np.ndarray:
+    """Returns the Taylor coefficients (T, n, M) of ė; the constant is zero.
 
     The monomials are those of `table_of`.
     """
-    states = variables(nominal.states.T, order)
+    states = variables(nominal.states.T, ORDER)
     rates = closed_loop_rates(
         nominal.model, states, nominal.gains.T, nominal.states.T, nominal.inputs
     )
-    # (n, M, T) to (T, n, M)
     coefficients = np.array([coefficients_of(rate, states[0]) for rate in rates])
-    coefficients = np.moveaxis(coefficients, 2, 0)
+    coefficients = np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
     coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
     return coefficients
 
 
-def table_of(num_states: int, order: int = ORDER) -> Monomials:
+def table_of(num_states: int) -> Monomials:
     """Returns the monomials that `expand` gives coefficients of."""
-    return monomials(num_states, order)
+    return monomials(num_states, ORDER)
 
 
-def evaluate(
-    coefficients: np.ndarray, errors: np.ndarray, order: int = ORDER
-) -> np.ndarray:
-    """Returns the polynomial error dynamics at deviations.
+def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Returns ė (..., B, n) by the Taylor polynomials.
 
     Args:
-        coefficients: (n, M) of one time.
-        errors: (B, n).
-        order: of the expansion.
-
-    Returns:
-        ė, (B, n).
+        coefficients: (..., n, M) of `expand`.
+        errors: (..., B, n) deviations e.
     """
-    return table_of(errors.shape[1], order).values(errors) @ coefficients.T
+    n = errors.shape[-1]
+    values = table_of(n).values(errors.reshape(-1, n))
+    values = values.reshape(*errors.shape[:-1], -1)
+    return values @ np.swapaxes(coefficients, -1, -2)

@@ -20,12 +20,17 @@ class Monomials:
     """The monomials of some variables up to a degree, and their products.
 
     Attributes:
+        num_variables: n.
+        degree: of the highest monomials.
         exponents: (M, n) by degree, then in the order of combinations.
-        degrees: (M,).
+        degrees: (M,) of each monomial.
+        left, right: (P,) indices of the factors of all products up to the degree, in
+            the order of the monomials that they give.
+        starts: (M,) where the products that give each monomial start.
     """
 
     def __init__(self, num_variables: int, degree: int):
-        """Lists them and prepares their multiplication table."""
+        """Lists the monomials and prepares their multiplication table."""
         self.num_variables, self.degree = num_variables, degree
         rows = [exponents_of(num_variables, d) for d in range(degree + 1)]
         self.exponents = np.concatenate(rows)
@@ -78,18 +83,18 @@ def monomials(num_variables: int, degree: int) -> Monomials:
 
 
 class Jet(Number):
-    """A truncated Taylor polynomial.
+    """A truncated Taylor polynomial as a number.
 
     Its coefficients may be arrays, one number for each expansion point; plain numbers
     and arrays like that join in.
 
     Attributes:
-        table: its Monomials.
-        coefficients: (M, ...) of the monomials.
+        table: the Monomials that it is a sum of.
+        coefficients: (M, ...) one for each monomial.
     """
 
     def __init__(self, table: Monomials, coefficients: np.ndarray):
-        """Takes what `Jet` holds."""
+        """Takes the monomials and their coefficients."""
         self.table, self.coefficients = table, coefficients
 
     def plus(self, other: Any) -> "Jet":
@@ -108,7 +113,7 @@ class Jet(Number):
         products = self.coefficients[table.left] * other.coefficients[table.right]
         return Jet(table, np.add.reduceat(products, table.starts, axis=0))
 
-    def of(self, function: np.ufunc) -> "Jet":
+    def apply(self, function: np.ufunc) -> "Jet":
         """Returns a function of this jet."""
         terms = SERIES[function](self.coefficients[0], self.table.degree)
         change = Jet(self.table, self.coefficients.copy())
@@ -124,7 +129,7 @@ def variables(values: np.ndarray, degree: int) -> list[Jet]:
 
     Args:
         values: (n, ...) where to expand.
-        degree: of the truncation.
+        degree: highest that is kept.
     """
     values = np.asarray(values, dtype=float)
     table = monomials(len(values), degree)
@@ -168,7 +173,7 @@ def _exp(a, degree):
     return terms
 
 
-def _turning(first, second):
+def _trigonometric(first, second):
     """Returns the series of sin or cos, given the function and its derivative."""
 
     def series(a, degree):
@@ -183,7 +188,7 @@ def _turning(first, second):
 
 
 def _tanh(a, degree):
-    """From y' = 1 - y²."""
+    """Solves y' = 1 - y²."""
     terms = [np.tanh(a)]
     for k in range(degree):
         square = sum(terms[i] * terms[k - i] for i in range(k + 1))
@@ -192,7 +197,7 @@ def _tanh(a, degree):
 
 
 def _arctan(a, degree):
-    """From (1 + a² + 2 a h + h²) y' = 1."""
+    """Solves (1 + a² + 2 a h + h²) y' = 1."""
     slope = [1.0 / (1.0 + a * a)]
     for k in range(1, degree):
         before = slope[k - 2] if k > 1 else 0.0
@@ -204,9 +209,9 @@ SERIES: dict[np.ufunc, Callable[[np.ndarray, int], list]] = {
     np.reciprocal: _reciprocal,
     np.sqrt: _sqrt,
     np.exp: _exp,
-    np.sin: _turning(np.sin, np.cos),
-    np.cos: _turning(np.cos, lambda a: -np.sin(a)),
+    np.sin: _trigonometric(np.sin, np.cos),
+    np.cos: _trigonometric(np.cos, lambda a: -np.sin(a)),
     np.tanh: _tanh,
     np.arctan: _arctan,
 }
-"""The Taylor coefficients of a function at values, up to a degree."""
+"""Taylor coefficients of a function, given where to expand it and up to what degree."""

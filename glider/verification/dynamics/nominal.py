@@ -1,8 +1,8 @@
-"""A flight to build a funnel about: the feedback's own flight along its plan.
+"""The nominal flight of a funnel: the feedback's own flight along its plan.
 
 A plan by collocation is no exact flight between its knots, so that the error from it
-would never rest at zero. The nominal is what the glider flies under the plan's feedback
-from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
+would never settle at zero. The nominal is what the glider flies under the plan's
+feedback from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
 """
 
 import dataclasses
@@ -21,32 +21,36 @@ from glider.physics.state import STATE_NAMES
 from glider.simulation.fly import fly
 
 FLIGHT_STEP = 0.0005
-"""Of the integration [s]."""
+"""Longest step of the integration [s]."""
 
-_ELEVATOR = STATE_NAMES.index("elevator")
+ELEVATOR = STATE_NAMES.index("elevator")
+"""Index of the elevator's angle in a state."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """A flight of a glider under u = u₀ - K (x - x₀), at some times."""
+    """A flight of a glider under u = u₀ - K (x - x₀), at some times.
+
+    The names of the arrays are keys in a funnel's file.
+    """
 
     model: GliderModel
-    """The glider."""
+    """Glider that flies."""
 
     state_names: tuple[str, ...]
-    """STATE_NAMES, then the effects' own states."""
+    """Names of the n states: STATE_NAMES, then the effects' own."""
 
     times: np.ndarray
-    """(T,) from 0 [s]."""
+    """Times (T,) from 0 [s]."""
 
     states: np.ndarray
-    """(T, n) x₀."""
+    """States x₀ (T, n)."""
 
     inputs: np.ndarray
-    """(T,) u₀ [rad/s]."""
+    """Elevator rates u₀ (T,) [rad/s]."""
 
     gains: np.ndarray
-    """(T, n) K."""
+    """Gains K (T, n)."""
 
 
 def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:
@@ -83,7 +87,7 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     inputs = offset - np.sum(gains * states, axis=1)
     servo = model.parameters.servo
     for u, x in zip(inputs, states, strict=True):
-        if limited_rate(u, x[_ELEVATOR], servo) != u:
+        if limited_rate(u, x[ELEVATOR], servo) != u:
             raise InputError("The plan needs its servo at a limit: no funnel about it.")
     return Nominal(
         model=model,

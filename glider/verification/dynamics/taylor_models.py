@@ -1,11 +1,11 @@
-"""Polynomials on boxes with a proven bound of what they leave out, as a kind of number.
+"""Taylor models: polynomials on boxes and a proven bound of what they leave out.
 
 A TaylorModel goes through the physics like a Jet does, for many boxes at once. On a box
 c + h v, |v_i| <= 1, it holds of what it stands for
-    |f(c + h v) - p(v)| <= rest,
+    |f(c + h v) - p(v)| <= remainder,
 with p the polynomial that its coefficients are. All of it is proven: what a product or
-a function has beyond the degree goes into `rest`, and so does the rounding of every
-operation (Makino and Berz 2003). NumPy's functions are taken to err by less than
+a function has beyond the degree goes into `remainder`, and so does the rounding of
+every operation (Makino and Berz 2003). NumPy's functions are taken to err by less than
 100 units in the last place.
 """
 
@@ -13,9 +13,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 
+from glider.compiled.kernel import machine_code
 from glider.verification.dynamics.arithmetic import Number
 from glider.verification.dynamics.jets import (
     SERIES,
@@ -23,38 +23,39 @@ from glider.verification.dynamics.jets import (
 )
 
 ROUNDING = 1e-13
-"""Relative bound of an operation's rounding: of a sum of 300 products, 7e-14."""
+"""Relative bound of an operation's rounding: a sum of 300 products errs by 7e-14."""
 
 WIDER = 1.0 + 1e-12
-"""Makes up for the rounding of the bounds themselves: sums of a few hundred terms that
-are not negative."""
-
-
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+"""Factor that makes up for the rounding of the bounds themselves: they are sums of a
+few hundred terms that are not negative, which err by less than 1e-13."""
 
 
 class TaylorModel(Number):
-    """A polynomial and its rest, on each of many boxes.
+    """A polynomial and a bound of its remainder, on each of many boxes.
 
     Attributes:
         table: the Monomials in v.
-        coefficients: (M, B).
-        rest: (B,).
+        coefficients: (M, B) of the polynomials.
+        remainder: (B,) bounds of what they leave out.
     """
 
-    def __init__(self, table: Monomials, coefficients: np.ndarray, rest: np.ndarray):
-        """Takes what `TaylorModel` holds."""
-        self.table, self.coefficients, self.rest = table, coefficients, rest
+    def __init__(
+        self, table: Monomials, coefficients: np.ndarray, remainder: np.ndarray
+    ):
+        """Takes the monomials, their coefficients and the remainders' bounds."""
+        self.table, self.coefficients, self.remainder = table, coefficients, remainder
 
     def plus(self, other: Any) -> "TaylorModel":
         """Returns the sum with a model of the same boxes or a number."""
         if isinstance(other, TaylorModel):
-            total = _add(self.coefficients, self.rest, other.coefficients, other.rest)
+            total = _add(
+                self.coefficients, self.remainder, other.coefficients, other.remainder
+            )
             return TaylorModel(self.table, *total)
         coefficients = self.coefficients.copy()
         coefficients[0] += other
-        rest = (self.rest + ROUNDING * np.abs(coefficients[0])) * WIDER
-        return TaylorModel(self.table, coefficients, rest)
+        remainder = (self.remainder + ROUNDING * np.abs(coefficients[0])) * WIDER
+        return TaylorModel(self.table, coefficients, remainder)
 
     def times(self, other: Any) -> "TaylorModel":
         """Returns the product with a model of the same boxes or a number."""
@@ -63,42 +64,44 @@ class TaylorModel(Number):
                 self.table,
                 *_multiply(
                     self.coefficients,
-                    self.rest,
+                    self.remainder,
                     other.coefficients,
-                    other.rest,
+                    other.remainder,
                     self.table.left,
                     self.table.right,
                     self.table.starts,
                     self.table.degrees,
                 ),
             )
-        factors = np.broadcast_to(np.asarray(other, dtype=float), self.rest.shape)
-        return TaylorModel(self.table, *_scale(self.coefficients, self.rest, factors))
+        factors = np.broadcast_to(np.asarray(other, dtype=float), self.remainder.shape)
+        return TaylorModel(
+            self.table, *_scale(self.coefficients, self.remainder, factors)
+        )
 
-    def of(self, function: np.ufunc) -> "TaylorModel":
+    def apply(self, function: np.ufunc) -> "TaylorModel":
         """Returns a function of this model, by its series about the center."""
         center, spread = self.coefficients[0], self.spread()
         with np.errstate(all="ignore"):
             terms = SERIES[function](center, self.table.degree)
             tail = _TAILS[function](center, spread, terms)
-        change = TaylorModel(self.table, self.coefficients.copy(), self.rest)
+        change = TaylorModel(self.table, self.coefficients.copy(), self.remainder)
         change.coefficients[0] = 0.0
         total = self.constant(terms[-1])
         for term in terms[-2::-1]:
             total = total.times(change).plus(self.constant(term))
-        total.rest = (total.rest + tail) * WIDER
+        total.remainder = (total.remainder + tail) * WIDER
         return _better_root(total, self) if function is np.sqrt else total
 
     def spread(self) -> np.ndarray:
         """Returns how far the value is from the polynomial's center at most, (B,)."""
-        return (np.abs(self.coefficients[1:]).sum(axis=0) + self.rest) * WIDER
+        return (np.abs(self.coefficients[1:]).sum(axis=0) + self.remainder) * WIDER
 
     def constant(self, value: np.ndarray | float) -> "TaylorModel":
         """Returns a constant on these boxes that was computed with rounding."""
         coefficients = np.zeros_like(self.coefficients)
         coefficients[0] = value
-        rest = ROUNDING * (1.0 + np.abs(coefficients[0]))
-        return TaylorModel(self.table, coefficients, rest)
+        remainder = ROUNDING * (1.0 + np.abs(coefficients[0]))
+        return TaylorModel(self.table, coefficients, remainder)
 
 
 def _better_root(root, square):
@@ -114,39 +117,41 @@ def _better_root(root, square):
         slope = 1.0 / (first + last)
         gap = 0.125 * (last - first) ** 2 * slope
     line = square.plus(-low).times(slope).plus(first + gap)
-    line.rest = (line.rest + gap + ROUNDING * last) * WIDER
-    better = ~(line.rest >= root.rest)
+    line.remainder = (line.remainder + gap + ROUNDING * last) * WIDER
+    better = ~(line.remainder >= root.remainder)
     coefficients = np.where(better, line.coefficients, root.coefficients)
-    return TaylorModel(root.table, coefficients, np.where(better, line.rest, root.rest))
+    return TaylorModel(
+        root.table, coefficients, np.where(better, line.remainder, root.remainder)
+    )
 
 
-@compiled
-def _add(a, rest_a, b, rest_b):
-    """Returns coefficients and rest of a sum."""
+@machine_code
+def _add(a, remainder_a, b, remainder_b):
+    """Returns coefficients and remainder of a sum of two models."""
     total, sizes = np.empty_like(a), np.zeros(a.shape[1])
     for k in range(a.shape[0]):
         row, x, y = total[k], a[k], b[k]
         for box in range(a.shape[1]):
             row[box] = x[box] + y[box]
             sizes[box] += abs(row[box])
-    return total, (rest_a + rest_b + ROUNDING * sizes) * WIDER
+    return total, (remainder_a + remainder_b + ROUNDING * sizes) * WIDER
 
 
-@compiled
-def _scale(a, rest, factors):
-    """Returns coefficients and rest of a product with plain numbers."""
+@machine_code
+def _scale(a, remainder, factors):
+    """Returns coefficients and remainder of a product with plain numbers."""
     scaled, sizes = np.empty_like(a), np.zeros(a.shape[1])
     for k in range(a.shape[0]):
         row, x = scaled[k], a[k]
         for box in range(a.shape[1]):
             row[box] = x[box] * factors[box]
             sizes[box] += abs(row[box])
-    return scaled, (rest * np.abs(factors) + ROUNDING * sizes) * WIDER
+    return scaled, (remainder * np.abs(factors) + ROUNDING * sizes) * WIDER
 
 
-@compiled
-def _multiply(a, rest_a, b, rest_b, left, right, starts, degrees):
-    """Returns coefficients and rest of a product."""
+@machine_code
+def _multiply(a, remainder_a, b, remainder_b, left, right, starts, degrees):
+    """Returns coefficients and remainder of a product of two models."""
     count, boxes = a.shape
     order = degrees[-1]
     product = np.zeros((count, boxes))
@@ -164,7 +169,7 @@ def _multiply(a, rest_a, b, rest_b, left, right, starts, degrees):
         for box in range(boxes):
             x[box] += abs(row_a[box])
             y[box] += abs(row_b[box])
-    rest = np.zeros(boxes)
+    remainder = np.zeros(boxes)
     for box in range(boxes):
         sum_a, sum_b, beyond = 0.0, 0.0, 0.0
         for i in range(order + 1):
@@ -172,13 +177,13 @@ def _multiply(a, rest_a, b, rest_b, left, right, starts, degrees):
             sum_b += sizes_b[i, box]
             for j in range(order + 1 - i, order + 1):
                 beyond += sizes_a[i, box] * sizes_b[j, box]
-        known = (sum_a + rest_a[box]) * rest_b[box] + rest_a[box] * sum_b
-        rest[box] = (beyond + known + ROUNDING * sum_a * sum_b) * WIDER
-    return product, rest
+        known = (sum_a + remainder_a[box]) * remainder_b[box] + remainder_a[box] * sum_b
+        remainder[box] = (beyond + known + ROUNDING * sum_a * sum_b) * WIDER
+    return product, remainder
 
 
 def _reciprocal_tail(center, spread, terms):
-    """From 1 / (a + h) = Σ (-h)ᵏ / aᵏ⁺¹, a geometric series."""
+    """Bounds the tail of 1 / (a + h) = Σ (-h)ᵏ / aᵏ⁺¹, a geometric series."""
     size = np.abs(center)
     share = spread / size
     tail = share ** len(terms) / (size * (1.0 - share * WIDER))
@@ -186,7 +191,7 @@ def _reciprocal_tail(center, spread, terms):
 
 
 def _root_tail(center, spread, terms):
-    """At -spread, all terms of the series of √(a + h) have one sign: none is larger."""
+    """Bounds the tail of √(a + h) by that at h = -spread: its terms agree in sign."""
     low = center - spread * WIDER
     polynomial = sum(term * (-spread) ** k for k, term in enumerate(terms))
     tail = polynomial - np.sqrt(low) + ROUNDING * np.sqrt(center)
@@ -213,5 +218,5 @@ _TAILS: dict[np.ufunc, Callable] = {
     np.tanh: _lagrange(lambda k, high: math.tan(1.0)),
     np.arctan: _lagrange(lambda k, high: 1.0 / k),
 }
-"""Bounds of what is left of a function's series, given where it is expanded, how far
-the argument is from there at most, and the terms that are kept."""
+"""Bounds of the tail of a function's series, given where it is expanded, how far the
+argument is from there at most, and the terms that are kept."""

@@ -1,5 +1,6 @@
-"""Computes a funnel: shape it, scale it, certify it at every time."""
+"""The making of a funnel: shape it, scale it, certify it at every time."""
 
+import dataclasses
 import time
 from collections.abc import Callable
 
@@ -10,32 +11,29 @@ from threadpoolctl import threadpool_limits
 from glider.control.policy import TrackingPolicy
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import make_nominal
-from glider.verification.funnel.between import (
-    SHARES,
-    Between,
-    growth_of,
-)
-from glider.verification.funnel.descent import (
-    boundary_forms,
-    scale_funnel,
-)
+from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.growth import (
+    SHARES,
+    BoundaryForms,
+    GrowthBetween,
+    boundary_forms,
+    largest_growth,
+)
 from glider.verification.funnel.limits import (
     room,
     servo_bounds,
 )
 from glider.verification.funnel.remainder import (
     SAMPLES,
+    inflate,
     remainder_form,
     remainder_weights,
     sample_remainder,
 )
+from glider.verification.funnel.scaling import scale_funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.funnel.shape_flow import (
-    NOISE,
-    ShapeFlow,
-)
+from glider.verification.funnel.shape_flow import ShapeFlow
 from glider.verification.sos.grams import (
     least_eigenvalue,
     nearby_gram,
@@ -43,26 +41,24 @@ from glider.verification.sos.grams import (
 )
 from glider.verification.sos.programs import (
     SOLVERS,
+    first_success,
     largest_margin,
 )
-from glider.verification.sos.solving import (
-    SolverError,
-    solve_apart,
-)
-from glider.verification.sos.sphere import sphere
+from glider.verification.sos.solving import SolverError
+from glider.verification.sos.sphere import normalized, sphere
 
 Progress = Callable[[str], None]
 
-PERSISTENCE = 0.1
-"""Least eigenvalue of a Gram matrix, as a share of the margin in V̇/V. On the sphere
-bᵀb = 2, so that all of it would be a half."""
-
+EIGENVALUE_SHARE = 0.1
+"""Least eigenvalue of a Gram matrix, as a share of the margin of V̇/V. On the sphere
+bᵀb = 2, so that all of the margin would be a half."""
 
 SAMPLE_EVERY = 4
-"""Times between which the remainder is sampled; it goes on in a straight line."""
+"""Times from one sample of the remainder to the next; between, it is interpolated."""
 
 STARTS = 12
-"""Of the ascent to the largest growth, besides the axes of its quadratic part."""
+"""Points where the ascent to the largest growth starts, besides the axes of its
+quadratic part."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -94,12 +90,7 @@ def make_funnel(
     say("funnel: the flight and its Taylor polynomials")
     nominal = make_nominal(model, policy, settings.step)
     coefficients = expand(nominal)
-    count, n = nominal.states.shape
-    every = np.arange(count)
-    some = np.unique(np.append(every[::SAMPLE_EVERY], count - 1))
-    directions = rng.normal(size=(SAMPLES, n))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    sizes = settings.size_axes(n)
+    directions = normalized(rng.normal(size=(SAMPLES, nominal.states.shape[1])))
 
     flow = ShapeFlow(nominal, coefficients, settings, directions)
     try:
@@ -107,78 +98,117 @@ def make_funnel(
     except np.linalg.LinAlgError:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 
-    def beta_of(S):
-        if settings.remainder == 0.0:
-            return np.zeros((count, n))
-        beta = sample_remainder(nominal, coefficients, S[some], directions, some)
-        beta = np.array([np.interp(every, some, b) for b in beta.T]).T
-        return settings.remainder * np.where(beta > NOISE, beta, 0.0)
-
-    def room_of(S):
-        return room(S, *servo_bounds(nominal))
-
-    starts = directions[:STARTS]
-    inner = [Between(nominal, share) for share in SHARES]
-
-    def forms_of(S):
-        """Returns the forms at the times and what they were made of."""
-        slopes = CubicSpline(nominal.times, S)(nominal.times, 1)
-        beta = beta_of(S)
-        weights = remainder_weights(S, beta, sizes)
-        disturbance = remainder_form(S, beta, weights)
-        return boundary_forms(S, slopes, coefficients, disturbance), (
-            slopes,
-            beta,
-            weights,
-        )
-
-    def growth_at(S):
-        forms, (slopes, beta, weights) = forms_of(S)
-        growth, _ = growth_of(forms, starts)
-        # Between the times it is looked for only where it is good at them.
-        for between in inner if growth.max() < 0.0 else ():
-            found = between.growth(S, slopes, beta, weights, starts)
-            growth[1:] = np.maximum(growth[1:], found)
-            growth[:-1] = np.maximum(growth[:-1], found)
-        return growth
-
     say("funnel: its size")
+    gauge = _Gauge(nominal, coefficients, settings, directions)
     try:
-        S = scale_funnel(nominal.times, S, growth_at, room_of, settings.margin)
+        S = scale_funnel(nominal.times, S, gauge.growth, gauge.room, settings.margin)
     except np.linalg.LinAlgError:
         raise SolverError(
             "The funnel changes too fast between its times; a shorter step may help."
         ) from None
-    forms, (slopes, beta, weights) = forms_of(S)
+    sets = gauge.sets(S)
     say("funnel: its certificate")
-    grams = certify(nominal.times, forms, settings.margin)
+    grams = certify(nominal.times, sets.forms, settings.margin)
     return Funnel(
         nominal=nominal,
         settings=settings,
         S=S,
-        slopes=slopes,
-        beta=beta,
-        weights=weights,
+        slopes=sets.slopes,
+        beta=sets.beta,
+        weights=sets.weights,
         grams=grams,
         solver=next(iter(SOLVERS)),
         seconds=time.perf_counter() - began,
     )
 
 
-def certify(times: np.ndarray, forms: tuple, margin: float) -> np.ndarray:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Sets:
+    """Sets along a flight, with all that makes V̇ on their boundaries."""
+
+    slopes: np.ndarray
+    """Ṡ (T, n, n) of the cubic spline through S [1/s]."""
+
+    beta: np.ndarray
+    """Bounds β (T, n) of the remainder [m/s², rad/s²]."""
+
+    weights: np.ndarray
+    """Weights λ (T, n) of the remainder."""
+
+    forms: BoundaryForms
+    """V̇/V on the boundaries."""
+
+
+class _Gauge:
+    """A gauge of sets S (T, n, n) along a flight: their growth and the servo's room."""
+
+    def __init__(
+        self,
+        nominal: Nominal,
+        coefficients: np.ndarray,
+        settings: FunnelSettings,
+        directions: np.ndarray,
+    ):
+        """Takes what a ShapeFlow takes."""
+        self._nominal, self._coefficients = nominal, coefficients
+        self._settings, self._directions = settings, directions
+        self._sizes = settings.size_axes(nominal.states.shape[1])
+        self._between = [GrowthBetween(nominal, share) for share in SHARES]
+
+    def sets(self, S: np.ndarray) -> _Sets:
+        """Returns the sets with their slopes, remainders and forms."""
+        times = self._nominal.times
+        slopes = CubicSpline(times, S)(times, 1)
+        beta = self._beta(S)
+        weights = remainder_weights(S, beta, self._sizes)
+        disturbance = remainder_form(S, beta, weights)
+        forms = boundary_forms(S, slopes, self._coefficients, disturbance)
+        return _Sets(slopes=slopes, beta=beta, weights=weights, forms=forms)
+
+    def growth(self, S: np.ndarray) -> np.ndarray:
+        """Returns the largest V̇/V (T,) at and around each time [1/s]."""
+        sets, starts = self.sets(S), self._directions[:STARTS]
+        growth = largest_growth(sets.forms, starts)
+        # Between the times it is looked for only where it is good at them.
+        for between in self._between if growth.max() < 0.0 else ():
+            found = between.largest(S, sets.slopes, sets.beta, sets.weights, starts)
+            growth[1:] = np.maximum(growth[1:], found)
+            growth[:-1] = np.maximum(growth[:-1], found)
+        return growth
+
+    def room(self, S: np.ndarray) -> np.ndarray:
+        """Returns the largest ρ (T,) that the servo allows."""
+        return room(S, *servo_bounds(self._nominal))
+
+    def _beta(self, S):
+        if self._settings.remainder == 0.0:
+            return np.zeros(self._nominal.states.shape)
+        every = np.arange(len(S))
+        some = np.unique(np.append(every[::SAMPLE_EVERY], every[-1]))
+        sampled = sample_remainder(
+            self._nominal, self._coefficients, S[some], self._directions, some
+        )
+        sampled = np.array([np.interp(every, some, row) for row in sampled.T]).T
+        return inflate(sampled, self._settings.remainder)
+
+
+def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
     The first comes from a solver, the others from their neighbors, and again from a
     solver where that fails.
 
+    Args:
+        times: (T,) [s].
+        forms: V̇/V on the boundary.
+        margin: of V̇/V; the least eigenvalues are EIGENVALUE_SHARE of it [1/s].
+
     Raises:
         SolverError: at some time -V̇/V is no sum of squares.
     """
-    quadratic, cubic, quartic = forms
-    n = quadratic.shape[1]
-    tables = sphere(n)
-    polynomials = tables.coefficients(-quadratic, -cubic, -quartic)
-    least = PERSISTENCE * margin
+    tables = sphere(forms.quadratic.shape[1])
+    polynomials = tables.coefficients(-forms.quadratic, -forms.cubic, -forms.quartic)
+    least = EIGENVALUE_SHARE * margin
     grams = np.zeros((len(polynomials), len(tables.rows)))
     before: np.ndarray | None = None
     for k in range(len(polynomials) - 1, -1, -1):
@@ -197,11 +227,10 @@ def certify(times: np.ndarray, forms: tuple, margin: float) -> np.ndarray:
 
 
 def _solve(tables, polynomial):
-    for solver in SOLVERS:
-        [(success, margin, gram)] = solve_apart(
-            largest_margin, [(polynomial, tables.n, solver)]
-        )
-        if success and np.all(np.isfinite(gram)):
-            spread = 0.5 * margin * tables.entries(np.eye(tables.size))
-            return represent(tables, gram + spread, polynomial)
-    raise SolverError("No solver certified the funnel.")
+    """Returns a Gram matrix (E,) of a polynomial, its margin shared out evenly."""
+    solved = first_success(largest_margin, polynomial, tables.n)
+    if solved is None:
+        raise SolverError("No solver certified the funnel.")
+    _, margin, gram = solved
+    even = 0.5 * margin * tables.entries(np.eye(tables.size))
+    return represent(tables, gram + even, polynomial)

@@ -1,14 +1,9 @@
-"""A funnel: ellipsoids along a flight that no deviation leaves. What is kept of it."""
+"""A funnel: a tube of states about a nominal flight, saved and loaded whole."""
 
 import dataclasses
 import functools
-import io
-import json
-import os
-import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -20,57 +15,62 @@ from glider.physics.model import (
     save_model,
 )
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.between import nominal_slopes
+from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.funnel.file import FunnelFile, read_file, write_file
 from glider.verification.funnel.settings import FunnelSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Funnel:
-    """{x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
+    """The sets {x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
 
-    S is the cubic Hermite polynomial through its values and slopes.
+    S is the cubic Hermite polynomial through its values and slopes. The names of the
+    arrays are keys in the file.
     """
 
     nominal: Nominal
-    """x₀, and the feedback that keeps the glider inside."""
+    """Nominal flight x₀, and the feedback that keeps the glider inside."""
 
     settings: FunnelSettings
-    """What was asked for."""
+    """Settings that it was made with; the goal is there."""
 
     S: np.ndarray
-    """(T, n, n)."""
+    """Matrices S (T, n, n)."""
 
     slopes: np.ndarray
-    """(T, n, n) Ṡ [1/s]."""
+    """Slopes Ṡ (T, n, n) [1/s]."""
 
     beta: np.ndarray
-    """(T, n) the remainder of the Taylor polynomial that it bears [m/s², rad/s²]."""
+    """Bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²]."""
 
     weights: np.ndarray
-    """(T, n) λ of `glider.verification.funnel.remainder`."""
+    """Weights λ (T, n) of `glider.verification.funnel.remainder`."""
 
     grams: np.ndarray
-    """(T, E) one Gram matrix a time: the certificate."""
+    """Gram matrices (T, E), one a time: the certificate."""
 
     solver: str
-    """Which one shaped it."""
+    """Name of the solver that was tried first."""
 
     seconds: float
-    """That it took."""
+    """Duration of the computation [s]."""
 
     @property
     def num_states(self) -> int:
-        """Counts the states, the effects' own included."""
+        """Number of states n, the effects' own included."""
         return self.S.shape[1]
 
     @functools.cached_property
     def _curves(self) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
         return (
             CubicHermiteSpline(self.nominal.times, self.S, self.slopes),
-            CubicHermiteSpline(
-                self.nominal.times, self.nominal.states, nominal_slopes(self.nominal)
-            ),
+            nominal_path(self.nominal),
         )
+
+    def some_times(self, every: int) -> list[int]:
+        """Returns the indices of every so many times, the first and last included."""
+        last = len(self.nominal.times) - 1
+        return sorted({*range(0, last + 1, every), last})
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
@@ -108,80 +108,72 @@ class Funnel:
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_NOMINAL = ("times", "states", "inputs", "gains")
-_OWN = ("S", "slopes", "beta", "weights", "grams")
-_FORMAT = "drake-glider funnel 1"
+_NOMINAL_ARRAYS = ("times", "states", "inputs", "gains")
+_OWN_ARRAYS = ("S", "slopes", "beta", "weights", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
     """Writes a funnel as .npz, its glider included; `load_funnel` reads it."""
-    with TemporaryDirectory() as folder:
-        model_path = Path(folder) / "model.yaml"
-        save_model(model_path, funnel.nominal.model)
-        model = model_path.read_text(encoding="utf-8")
-    notes = {
-        "format": _FORMAT,
-        "state_names": list(funnel.nominal.state_names),
-        "settings": dataclasses.asdict(funnel.settings),
-        "solver": funnel.solver,
-        "seconds": funnel.seconds,
-        "model": model,
-    }
-    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL}
-    arrays |= {name: getattr(funnel, name) for name in _OWN}
-    # A Gram matrix is a hint that the check mends: half of its digits are enough.
+    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL_ARRAYS}
+    arrays |= {name: getattr(funnel, name) for name in _OWN_ARRAYS}
+    # The check mends a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, notes=np.array(json.dumps(notes)), **arrays)
-    part = Path(f"{path}.{os.getpid()}.part")
-    part.write_bytes(buffer.getvalue())
-    part.replace(path)
+    write_file(
+        path,
+        FunnelFile(
+            state_names=tuple(funnel.nominal.state_names),
+            settings=dataclasses.asdict(funnel.settings),
+            model=_write_model(funnel.nominal.model),
+            solver=funnel.solver,
+            seconds=funnel.seconds,
+            arrays=arrays,
+        ),
+    )
 
 
 def load_funnel(path: Path | str) -> Funnel:
-    """Loads a funnel; a file that is none is an InputError.
+    """Loads a funnel.
 
     Nothing is taken on trust but that the numbers fit together; whether they are a
     certificate is for `glider.verification.proof.check`.
+
+    Raises:
+        InputError: the file holds no funnel, or one of a time-varying glider.
+    """
+    return funnel_of(read_file(path), path)
+
+
+def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
+    """Returns the funnel of a file that was read from a path.
+
+    Raises:
+        InputError: its settings are none, or its glider can have no funnel.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            notes = json.loads(str(data["notes"]))
-            arrays = {name: data[name] for name in _NOMINAL + _OWN}
-        if notes["format"] != _FORMAT:
-            raise ValueError(f"its format is {notes['format']!r}, not {_FORMAT!r}")
-        settings: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value
-            for key, value in notes["settings"].items()
-        }
-        names = tuple(notes["state_names"])
-        _check_shapes(arrays, len(names))
-        model = _read_model(notes["model"])
-        if model.is_time_varying:
-            raise ValueError("its glider's dynamics vary with time")
-        nominal = Nominal(
+        settings = FunnelSettings(**file.settings)
+    except TypeError as error:
+        raise InputError(f"{path}: not a funnel: {error}.") from None
+    model = _read_model(file.model)
+    if model.is_time_varying:
+        raise InputError(f"{path}: not a funnel: its glider's dynamics vary with time.")
+    return Funnel(
+        nominal=Nominal(
             model=model,
-            state_names=names,
-            **{name: arrays[name] for name in _NOMINAL},
-        )
-        return Funnel(
-            nominal=nominal,
-            settings=FunnelSettings(**settings),
-            solver=str(notes["solver"]),
-            seconds=float(notes["seconds"]),
-            **{name: arrays[name] for name in _OWN},
-        )
-    except InputError:
-        raise
-    except (
-        OSError,
-        ValueError,
-        TypeError,
-        KeyError,
-        EOFError,
-        zipfile.BadZipFile,
-    ) as e:
-        raise InputError(f"{path}: not a funnel: {e}") from None
+            state_names=file.state_names,
+            **{name: file.arrays[name] for name in _NOMINAL_ARRAYS},
+        ),
+        settings=settings,
+        solver=file.solver,
+        seconds=file.seconds,
+        **{name: file.arrays[name] for name in _OWN_ARRAYS},
+    )
+
+
+def _write_model(model: GliderModel) -> str:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "model.yaml"
+        save_model(path, model)
+        return path.read_text(encoding="utf-8")
 
 
 def _read_model(text: str) -> GliderModel:
@@ -189,28 +181,3 @@ def _read_model(text: str) -> GliderModel:
         path = Path(folder) / "model.yaml"
         path.write_text(text, encoding="utf-8")
         return load_model(path)
-
-
-def _check_shapes(arrays: dict[str, np.ndarray], n: int) -> None:
-    count = len(arrays["times"])
-    size = n + n * (n + 1) // 2
-    shapes: dict[str, tuple[int, ...]] = {
-        "times": (count,),
-        "states": (count, n),
-        "inputs": (count,),
-        "gains": (count, n),
-        "S": (count, n, n),
-        "slopes": (count, n, n),
-        "beta": (count, n),
-        "weights": (count, n),
-        "grams": (count, size * (size + 1) // 2),
-    }
-    for name, shape in shapes.items():
-        array = arrays[name]
-        if array.shape != shape or not np.all(np.isfinite(array)):
-            raise ValueError(
-                f"'{name}' has shape {array.shape}; finite numbers of shape {shape} "
-                "are needed"
-            )
-    if count < 2 or not np.all(np.diff(arrays["times"]) > 0.0):
-        raise ValueError("'times' must increase")

@@ -1,4 +1,4 @@
-"""What a funnel is asked for."""
+"""Settings of a funnel: its goal, margins and steps."""
 
 import dataclasses
 import math
@@ -10,39 +10,46 @@ from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
 )
+from glider.simulation.miss import PERCH_RADIUS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelSettings:
-    """The goal at the wire and how the funnel towards it is computed."""
+    """The goal at the wire and how the funnel towards it is computed.
 
-    goal: tuple[float, ...] = (0.05, 0.05, 0.5, 0.39, 0.82, 0.82, 2.0)
+    The names are keys in a funnel's file.
+    """
+
+    goal: tuple[float, ...] = (PERCH_RADIUS, PERCH_RADIUS, 0.5, 0.39, 0.82, 0.82, 2.0)
     """Half-axes of the goal ellipsoid about the nominal's end, in the order of
-    STATE_NAMES [m, rad, m/s, rad/s]. A perch bears 5 cm; the speeds are chosen so
-    that the Taylor polynomial still fits there."""
+    STATE_NAMES [m, rad, m/s, rad/s]. A perch bears PERCH_RADIUS; the speeds are
+    chosen so that the Taylor polynomial still fits there."""
 
     goal_extra: float = 4.0
-    """The same of the effects' own states, in their units."""
+    """Half-axis of the goal in each of the effects' own states, in its unit."""
 
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
-    """Deviations that matter alike, in the order of STATE_NAMES: what the shape of
-    the funnel trades against each other."""
+    """Deviations that matter alike, in the order of STATE_NAMES [m, rad, m/s, rad/s]:
+    what the shape of the funnel trades against each other. It is not sensitive to
+    them, but without any it runs away."""
 
     sizes_extra: float = 2.0
-    """The same of the effects' own states."""
+    """Deviation that matters like these, of each of the effects' own states."""
 
     step: float = 0.0045
     """Longest step between the times that are certified [s]."""
 
     hold: float = 0.022
-    """Between the programs that shape the funnel [s]."""
+    """Time between the programs that shape the funnel [s]. More is faster and narrower:
+    with 0.026, one times the remainder leaves less than 9 cm of height."""
 
     margin: float = 0.03
-    """By which V̇/V stays below zero on the boundary [1/s]."""
+    """Margin by which V̇/V is to stay below zero on the boundary [1/s]."""
 
     remainder: float = 0.0
-    """How many times the largest Taylor remainder that is found acts as a disturbance;
-    0 for a funnel of the Taylor polynomial alone. With 1.1 it can be proven."""
+    """Inflation: how many times the largest Taylor remainder that is found acts as a
+    disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
+    proven that the true one is no larger."""
 
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""
@@ -67,9 +74,9 @@ class FunnelSettings:
             )
 
     def goal_axes(self, num_states: int) -> np.ndarray:
-        """Returns the half-axes for a glider with extra states, (n,)."""
+        """Returns the goal's half-axes (n,), the effects' own states included."""
         return np.append(self.goal, [self.goal_extra] * (num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
-        """Returns the sizes for a glider with extra states, (n,)."""
+        """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))

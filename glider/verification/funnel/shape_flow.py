@@ -19,6 +19,7 @@ from glider.verification.funnel.limits import (
     servo_bounds,
 )
 from glider.verification.funnel.remainder import (
+    inflate,
     remainder_form,
     remainder_weights,
     sample_remainder,
@@ -29,24 +30,18 @@ from glider.verification.sos.forms import (
     linear_part,
 )
 from glider.verification.sos.programs import (
-    SOLVERS,
+    first_success,
     least_growth,
 )
-from glider.verification.sos.solving import (
-    SolverError,
-    solve_apart,
-)
+from glider.verification.sos.solving import SolverError
 
-NOISE = 1e-9
-"""A sampled remainder below this is rounding [rad/s², m/s²]."""
-
-
-AHEAD = 0.3
-"""By which share N may change at most until it is computed anew."""
+CHANGE_SHARE = 0.3
+"""Largest change of N, as a share of it, on its straight line to the next program: the
+line is a guess and may not take over."""
 
 
 class ShapeFlow:
-    """Steps the set backward along a nominal flight."""
+    """The flow of the set, backward along a nominal flight."""
 
     def __init__(
         self,
@@ -75,7 +70,7 @@ class ShapeFlow:
             progress: called with the share that is done.
 
         Raises:
-            SolverError: no solver gave a usable answer.
+            SolverError: no solver gave a usable answer, or the set vanishes.
         """
         times = self._nominal.times
         n = len(self._sizes)
@@ -90,9 +85,8 @@ class ShapeFlow:
             if since == 0:
                 before, growth = growth if k < last else None, self._growth(S, k)
                 slope = 0.0 * growth if before is None else (growth - before) / hold
-                # A straight line is a guess: it may not take over.
-                size = hold * np.linalg.norm(slope)
-                slope *= min(1.0, AHEAD * np.linalg.norm(growth) / max(size, 1e-300))
+                change = max(hold * np.linalg.norm(slope), 1e-300)
+                slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
                 if progress:
                     progress((last - k) / last)
             S = self._step(S, k, growth + since * slope, slope)
@@ -100,6 +94,7 @@ class ShapeFlow:
         return shapes
 
     def _cut(self, S, k):
+        """Returns S of the set within the servo's limits at a time."""
         directions, bounds = self._bounds
         return keep_bounds(S, directions[k], bounds[k])
 
@@ -117,7 +112,9 @@ class ShapeFlow:
                 self._directions,
                 np.array([k]),
             )
-            growth = growth + disturbance(S[None], beta, self._settings, self._sizes)[0]
+            beta = inflate(beta, self._settings.remainder)
+            weights = remainder_weights(S[None], beta, self._sizes)
+            growth = growth + remainder_form(S[None], beta, weights)[0]
         return growth
 
     def _step(self, S, k, growth, slope):
@@ -144,24 +141,17 @@ class ShapeFlow:
 def solve_growth(
     cubic: np.ndarray, quartic: np.ndarray, weight: np.ndarray
 ) -> np.ndarray:
-    """Returns the least growth, by the first solver that succeeds.
+    """Returns the least growth N (n, n), by the first solver that succeeds.
+
+    Args:
+        cubic: (C₃,) of c₃.
+        quartic: (C₄,) of c₄.
+        weight: (n, n) W.
 
     Raises:
         SolverError: none did.
     """
-    for solver in SOLVERS:
-        [(success, growth)] = solve_apart(
-            least_growth, [(cubic, quartic, weight, solver)]
-        )
-        if success and np.all(np.isfinite(growth)):
-            return growth
-    raise SolverError("No solver shaped the funnel; the goal may be too wide.")
-
-
-def disturbance(S, beta, settings, sizes):
-    """Returns D (T, n, n) of sampled remainders beta (T, n), inflated as settings say.
-
-    What is rounding counts as zero.
-    """
-    beta = settings.remainder * np.where(beta > NOISE, beta, 0.0)
-    return remainder_form(S, beta, remainder_weights(S, beta, sizes))
+    solved = first_success(least_growth, cubic, quartic, weight)
+    if solved is None:
+        raise SolverError("No solver shaped the funnel; the goal may be too wide.")
+    return solved[1]

@@ -1,6 +1,6 @@
-"""Polynomials on boxes of a ball: what they are there, and how large at most.
+"""Polynomials on boxes of a ball: their Taylor models there, and how large they are.
 
-A box is w = center + half v with |v_i| <= 1, the ball |w| <= RADIUS.
+A box is w = center + half v with |v_i| <= 1, the ball is |w| <= RADIUS.
 """
 
 import functools
@@ -8,34 +8,52 @@ import math
 
 import numpy as np
 
+from glider.compiled.kernel import machine_code
 from glider.verification.dynamics.jets import Monomials
 from glider.verification.dynamics.taylor_models import (
     ROUNDING,
     WIDER,
     TaylorModel,
-    compiled,
 )
 
-RADIUS = 1.0 + 1e-8
-"""A little above 1: deviations are brought to the ball with rounding."""
+BALL_ERROR = 1e-8
+"""Sum of the entries of |basisᵀ S basis - I|, where e = basis w; with less, the ball
+|w| <= RADIUS holds all deviations of a set."""
 
-LINEAR = 0.2
-"""How much less a box suffers from a slope, that the ball bounds, than from what is
-curved."""
+RADIUS = 1.0 + BALL_ERROR
+"""Radius of the ball, a little above 1: deviations are brought to it with rounding."""
+
+SLOPE_BLAME = 0.2
+"""Blame of a box's linear terms, which the ball bounds too, beside 1 for those
+of higher degree."""
 
 
 def row_on_boxes(table, row, center, half):
-    """Returns the model of row · (center + half v), up to rounding."""
+    """Returns the Taylor model of row · (center + half v).
+
+    Args:
+        table: the Monomials in v.
+        row: (m,).
+        center: (m, B) of the boxes.
+        half: (m, B) their half-widths.
+    """
     m, boxes = center.shape
     coefficients = np.zeros((len(table.degrees), boxes))
     coefficients[0] = row @ center
     coefficients[1 : m + 1] = row[:, None] * half
-    rest = ROUNDING * (np.abs(row) @ (np.abs(center) + half))
-    return TaylorModel(table, coefficients, rest)
+    remainder = ROUNDING * (np.abs(row) @ (np.abs(center) + half))
+    return TaylorModel(table, coefficients, remainder)
 
 
 def shifted(table, polynomial, center, half):
-    """Returns the model of a polynomial (M,) in w = center + half v."""
+    """Returns the Taylor model of a polynomial in w = center + half v.
+
+    Args:
+        table: the Monomials, in w and in v.
+        polynomial: (M,) coefficients.
+        center: (m, B) of the boxes.
+        half: (m, B) their half-widths.
+    """
     coefficients, sizes = _shift(
         polynomial,
         table.values(center.T).T,
@@ -60,8 +78,9 @@ def _binomials(table: Monomials) -> tuple[np.ndarray, np.ndarray]:
     return where, np.array(times, dtype=float)
 
 
-@compiled
+@machine_code
 def _shift(polynomial, centers, halves, left, right, binomials):
+    """Returns coefficients (M, B) in v, and the sum of the sizes of all terms (B,)."""
     where, times = binomials
     shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
     for p in range(len(left)):
@@ -73,21 +92,28 @@ def _shift(polynomial, centers, halves, left, right, binomials):
     return shifted, sizes
 
 
-def bound_in_ball(coefficients, rest, center, half, exponents):
-    """Returns bounds of |p(v) ± rest| over |v_i| <= 1, |center + half v| <= RADIUS.
+def bound_in_ball(coefficients, remainder, center, half, exponents):
+    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in the ball.
 
     For any λ >= 0 the maximum of p in the ball is at most that of
         p(v) + λ (RADIUS² - |center + half v|²)
-    over the box; there, what is mixed in v or cubic counts by its size, and the rest is
-    a sum of quadratic functions of one v_i each. λ is the best of a few.
+    over the box; there, what is mixed in v or cubic counts by its size, and the others
+    are a sum of quadratic functions of one v_i each. λ is the best of a few.
+
+    Args:
+        coefficients: (M, B) of polynomials in v.
+        remainder: (B,).
+        center: (m, B) of the boxes.
+        half: (m, B) their half-widths.
+        exponents: (M, m) of the monomials.
     """
     # Numba keeps compiled code when a constant of another module changes: arguments.
     constants = RADIUS * RADIUS, ROUNDING, WIDER
-    return _bound_in_ball(coefficients, rest, center, half, exponents, constants)
+    return _bound_in_ball(coefficients, remainder, center, half, exponents, constants)
 
 
-@compiled
-def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
+@machine_code
+def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
     square_radius, rounding, wider = constants
     count, boxes = coefficients.shape
     m = len(center)
@@ -97,13 +123,13 @@ def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
             if exponents[k, i] == 2 and exponents[k].sum() == 2:
                 square[k] = 1 + i
     bounds = np.empty(boxes)
-    linear, curved = np.empty(m), np.empty(m)
+    linear, quadratic = np.empty(m), np.empty(m)
     tries = np.empty(m + 2)
     for box in range(boxes):
-        mixed = rest[box]
+        mixed = remainder[box]
         for k in range(1 + m, count):
             if square[k]:
-                curved[square[k] - 1] = coefficients[k, box]
+                quadratic[square[k] - 1] = coefficients[k, box]
             else:
                 mixed += abs(coefficients[k, box])
         known = mixed
@@ -133,12 +159,12 @@ def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
                 size = weight * (abs(room) + square_radius)
                 for i in range(m):
                     first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
-                    second = sign * curved[i] - weight * half[i, box] ** 2
+                    second = sign * quadratic[i] - weight * half[i, box] ** 2
                     if second < 0.0 and abs(first) < -2.0 * second:
                         value += first * first / (-4.0 * second)
                     else:
                         value += second + abs(first)
-                    size += abs(linear[i]) + abs(curved[i]) + 4.0 * weight
+                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
                 value += rounding * size
                 least = min(least, value)
             worst = max(worst, sign * coefficients[0, box] + least)
@@ -146,14 +172,19 @@ def _bound_in_ball(coefficients, rest, center, half, exponents, constants):
     return bounds
 
 
-def blame_of(rest, rate):
-    """Returns how much each v_i makes a bound large, (m, B): a guide for splitting."""
-    exponents, degrees = rest.table.exponents, rest.table.degrees
-    sizes = np.abs(rest.coefficients)
+def blame_of(difference, rate):
+    """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
+
+    Args:
+        difference: the TaylorModel that is bounded.
+        rate: that of the rate in it, whose highest degree tells of what is beyond.
+    """
+    exponents, degrees = difference.table.exponents, difference.table.degrees
+    sizes = np.abs(difference.coefficients)
     m = exponents.shape[1]
     own = exponents[degrees >= 2].T @ sizes[degrees >= 2]
     # What is beyond the degree varies as the highest degree does.
-    top = degrees == rest.table.degree
+    top = degrees == difference.table.degree
     highest = exponents[top].T @ np.abs(rate.coefficients[top])
     total = np.maximum(highest.sum(axis=0), 1e-300)
-    return own + LINEAR * sizes[1 : m + 1] + highest / total * rest.rest
+    return own + SLOPE_BLAME * sizes[1 : m + 1] + highest / total * difference.remainder

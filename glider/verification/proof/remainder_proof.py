@@ -1,4 +1,4 @@
-"""A proof that the Taylor remainder is no larger than a funnel says.
+"""The proof that the Taylor remainder is no larger than a funnel bears.
 
 The ball of deviations is covered with boxes; on each, Taylor models enclose R. A box on
 which the bound is too large is halved, until all are good or there are too many.
@@ -16,45 +16,45 @@ from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import RADIUS
-from glider.verification.proof.enclosure import make_rest
+from glider.verification.proof.enclosure import make_remainder
 
-BOXES = 400_000
-"""At one time, until the search gives up."""
+BUDGET = 400_000
+"""Boxes at one time until the search gives up; the shipped funnels take 30,000."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Search:
-    """What became of a proof at one time."""
+class TimeProof:
+    """The outcome of a proof at one time."""
 
     proven: bool
-    """|R_k| <= β_k on the whole set."""
+    """Whether |R_k| <= β_k on the whole set."""
 
     boxes: int
-    """That were bounded."""
+    """Number of boxes that were bounded."""
 
-    share: float
-    """The largest |R_k| / β_k that was seen; above 1 there is nothing to prove."""
+    ratio: float
+    """Largest |R_k| / β_k that was seen; above 1 there is nothing to prove."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RemainderProof:
-    """What became of the proof of a funnel's remainder."""
+    """The outcome of the proof of a funnel's remainder."""
 
     times: np.ndarray
-    """(N,) that were tried [s]."""
+    """Times (N,) that were tried [s]."""
 
-    searches: tuple[Search, ...]
-    """One for each time."""
+    at_times: tuple[TimeProof, ...]
+    """Outcome at each time."""
 
     @property
     def until(self) -> float | None:
-        """The last time before which nothing is left unproven; None for no time [s]."""
+        """Last time before which nothing is left unproven; None for no time [s]."""
         last = None
-        for time, search in zip(self.times, self.searches, strict=True):
-            if not search.proven:
+        for time, proof in zip(self.times, self.at_times, strict=True):
+            if not proof.proven:
                 break
             last = float(time)
         return last
@@ -62,12 +62,12 @@ class RemainderProof:
     @property
     def complete(self) -> bool:
         """Whether it is proven at all times that were tried."""
-        return all(search.proven for search in self.searches)
+        return all(proof.proven for proof in self.at_times)
 
     @property
     def boxes(self) -> int:
-        """Counts the boxes of all times."""
-        return sum(search.boxes for search in self.searches)
+        """Number of boxes at all times."""
+        return sum(proof.boxes for proof in self.at_times)
 
 
 def remainder_status(funnel: Funnel, proof: RemainderProof | None = None) -> str:
@@ -95,8 +95,8 @@ def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
             f"The remainder is proven: at all {len(proof.times)} times it is no larger "
             f"than the certificate bears, on {proof.boxes:,} boxes."
         )
-    count = sum(search.proven for search in proof.searches)
-    largest = max(search.share for search in proof.searches)
+    count = sum(one.proven for one in proof.at_times)
+    largest = max(one.ratio for one in proof.at_times)
     until = "at no time" if proof.until is None else f"until {proof.until:.4f} s"
     words = (
         f"The remainder is proven {until}, and at {count} of {len(proof.times)} times"
@@ -110,7 +110,7 @@ def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
 def prove_remainder(
     funnel: Funnel,
     every: int = 1,
-    budget: int = BOXES,
+    budget: int = BUDGET,
     progress: Callable[[float], None] | None = None,
 ) -> RemainderProof:
     """Tries to prove that the remainder is within the funnel's β at its times.
@@ -122,52 +122,51 @@ def prove_remainder(
         progress: called with the share that is done.
     """
     nominal, coefficients = funnel.nominal, expand(funnel.nominal)
-    last = len(nominal.times) - 1
-    at = sorted({*range(0, last + 1, every), last})
+    at = funnel.some_times(every)
 
-    def search(k):
-        return search_at(nominal, k, coefficients, funnel.S[k], funnel.beta[k], budget)
+    def prove(k):
+        return prove_at(nominal, k, coefficients, funnel.S[k], funnel.beta[k], budget)
 
-    searches = []
+    proofs = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for found in pool.map(search, at):
-            searches.append(found)
+        for proof in pool.map(prove, at):
+            proofs.append(proof)
             if progress:
-                progress(len(searches) / len(at))
-    return RemainderProof(times=nominal.times[at], searches=tuple(searches))
+                progress(len(proofs) / len(at))
+    return RemainderProof(times=nominal.times[at], at_times=tuple(proofs))
 
 
-def search_at(
+def prove_at(
     nominal: Nominal,
     at: int,
     coefficients: np.ndarray,
     S: np.ndarray,
     beta: np.ndarray,
-    budget: int = BOXES,
-) -> Search:
+    budget: int = BUDGET,
+) -> TimeProof:
     """Tries to prove that |R_k| <= β_k over {eᵀ S e <= 1} at one time.
 
     Args:
         nominal: the flight.
         at: index of the time.
         coefficients: (T, n, M) of `expand`.
-        S: (n, n).
-        beta: (n,).
+        S: (n, n) of the set.
+        beta: (n,) β.
         budget: boxes, until the search gives up.
     """
-    rest = make_rest(nominal, at, coefficients, S)
-    limits = beta[rest.rows, None]
+    remainder = make_remainder(nominal, at, coefficients, S)
+    limits = beta[remainder.rows, None]
     with np.errstate(divide="ignore"):
-        share = float((rest.largest / limits[:, 0]).max(initial=0.0))
-    m = rest.T.shape[1]
+        ratio = float((remainder.largest / limits[:, 0]).max(initial=0.0))
+    m = remainder.basis.shape[1]
     center, half = np.zeros((m, 1)), np.full((m, 1), RADIUS)
     boxes = 0
-    while share <= 1.0 and center.shape[1] > 0 and boxes < budget:
+    while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
         here, size = center[:, -BATCH:], half[:, -BATCH:]
         center, half = center[:, :-BATCH], half[:, :-BATCH]
         boxes += here.shape[1]
-        bounds, reached, blame = rest.bounds(here, size)
-        share = max(share, float(np.nan_to_num(reached / limits, nan=0.0).max()))
+        bounds, reached, blame = remainder.bounds(here, size)
+        ratio = max(ratio, float(np.nan_to_num(reached / limits, nan=0.0).max()))
         bad = ~(bounds <= limits)
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
@@ -175,12 +174,21 @@ def search_at(
         halves = halve(here[:, split], size[:, split], blame[:, split])
         center = np.concatenate([center, halves[0]], axis=1)
         half = np.concatenate([half, halves[1]], axis=1)
-    proven = share <= 1.0 and center.shape[1] == 0
-    return Search(proven=proven, boxes=boxes, share=share)
+    proven = ratio <= 1.0 and center.shape[1] == 0
+    return TimeProof(proven=proven, boxes=boxes, ratio=ratio)
 
 
 def halve(center, half, blame):
-    """Returns both halves of boxes along an axis each, without what misses the ball."""
+    """Returns both halves of boxes along an axis each, without what misses the ball.
+
+    Args:
+        center: (m, B) of the boxes.
+        half: (m, B) their half-widths.
+        blame: (m, B); the axis is where it is largest.
+
+    Returns:
+        centers and half-widths, (m, up to 2 B) each.
+    """
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
     boxes = np.arange(len(axis))

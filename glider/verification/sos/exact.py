@@ -1,4 +1,4 @@
-"""Exact arithmetic on matrices and polynomials: whole numbers times powers of two.
+"""Exact arithmetic on arrays: whole numbers times powers of two.
 
 Every double is such a number, so that nothing needs rounding. A matrix is positive
 definite exactly if its leading minors are positive, and fraction-free elimination
@@ -7,20 +7,17 @@ definite exactly if its leading minors are positive, and fraction-free eliminati
 
 import numpy as np
 
-GRAM_BITS = 26
-"""Binary places that Gram matrices are rounded to before they are checked."""
-
 
 class Exact:
     """An array of whole numbers times 2^exponent.
 
     Attributes:
-        numbers: object array of int.
-        exponent: common to all.
+        numbers: array of Python's int.
+        exponent: of 2, common to all.
     """
 
     def __init__(self, numbers: np.ndarray, exponent: int):
-        """Takes what `Exact` holds."""
+        """Takes the whole numbers and their common exponent."""
         self.numbers, self.exponent = numbers, exponent
 
     def __add__(self, other: "Exact") -> "Exact":
@@ -35,7 +32,7 @@ class Exact:
         return Exact(product, self.exponent + other.exponent)
 
     def scaled(self, factor: int) -> "Exact":
-        """Returns it times a whole number."""
+        """Returns the array times a whole number."""
         return Exact(self.numbers * factor, self.exponent)
 
     def times(self, other: "Exact") -> "Exact":
@@ -80,16 +77,16 @@ def rounded(values: np.ndarray, bits: int) -> Exact:
 
 def is_positive_definite(matrix: Exact) -> bool:
     """Returns whether a symmetric matrix is, by the signs of its leading minors."""
-    rest = matrix.numbers.copy()
-    if not np.array_equal(rest, rest.T):
+    minor = matrix.numbers.copy()
+    if not np.array_equal(minor, minor.T):
         return False
     before = 1
-    while len(rest):
-        pivot = rest[0, 0]
+    while len(minor):
+        pivot = minor[0, 0]
         if pivot <= 0:
             return False
-        column = rest[1:, 0]
-        rest = (rest[1:, 1:] * pivot - np.multiply.outer(column, column)) // before
+        column = minor[1:, 0]
+        minor = (minor[1:, 1:] * pivot - np.multiply.outer(column, column)) // before
         before = pivot
     return True
 

@@ -14,7 +14,7 @@ from glider.verification.dynamics.jets import exponents_of
 
 
 def linear_part(coefficients: np.ndarray) -> np.ndarray:
-    """Returns F₁ (..., n, n) of the coefficients of `expand`."""
+    """Returns F₁ (..., n, n) of coefficients (..., n, M) of `expand`."""
     n = coefficients.shape[-2]
     return coefficients[..., 1 : n + 1]
 
@@ -40,76 +40,78 @@ def higher_forms(
 
     Args:
         S: (..., n, n).
-        coefficients: (..., n, M) of `expand`, order 3.
+        coefficients: (..., n, M) of `expand`.
     """
-    upper, back = to_ball(S)
+    L_T, L_inv_T = to_ball(S)
     n = S.shape[-1]
     forms = []
     for degree in (2, 3):
         part = coefficients[..., table_of(n).of_degree(degree)]
-        where, share = _spread(n, degree)
-        tensor = part[..., where] * share
-        forms.append(_substitute(tensor, upper, back, n, degree))
+        tensor = _spread(part, n, degree)
+        forms.append(_substitute(tensor, L_T, L_inv_T, n, degree))
     return forms[0], forms[1]
 
 
 def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
     """Returns the symmetric tensors (..., n, ..., n) of forms (..., C)."""
-    where, share = _spread(n, degree)
-    return (form[..., where] * share).reshape(*form.shape[:-1], *(n,) * degree)
+    return _spread(form, n, degree).reshape(*form.shape[:-1], *(n,) * degree)
 
 
-def change_variables(coefficients: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Returns the coefficients (r, M) of p(T w) as polynomials in w, order 3.
+def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Returns the coefficients (r, M) of p(basis w) as polynomials in w.
 
     Args:
         coefficients: (r, M) of polynomials p in n variables, by `table_of(n)`.
-        T: (n, n).
+        basis: (n, n).
     """
-    n = len(T)
+    n = len(basis)
     table = table_of(n)
     changed = coefficients.copy()
-    changed[:, table.of_degree(1)] = coefficients[:, table.of_degree(1)] @ T
+    changed[:, table.of_degree(1)] = coefficients[:, table.of_degree(1)] @ basis
     for degree in (2, 3):
         here = table.of_degree(degree)
-        where, share = _spread(n, degree)
-        tensor = coefficients[:, here][:, where] * share
-        changed[:, here] = _moved(tensor, T, degree) @ _gather(n, degree)
+        tensor = _spread(coefficients[:, here], n, degree)
+        changed[:, here] = _moved(tensor, basis, degree) @ _gather(n, degree)
     return changed
 
 
-def _substitute(tensor, upper, back, n, degree):
-    """Returns the coefficients of 2 zᵀ upper F(back z), F a symmetric tensor."""
-    moved = _moved(upper @ tensor, back, degree)
+@functools.lru_cache(maxsize=16)
+def tensor_places(n: int, degree: int) -> np.ndarray:
+    """Returns which monomial each entry of a flat tensor adds to, (n^degree,)."""
+    place = {tuple(e): k for k, e in enumerate(exponents_of(n, degree))}
+    indices = np.indices((n,) * degree).reshape(degree, -1).T
+    return np.array([place[tuple(np.bincount(i, minlength=n))] for i in indices])
+
+
+def _substitute(tensor, L_T, L_inv_T, n, degree):
+    """Returns the coefficients of 2 zᵀ Lᵀ F(L⁻ᵀ z), F a symmetric tensor."""
+    moved = _moved(L_T @ tensor, L_inv_T, degree)
     return 2.0 * moved.reshape(*moved.shape[:-2], -1) @ _gather(n, degree + 1)
 
 
-def _moved(tensor, back, degree):
-    """Returns tensors (..., r, n^degree) with each axis of length n times back."""
+def _moved(tensor, matrix, degree):
+    """Returns tensors (..., r, n^degree) with each axis of length n times a matrix."""
     *batch, rows, entries = tensor.shape
-    n = back.shape[-1]
+    n = matrix.shape[-1]
     out = tensor.reshape(*batch, rows, *(n,) * degree)
     for axis in range(degree):
         moved = np.moveaxis(out, len(batch) + 1 + axis, -1)
         shape = moved.shape
-        flat = moved.reshape(*batch, -1, n) @ back
+        flat = moved.reshape(*batch, -1, n) @ matrix
         out = np.moveaxis(flat.reshape(shape), -1, len(batch) + 1 + axis)
     return out.reshape(*batch, rows, entries)
 
 
-@functools.lru_cache(maxsize=16)
-def _spread(n, degree):
-    """Returns, for each entry of a tensor (flat), its monomial and its share of it."""
-    indices = np.indices((n,) * degree).reshape(degree, -1)
-    place = {tuple(e): k for k, e in enumerate(exponents_of(n, degree))}
-    where = np.array([place[tuple(np.bincount(c, minlength=n))] for c in indices.T])
-    return where, 1.0 / np.bincount(where)[where]
+def _spread(forms, n, degree):
+    """Returns flat symmetric tensors (..., n^degree) of forms (..., C)."""
+    places = tensor_places(n, degree)
+    return forms[..., places] * (1.0 / np.bincount(places)[places])
 
 
 @functools.lru_cache(maxsize=16)
 def _gather(n, degree):
     """Returns the matrix (n^degree, C) that sums a tensor's entries by monomial."""
-    where, _ = _spread(n, degree)
-    matrix = np.zeros((len(where), where.max() + 1))
-    matrix[np.arange(len(where)), where] = 1.0
+    places = tensor_places(n, degree)
+    matrix = np.zeros((len(places), places.max() + 1))
+    matrix[np.arange(len(places)), places] = 1.0
     return matrix

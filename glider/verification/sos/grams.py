@@ -10,13 +10,13 @@ import numpy as np
 from glider.verification.sos.sphere import Sphere
 
 ROUNDS = 300
-"""After so many steps a program is solved anew."""
+"""Steps, of 1 ms, after which a program is solved anew instead."""
 
 
 def represent(
     tables: Sphere, entries: np.ndarray, coefficients: np.ndarray
 ) -> np.ndarray:
-    """Returns the closest Gram matrix (E,) that has exactly these coefficients."""
+    """Returns the closest Gram matrix (E,) that has exactly these coefficients (C,)."""
     return entries + tables.correction @ (coefficients - tables.map @ entries)
 
 
@@ -35,9 +35,9 @@ def nearby_gram(
     """Returns a Gram matrix (E,) of a polynomial, starting from another's.
 
     Args:
-        tables: of the dimension.
+        tables: those of the dimension.
         entries: (E,) to start from.
-        coefficients: odd, then even, of the polynomial.
+        coefficients: (C,) of the polynomial, odd then even.
         margin: least eigenvalue to have; the search aims at twice that.
         rounds: after which it gives up.
 

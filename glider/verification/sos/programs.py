@@ -4,11 +4,13 @@ A least λ such that λᵀ r(z) - p(z) is a sum of squares on the sphere is foun
 problem of moments, its dual: with m the moments of z up to degree 4,
     maximize  pᵀ m   subject to   rows m = targets,  E[b bᵀ](m) ⪰ 0,
 whose multipliers are λ and the Gram matrix. That has 294 unknowns instead of 658 and
-takes two thirds of the time. A plain function of arrays, so that
-`glider.verification.sos.solving` can run it in another process.
+takes two thirds of the time. The programs are plain functions of arrays that return
+whether the solver succeeded first, so that they can run in another process.
 """
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from pydrake.solvers import (
@@ -18,27 +20,47 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
+from glider.verification.sos.solving import solve_apart
 from glider.verification.sos.sphere import sphere
 
 SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
+"""Solvers by name, in the order in which they are tried."""
 
-TOLERANCE = 1e-4
-"""Of Clarabel: below the margins of a funnel. Its own, 1e-8, takes half as long again,
-and nobody relies on either."""
+CLARABEL_TOLERANCE = 1e-4
+"""Gap and infeasibility where Clarabel stops: below the margins of a funnel. Its own,
+1e-8, takes half as long again, and nobody relies on either."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Moments:
-    """What a program returns."""
+    """A solution of the problem of moments."""
 
     success: bool
-    """What the solver says of itself; nobody relies on it."""
+    """Success as the solver tells it; nobody relies on it."""
 
     multipliers: np.ndarray
-    """(K,) λ."""
+    """Multipliers λ (K,) of the equations."""
 
     gram: np.ndarray
-    """(E,) lower triangle, column by column."""
+    """Gram matrix (E,), its lower triangle column by column."""
+
+
+def first_success(program: Callable, *arguments: Any) -> tuple | None:
+    """Returns what a program returns with the first solver that succeeds.
+
+    Args:
+        program: `least_growth` or `largest_margin`, run in another process.
+        arguments: all of its arguments but the solver.
+
+    Returns:
+        None where no solver succeeds.
+    """
+    for solver in SOLVERS:
+        [solved] = solve_apart(program, [(*arguments, solver)])
+        success, *_, array = solved
+        if success and np.all(np.isfinite(array)):
+            return solved
+    return None
 
 
 def solve_moments(
@@ -47,9 +69,9 @@ def solve_moments(
     """Solves the problem of moments above.
 
     Args:
-        polynomial: p, odd coefficients then even.
+        polynomial: (C,) coefficients of p, odd then even.
         rows: (K, C) of the equations, in the same coefficients.
-        targets: (K,).
+        targets: (K,) right-hand sides.
         n: the dimension.
         solver: a key of SOLVERS.
     """
@@ -64,7 +86,7 @@ def solve_moments(
     program.AddLinearCost(-polynomial, 0.0, moments)
     options = SolverOptions()
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-        options.SetOption(ClarabelSolver.id(), name, TOLERANCE)
+        options.SetOption(ClarabelSolver.id(), name, CLARABEL_TOLERANCE)
     result = SOLVERS[solver]().Solve(program, None, options)
     return Moments(
         success=result.is_success(),
@@ -85,7 +107,7 @@ def least_growth(
         solver: a key of SOLVERS.
 
     Returns:
-        whether the solver succeeded, and N.
+        whether the solver succeeded, and N (n, n).
     """
     n = len(weight)
     low = np.tril_indices(n)
@@ -105,7 +127,7 @@ def largest_margin(
     """Maximizes γ so that p - γ is a sum of squares on the sphere.
 
     Args:
-        coefficients: of p, odd then even, as `Sphere.coefficients` gives them.
+        coefficients: (C,) of p, odd then even, as `Sphere.coefficients` gives them.
         n: the dimension.
         solver: a key of SOLVERS.
 

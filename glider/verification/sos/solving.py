@@ -1,4 +1,4 @@
-"""Solvers in processes of their own.
+"""Calls in processes of their own, for solvers that may die.
 
 A semidefinite solver can abort its whole process (Clarabel on a hard program, CSDP in
 Drake's SolveInParallel). Here that ends a worker, and the caller gets a SolverError.
@@ -11,7 +11,7 @@ from typing import Any
 from joblib.externals.loky import get_reusable_executor
 
 WORKERS = 2
-"""Processes. A worker imports Drake's solvers once, which takes half a second."""
+"""Number of processes. Each imports Drake's solvers once, which takes half a second."""
 
 _ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
@@ -21,7 +21,7 @@ _ONE_THREAD = {
 
 
 class SolverError(RuntimeError):
-    """A solver failed, or its process died."""
+    """No solver succeeded, or its process died."""
 
 
 def solve_apart(

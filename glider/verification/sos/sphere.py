@@ -19,7 +19,10 @@ class Sphere:
 
     Attributes:
         n: the dimension.
-        size: rows of a Gram matrix, n + n (n + 1) / 2.
+        cubic, quartic: exponents of the monomials of degree 3 and 4, C₃ and C₄ tuples.
+        basis: (s, n) exponents of b.
+        scales: (s,) factors of b, 1 or √2.
+        size: s, rows of a Gram matrix, n + n (n + 1) / 2.
         rows, columns: of the entries of a Gram matrix's lower triangle, column by
             column as Drake stacks them, (E,).
         even: (C₄, E) coefficients of degree 4 from those entries.
@@ -64,18 +67,18 @@ class Sphere:
 
     @functools.cached_property
     def map(self) -> np.ndarray:
-        """Coefficients (odd, then even) from the entries of a Gram matrix."""
+        """Matrix (C, E) from Gram matrices' entries to coefficients, odd then even."""
         return np.vstack([self.odd, self.even])
 
     @functools.cached_property
     def constant(self) -> np.ndarray:
-        """Coefficients of 1 = |z|⁴."""
+        """Coefficients (C,) of 1 = |z|⁴."""
         one = np.einsum("cii->c", self.lift)
         return np.concatenate([np.zeros(len(self.cubic)), one])
 
     @functools.cached_property
     def correction(self) -> np.ndarray:
-        """The least change of a Gram matrix's entries for a change of coefficients."""
+        """Matrix (E, C) from a change of coefficients to the least of a Gram matrix."""
         weight = np.where(self.rows == self.columns, 1.0, 2.0)
         scaled = self.map / weight
         return scaled.T @ np.linalg.inv(scaled @ self.map.T)
@@ -94,7 +97,7 @@ class Sphere:
     def coefficients(
         self, quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray
     ) -> np.ndarray:
-        """Returns coefficients (odd, then even) of zᵀ N z + cubic + quartic.
+        """Returns coefficients (..., C), odd then even, of zᵀ N z + cubic + quartic.
 
         Args:
             quadratic: (..., n, n) N.
@@ -115,6 +118,11 @@ class Sphere:
             table = z[..., i, None] ** np.arange(5)
             powers *= table[..., exponents[:, i]]
         return powers
+
+
+def normalized(points: np.ndarray) -> np.ndarray:
+    """Returns points (..., n) moved to the unit sphere, along their rays."""
+    return points / np.linalg.norm(points, axis=-1, keepdims=True)
 
 
 @functools.lru_cache(maxsize=8)

@@ -1,4 +1,4 @@
-"""How much estimation error a funnel bears.
+"""The estimation error that a funnel bears, by flights on an estimate.
 
 A funnel is proved for a feedback of the true state. Here the same feedback gets what
 an extended Kalman filter makes of motion capture, and launches from inside the inlet
@@ -25,14 +25,14 @@ from glider.estimation.perching import (
     PROCESS,
 )
 from glider.physics.servo import limited_rate
-from glider.physics.state import STATE_NAMES
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import (
     PERCH_RADIUS,
     least_distance,
 )
+from glider.verification.dynamics.nominal import ELEVATOR
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.attack import (
+from glider.verification.trials.flights import (
     draw_inside,
     funnel_policy,
 )
@@ -44,16 +44,15 @@ UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 """Shares of a launch's deviation that the filter does not know."""
 
 TICKS = 4
-"""Predictions to a sample of motion capture: the feedback follows each."""
-
-_ELEVATOR = STATE_NAMES.index("elevator")
+"""Predictions of the filter to each sample of motion capture; the feedback follows
+each of them."""
 
 _limited_rates = np.vectorize(limited_rate, otypes=[float], excluded=["servo"])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EstimatedFlights:
-    """What became of launches from inside a funnel, flown on an estimate."""
+    """The outcome of launches from inside a funnel, flown on an estimate."""
 
     noise: float
     """Standard deviation of a measured position [m]."""
@@ -62,33 +61,36 @@ class EstimatedFlights:
     """Share of the launch's deviation that the filter did not know."""
 
     times: np.ndarray
-    """(K + 1,) from the launch to the funnel's end [s]."""
+    """Times (K + 1,) from the launch to the funnel's end [s]."""
 
     levels: np.ndarray
-    """(B, K + 1) V of the true state; 1 is the boundary."""
+    """V (B, K + 1) of the true state; 1 is the boundary."""
 
     believed: np.ndarray
-    """(B, K + 1) V of the estimate."""
+    """V (B, K + 1) of the estimate."""
 
     errors: np.ndarray
-    """(B, K + 1) √(eᵀ S e) of the estimate's error."""
+    """√(eᵀ S e) (B, K + 1) of the estimate's error."""
 
     miss: np.ndarray
-    """(B,) least distance of the center of mass from the wire [m]."""
+    """Least distance (B,) of the center of mass from the wire [m]."""
 
     @property
     def escaped(self) -> np.ndarray:
-        """(B,) whether the true state left the funnel."""
+        """Whether the true state left the funnel, (B,).
+
+        Without the allowance of ESCAPE_LEVEL: launches are inside, not on the boundary.
+        """
         return ~(self.levels.max(axis=1) <= 1.0)  # NaN is an escape.
 
     @property
     def believed_escaped(self) -> np.ndarray:
-        """(B,) whether the estimate left it."""
+        """Whether the estimate left it, (B,)."""
         return ~(self.believed.max(axis=1) <= 1.0)
 
     @property
     def perched(self) -> np.ndarray:
-        """(B,) whether the wire was within reach."""
+        """Whether the wire was within reach, (B,)."""
         return self.miss < PERCH_RADIUS
 
 
@@ -101,7 +103,7 @@ def study_estimates(
     unknown: Sequence[float] = UNKNOWN,
     progress: Callable[[str], None] | None = None,
 ) -> list[EstimatedFlights]:
-    """Flies the same launches with the same noise, scaled, at each level.
+    """Flies the same launches with the same noise, scaled, at each level of noise.
 
     Args:
         funnel: whose feedback flies its own glider.
@@ -112,7 +114,7 @@ def study_estimates(
         progress: told which level is flown.
 
     Returns:
-        One for each share and noise, the noises of a share in a row.
+        outcomes, one for each share and noise, the noises of a share in a row.
     """
     starts = draw_inside(funnel, flights, rng)
     samples = math.ceil((funnel.nominal.times[-1] + AFTER) * CAPTURE.rate)
@@ -181,7 +183,7 @@ def fly_estimated(
         states[k + 1] = flown.states[:, 1]
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
-        rates = _limited_rates(command, means[k, :, _ELEVATOR], servo=servo)
+        rates = _limited_rates(command, means[k, :, ELEVATOR], servo=servo)
         means[k + 1], covariances = _filter(
             ekf, k / rate, means[k], covariances, rates, measured[k]
         )

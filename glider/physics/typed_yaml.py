@@ -1,0 +1,56 @@
+"""Typed YAML files: a dataclass filled from a file, or one sentence why it cannot be.
+
+Drake reads and writes them. It is imported here when a file is read or written, not
+before: whoever needs only the names and the checks of a vehicle, as the reader of
+campaigns does, does not wait for it.
+"""
+
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+
+from glider.errors import InputError
+
+T = TypeVar("T")
+
+_MISPLACED = (RuntimeError, ValueError, TypeError, AssertionError, AttributeError)
+"""What Drake's reader raises where a file's values are not the schema's."""
+
+
+def load_typed(schema: type[T], path: Path | str, what: str) -> T:
+    """Returns a dataclass with the fields that a file gives, the others at default.
+
+    Drake sets fields after construction: a dataclass that checks its values must be
+    checked once more.
+
+    Args:
+        schema: the dataclass.
+        path: of the file.
+        what: a file of this schema is, with its article, for the message.
+
+    Raises:
+        InputError: the file cannot be read, or its fields are not the schema's.
+    """
+    from pydrake.common.yaml import yaml_load_typed
+
+    try:
+        return yaml_load_typed(schema=schema, filename=str(path))
+    except OSError as error:
+        raise InputError(f"{path}: not {what}: {error.strerror}.") from None
+    except (yaml.YAMLError, *_MISPLACED) as error:
+        raise InputError(f"{path}: not {what}: {_reason(error)}.") from None
+
+
+def save_typed(schema: type[T], path: Path | str, data: T) -> None:
+    """Writes a dataclass; `load_typed` gives it back unchanged."""
+    from pydrake.common.yaml import yaml_dump_typed
+
+    yaml_dump_typed(data, filename=str(path), schema=schema)
+
+
+def _reason(error: Exception) -> str:
+    """Returns what an error says, as a part of a sentence for a user."""
+    if isinstance(error, (AssertionError, AttributeError)):  # Of no use to a user.
+        return "a value, a list or a mapping is where something else is needed"
+    return " ".join(str(error).split()).rstrip(".")

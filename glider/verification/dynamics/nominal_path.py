@@ -1,0 +1,50 @@
+"""The nominal flight between its times: a cubic Hermite polynomial."""
+
+import dataclasses
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from glider.verification.dynamics.error_dynamics import closed_loop_rates
+from glider.verification.dynamics.nominal import Nominal
+
+
+def nominal_slopes(nominal: Nominal) -> np.ndarray:
+    """Returns ẋ₀ (T, n) by the dynamics."""
+    x = list(nominal.states.T)
+    rates = closed_loop_rates(nominal.model, x, nominal.gains.T, x, nominal.inputs)
+    return np.array([np.broadcast_to(rate, len(nominal.times)) for rate in rates]).T
+
+
+def nominal_path(nominal: Nominal) -> CubicHermiteSpline:
+    """Returns x₀ as a function of time."""
+    return CubicHermiteSpline(nominal.times, nominal.states, nominal_slopes(nominal))
+
+
+def nominal_between(nominal: Nominal, share: float) -> Nominal:
+    """Returns the flight at one point of each interval, (T - 1) times.
+
+    Args:
+        nominal: the flight.
+        share: of an interval, where the point is; from 0 to 1.
+    """
+    times = nominal.times[:-1] + share * np.diff(nominal.times)
+    return dataclasses.replace(
+        nominal,
+        times=times,
+        states=nominal_path(nominal)(times),
+        inputs=np.interp(times, nominal.times, nominal.inputs),
+        gains=CubicSpline(nominal.times, nominal.gains)(times),
+    )
+
+
+def nominal_drift(nominal: Nominal) -> float:
+    """Returns how far the nominal is from a flight over one step, by Simpson's rule.
+
+    The largest of all states [m, rad, m/s, rad/s].
+    """
+    slopes, step = nominal_slopes(nominal), np.diff(nominal.times)[:, None]
+    x = nominal.states
+    middle = nominal_slopes(nominal_between(nominal, 0.5))
+    rise = step / 6.0 * (slopes[1:] + 4.0 * middle + slopes[:-1])
+    return float(np.abs(x[1:] - x[:-1] - rise).max())

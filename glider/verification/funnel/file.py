@@ -1,0 +1,150 @@
+"""The file of a funnel: notes and arrays in one .npz, read before they mean anything.
+
+NumPy is all that this needs, so that a file that is no funnel is refused at once.
+
+A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`,
+
+    times   (T,)       times, increasing from 0 [s]
+    states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
+    inputs  (T,)       u₀, the elevator's rate [rad/s]
+    gains   (T, n)     K of the feedback u = u₀ - K (x - x₀)
+    S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1
+    slopes  (T, n, n)  Ṡ [1/s]; between the times S is the cubic Hermite polynomial
+    beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
+    weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
+    grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, for they are a
+                       hint that the check mends; lower triangles, column by column, in
+                       the basis of `glider.verification.sos.sphere`
+
+and `notes`, a JSON text with
+
+    format       "drake-glider funnel 1"
+    state_names  n names: STATE_NAMES, then the effects' own states
+    settings     the fields of FunnelSettings
+    solver       name of the solver that was tried first
+    seconds      duration of the computation [s]
+    model        the glider, the text of a file of `glider.physics.model`
+"""
+
+import dataclasses
+import io
+import json
+import os
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glider.errors import InputError
+
+_FORMAT = "drake-glider funnel 1"
+
+_FAULTS = (
+    OSError,
+    EOFError,
+    ValueError,
+    TypeError,
+    KeyError,
+    AttributeError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What reading a file may raise that somebody cut short, edited or made otherwise."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FunnelFile:
+    """What a file holds."""
+
+    state_names: tuple[str, ...]
+    """STATE_NAMES, then the effects' own states; n of them."""
+
+    settings: dict[str, Any]
+    """Field of FunnelSettings to its value."""
+
+    model: str
+    """Text of the glider's model file."""
+
+    solver: str
+    """Name of the solver that was tried first."""
+
+    seconds: float
+    """Duration of the computation [s]."""
+
+    arrays: dict[str, np.ndarray]
+    """Name to numbers, of the shapes in `_shapes`."""
+
+
+def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
+    """Returns the shape of each array, for so many times and states."""
+    size = n + n * (n + 1) // 2
+    return {
+        "times": (count,),
+        "states": (count, n),
+        "inputs": (count,),
+        "gains": (count, n),
+        "S": (count, n, n),
+        "slopes": (count, n, n),
+        "beta": (count, n),
+        "weights": (count, n),
+        "grams": (count, size * (size + 1) // 2),
+    }
+
+
+def write_file(path: Path | str, file: FunnelFile) -> None:
+    """Writes a file at once; `read_file` gives it back unchanged."""
+    notes = {f.name: getattr(file, f.name) for f in dataclasses.fields(file)}
+    arrays = notes.pop("arrays")
+    text = json.dumps({"format": _FORMAT, **notes})
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, notes=np.array(text), **arrays)
+    part = Path(f"{path}.{os.getpid()}.part")
+    part.write_bytes(buffer.getvalue())
+    part.replace(path)
+
+
+def read_file(path: Path | str) -> FunnelFile:
+    """Reads a file; one that is no funnel's is an InputError."""
+    try:
+        with open(path, "rb") as stream:
+            if not zipfile.is_zipfile(stream):
+                raise ValueError("it is no .npz file")
+            stream.seek(0)
+            with np.load(stream, allow_pickle=False) as data:
+                notes = json.loads(str(data["notes"]))
+                arrays = {name: data[name] for name in _shapes(0, 0)}
+        if notes["format"] != _FORMAT:
+            raise ValueError(f"its format is {notes['format']!r}, not {_FORMAT!r}")
+        file = FunnelFile(
+            state_names=tuple(notes["state_names"]),
+            settings={
+                key: tuple(value) if isinstance(value, list) else value
+                for key, value in notes["settings"].items()
+            },
+            model=str(notes["model"]),
+            solver=str(notes["solver"]),
+            seconds=float(notes["seconds"]),
+            arrays=arrays,
+        )
+        _check_shapes(arrays, len(file.state_names))
+    except _FAULTS as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        reason = " ".join(str(reason or error).split()).rstrip(".")
+        raise InputError(f"{path}: not a funnel: {reason}.") from None
+    return file
+
+
+def _check_shapes(arrays: dict[str, np.ndarray], n: int) -> None:
+    for name, shape in _shapes(len(arrays["times"]), n).items():
+        array = arrays[name]
+        if array.shape != shape or not np.all(np.isfinite(array)):
+            raise ValueError(
+                f"'{name}' has shape {array.shape}; finite numbers of shape {shape} "
+                "are needed"
+            )
+    times = arrays["times"]
+    if len(times) < 2 or not np.all(np.diff(times) > 0.0):
+        raise ValueError("'times' must increase")

@@ -1,0 +1,119 @@
+"""V̇/V on the boundary of a funnel, at its times and between them.
+
+Between the times the flight and the sets are cubic Hermite polynomials.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal_path import nominal_between
+from glider.verification.funnel.ascent import largest_values
+from glider.verification.funnel.remainder import remainder_form
+from glider.verification.sos.forms import (
+    higher_forms,
+    quadratic_form,
+    to_ball,
+)
+
+SHARES = (0.25, 0.5, 0.75)
+"""Points of each interval between two times where V̇ is looked at."""
+
+
+class BoundaryForms(NamedTuple):
+    """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times."""
+
+    quadratic: np.ndarray
+    """Matrices N (T, n, n) [1/s]."""
+
+    cubic: np.ndarray
+    """Coefficients of c₃ (T, C₃) [1/s]."""
+
+    quartic: np.ndarray
+    """Coefficients of c₄ (T, C₄) [1/s]."""
+
+
+def boundary_forms(
+    S: np.ndarray, slopes: np.ndarray, coefficients: np.ndarray, disturbance: np.ndarray
+) -> BoundaryForms:
+    """Returns V̇/V on the boundary, the disturbance included.
+
+    Args:
+        S: (T, n, n).
+        slopes: (T, n, n) Ṡ.
+        coefficients: (T, n, M) of `expand`.
+        disturbance: (T, n, n) D.
+    """
+    cubic, quartic = higher_forms(S, coefficients)
+    _, L_inv_T = to_ball(S)
+    quadratic = quadratic_form(S, slopes, coefficients)
+    quadratic = np.swapaxes(L_inv_T, 1, 2) @ quadratic @ L_inv_T + disturbance
+    return BoundaryForms(quadratic, cubic, quartic)
+
+
+def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
+    """Returns the largest V̇/V (T,) found by ascent [1/s].
+
+    Args:
+        forms: V̇/V on the boundary.
+        starts: (B, n) where the ascent starts, besides the axes of the quadratic part.
+    """
+    axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
+    seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
+    return largest_values(*forms, np.concatenate([seeds, axes], axis=1))[0]
+
+
+class GrowthBetween:
+    """V̇/V on the boundary at one point of each interval between two times."""
+
+    def __init__(self, nominal: Nominal, share: float, every: int = 1):
+        """Expands the dynamics there.
+
+        Args:
+            nominal: the flight.
+            share: of an interval, where the point is; from 0 to 1.
+            every: take every so many intervals only.
+        """
+        self._share, self._every = share, every
+        self._times = nominal.times
+        here = nominal_between(nominal, share)
+        parts = {
+            name: getattr(here, name)[::every]
+            for name in ("times", "states", "inputs", "gains")
+        }
+        here = dataclasses.replace(here, **parts)
+        self._at = here.times
+        self._coefficients = expand(here)
+
+    def largest(
+        self,
+        S: np.ndarray,
+        slopes: np.ndarray,
+        beta: np.ndarray,
+        weights: np.ndarray,
+        starts: np.ndarray,
+    ) -> np.ndarray:
+        """Returns the largest V̇/V found by ascent, one an interval [1/s].
+
+        Args:
+            S: (T, n, n).
+            slopes: (T, n, n) Ṡ.
+            beta: (T, n) bounds of the remainder.
+            weights: (T, n) λ of `remainder_form`.
+            starts: (B, n) where the ascent starts, besides the axes.
+        """
+        curve = CubicHermiteSpline(self._times, S, slopes)
+        here = curve(self._at)
+        disturbance = remainder_form(here, self._mix(beta), self._mix(weights))
+        forms = boundary_forms(
+            here, curve(self._at, 1), self._coefficients, disturbance
+        )
+        return largest_growth(forms, starts)
+
+    def _mix(self, values):
+        mixed = (1.0 - self._share) * values[:-1] + self._share * values[1:]
+        return mixed[:: self._every]

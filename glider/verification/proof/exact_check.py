@@ -1,0 +1,202 @@
+"""The part of a funnel's check that is in whole numbers.
+
+At each of its times:
+1. S is positive definite, and the set keeps the servo within its limits;
+2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
+   coefficients are the doubles that `expand` computes from the glider in the file, with
+   any disturbance |R_k| <= β_k: minus V̇ - slack V has a positive definite Gram matrix.
+At the end the set lies in the goal.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from glider.verification.dynamics.error_dynamics import (
+    expand,
+    table_of,
+)
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.limits import servo_bounds
+from glider.verification.sos.exact import (
+    Exact,
+    exact,
+    is_positive_definite,
+    leaves_definite,
+    rounded,
+)
+from glider.verification.sos.exact_forms import (
+    gram_polynomial,
+    odd_then_even,
+    quadratic_product,
+    sparse_gram,
+    substituted,
+)
+from glider.verification.sos.forms import to_ball
+from glider.verification.sos.grams import represent
+from glider.verification.sos.sphere import sphere
+
+SLACK_SHARE = 0.1
+"""Share of the margin of V̇/V that is proven; what is left of it is for rounding."""
+
+GRAM_BITS = 26
+"""Binary places that Gram matrices are rounded to: 1.5e-8, where their least
+eigenvalues are 1e-3 and more."""
+
+BALL_BITS = 30
+"""Binary places of the coordinates of the ball. Any are right; few are fast."""
+
+GOAL_ROUNDING = 1e-9
+"""Relative amount by which S(T) may be below the goal's: where they are equal, as in
+the shipped funnels, their difference is not definite."""
+
+
+def proven_slack(funnel: Funnel) -> float:
+    """Returns the slack of V̇ <= -slack V that is to be proven [1/s]."""
+    return SLACK_SHARE * funnel.settings.margin
+
+
+def exact_faults(
+    funnel: Funnel,
+    at: Sequence[int],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[str], float]:
+    """Checks a funnel in whole numbers.
+
+    Args:
+        funnel: the funnel.
+        at: indices of the times.
+        progress: called with the share that is done.
+
+    Returns:
+        what is wrong, a sentence each, and the largest change of an eigenvalue by what
+        rounding left over.
+    """
+    nominal = funnel.nominal
+    coefficients = expand(nominal)
+    directions, bounds = servo_bounds(nominal, shrink=1.0)
+    slack = proven_slack(funnel)
+    faults, rounding = [], 0.0
+    for number, k in enumerate(at):
+        when = f"at {nominal.times[k]:.4f} s"
+        if not is_positive_definite(exact(funnel.S[k])):
+            faults.append(f"The set is no ellipsoid {when}.")
+            continue
+        if not _keeps_bounds(funnel.S[k], directions[k], bounds[k]):
+            faults.append(f"The servo would meet its limits {when}.")
+        holds, change = check_time(funnel, coefficients[k], k, slack)
+        rounding = max(rounding, change)
+        if not holds:
+            faults.append(f"The Gram matrix proves nothing {when}.")
+        if progress:
+            progress((number + 1) / len(at))
+    if not _within_goal(funnel):
+        faults.append("The last set is not within the goal.")
+    return faults, rounding
+
+
+def check_time(
+    funnel: Funnel, coefficients: np.ndarray, k: int, slack: float
+) -> tuple[bool, float]:
+    """Returns whether V̇ <= -slack V is proven at one time, and what rounding took.
+
+    Args:
+        funnel: the funnel.
+        coefficients: (n, M) of `expand` at that time.
+        k: the time's index.
+        slack: [1/s].
+    """
+    S, slope = funnel.S[k], funnel.slopes[k]
+    beta, weights = funnel.beta[k], funnel.weights[k]
+    if np.any(beta < 0.0) or np.any(weights < 0.0):
+        return False, 0.0
+    if np.any((beta > 0.0) & (weights == 0.0)):
+        return False, 0.0
+    tables = sphere(len(S))
+    polynomial, metric = growth_polynomial(
+        exact(S),
+        exact(slope),
+        coefficients,
+        rounded(to_ball(S)[1], BALL_BITS),
+        beta,
+        weights,
+        exact(slack),
+    )
+    # In floating point: a Gram matrix for exactly this polynomial, as near as can be.
+    doubles = polynomial.to_float()
+    entries = funnel.grams[k].astype(float)
+    entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
+    gram = tables.matrix(represent(tables, entries, doubles))
+    gram = gram * np.multiply.outer(tables.scales, tables.scales)
+    whole = rounded(gram, GRAM_BITS)
+    left_over = polynomial - gram_polynomial(tables, whole, metric)
+    return leaves_definite(whole, sparse_gram(tables, left_over))
+
+
+def growth_polynomial(
+    S: Exact,
+    slope: Exact,
+    coefficients: np.ndarray,
+    L_inv_T: Exact,
+    beta: np.ndarray,
+    weights: np.ndarray,
+    slack: Exact,
+) -> tuple[Exact, Exact]:
+    """Returns minus V̇ - slack V on the boundary, and zᵀ G z = V.
+
+    Both are in the coordinates e = L_inv_T z. That is an exact change of variables for
+    any L_inv_T; it is near L⁻ᵀ, so that G is near the identity.
+
+    Args:
+        S: (n, n).
+        slope: (n, n) Ṡ.
+        coefficients: (n, M) of `expand`.
+        L_inv_T: (n, n).
+        beta: (n,) bounds of the remainder.
+        weights: (n,) λ, positive where beta is.
+        slack: a number [1/s].
+
+    Returns:
+        coefficients (C,), odd then even, and G (n, n).
+    """
+    table = table_of(len(coefficients))
+    F1, F2, F3 = (exact(coefficients[:, table.of_degree(d)]) for d in (1, 2, 3))
+    L_inv = L_inv_T.transposed()
+    L_T = L_inv @ S
+    metric = L_T @ L_inv_T
+    product = L_T @ F1 @ L_inv_T
+    quadratic = L_inv @ slope @ L_inv_T + product + product.transposed()
+    for b, w, column in zip(beta, weights, L_T.numbers.T, strict=True):
+        if w > 0.0:
+            across = Exact(np.multiply.outer(column, column), 2 * L_T.exponent)
+            quadratic = quadratic + across.times(exact(w))
+            quadratic = quadratic + metric.times(_at_least(b * b / w))
+    quadratic = quadratic + metric.times(slack)
+    cubic = substituted(L_T @ F2, L_inv_T, 2)
+    quartic = substituted(L_T @ F3, L_inv_T, 3) + quadratic_product(quadratic, metric)
+    return odd_then_even(cubic, quartic).scaled(-1), metric
+
+
+def _at_least(value):
+    """Returns a double above a quotient that rounding may have lowered."""
+    return exact(np.nextafter(np.nextafter(value, np.inf), np.inf))
+
+
+def _keeps_bounds(S, directions, bounds):
+    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite."""
+    for a, bound in zip(directions, bounds, strict=True):
+        if not bound > 0.0:
+            return False
+        square = exact(bound).times(exact(bound))
+        across = np.multiply.outer(exact(a).numbers, exact(a).numbers)
+        product = Exact(across, 2 * exact(a).exponent)
+        if not is_positive_definite(exact(S).times(square) - product):
+            return False
+    return True
+
+
+def _within_goal(funnel):
+    """Returns whether S(T) is at least the goal's, but for GOAL_ROUNDING."""
+    axes = funnel.settings.goal_axes(funnel.num_states)
+    goal = exact(np.diag(1.0 / axes**2) * (1.0 - GOAL_ROUNDING))
+    return is_positive_definite(exact(funnel.S[-1]) - goal)

@@ -1,0 +1,18 @@
+"""Fixtures of the tests of verification."""
+
+import pytest
+
+from glider.paths import models_path
+from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.funnel.funnel import load_funnel
+
+
+@pytest.fixture(scope="session")
+def funnel():
+    """The nominal model's funnel, as it ships."""
+    return load_funnel(models_path("funnels", "drawn.npz"))
+
+
+@pytest.fixture(scope="session")
+def coefficients(funnel):
+    return expand(funnel.nominal)

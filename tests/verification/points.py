@@ -1,0 +1,10 @@
+"""Random points of spheres, for tests."""
+
+import numpy as np
+
+from glider.verification.sos.sphere import normalized
+
+
+def sphere_points(count, n, seed=0):
+    """Returns points (count, n) of the unit sphere."""
+    return normalized(np.random.default_rng(seed).normal(size=(count, n)))

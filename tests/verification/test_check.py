@@ -1,0 +1,140 @@
+"""A check tells a certificate from what only looks like one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
+from glider.verification.dynamics.error_dynamics import evaluate
+from glider.verification.funnel.remainder import (
+    remainder_form,
+)
+from glider.verification.proof.check import (
+    check_funnel,
+    largest_between,
+)
+from glider.verification.proof.exact_check import (
+    BALL_BITS,
+    check_time,
+    exact_faults,
+    growth_polynomial,
+)
+from glider.verification.sos.exact import (
+    exact,
+    rounded,
+)
+from glider.verification.sos.forms import (
+    higher_forms,
+    linear_part,
+    quadratic_form,
+    to_ball,
+)
+from glider.verification.sos.sphere import sphere
+from tests.verification.points import sphere_points
+
+EVERY = 50
+"""Number of times from one that tests check exactly to the next."""
+
+
+def test_the_forms_are_the_growth_of_v_on_the_boundary(funnel, coefficients):
+    k, z = 120, sphere_points(20, 7)
+    S, slope = funnel.S[k], funnel.slopes[k]
+    L_inv_T = to_ball(S)[1]
+    errors = z @ L_inv_T.T
+    rates = evaluate(coefficients[k], errors)
+    growth = np.einsum("bi,ij,bj->b", errors, slope, errors)
+    growth += 2.0 * np.einsum("bi,ij,bj->b", errors, S, rates)
+    quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
+    tables = sphere(7)
+    polynomial = tables.coefficients(quadratic, *higher_forms(S, coefficients[k]))
+    values = tables.values(np.broadcast_to(polynomial, (20, len(polynomial))), z)
+    assert values == pytest.approx(growth, abs=1e-9)
+    assert np.all(growth < 0.0)
+    assert np.linalg.eigvals(linear_part(coefficients[k])).real.max() < 50.0
+
+
+def test_the_exact_polynomial_is_the_growth_with_the_disturbance(funnel, coefficients):
+    k, slack = 150, 0.25
+    S, slope = funnel.S[k], funnel.slopes[k]
+    rng = np.random.default_rng(0)
+    beta, weights = rng.uniform(0.1, 1.0, 7), rng.uniform(0.1, 1.0, 7)
+    L_inv_T = to_ball(S)[1]
+    polynomial, metric = growth_polynomial(
+        exact(S),
+        exact(slope),
+        coefficients[k],
+        rounded(L_inv_T, BALL_BITS),
+        beta,
+        weights,
+        exact(slack),
+    )
+    assert metric.to_float() == pytest.approx(np.eye(7), abs=1e-5)
+    quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
+    quadratic += remainder_form(S[None], beta[None], weights[None])[0]
+    quadratic += slack * np.eye(7)
+    expected = sphere(7).coefficients(quadratic, *higher_forms(S, coefficients[k]))
+    assert polynomial.to_float() == pytest.approx(-expected, rel=1e-5, abs=1e-3)
+
+
+def test_the_shipped_certificate_holds(funnel):
+    verdict = check_funnel(funnel, every=EVERY)
+    assert verdict.holds, verdict.faults
+    assert verdict.times >= 4
+    assert verdict.between < 0.0
+    assert verdict.rounding < 1e-3
+
+
+def lighter(funnel):
+    parameters = GliderParameters(mass=0.07)
+    return dataclasses.replace(funnel.nominal, model=GliderModel(parameters=parameters))
+
+
+def weaker(funnel):
+    parameters = GliderParameters(elevator_limits=[-0.3, 0.8])
+    return dataclasses.replace(funnel.nominal, model=GliderModel(parameters=parameters))
+
+
+CORRUPTIONS = {
+    "a wider set": (lambda f: {"S": 0.9 * f.S}, "proves nothing"),
+    "a narrower set": (lambda f: {"slopes": 1.2 * f.slopes}, "proves nothing"),
+    "random Gram matrices": (
+        lambda f: {"grams": f.grams[:, ::-1].copy()},
+        "proves nothing",
+    ),
+    "a larger disturbance": (
+        lambda f: {"beta": f.beta + 0.5, "weights": f.weights + 0.5},
+        "proves nothing",
+    ),
+    "weights that divide by zero": (
+        lambda f: {"beta": f.beta + 0.5},
+        "proves nothing",
+    ),
+    "no ellipsoid": (lambda f: {"S": -f.S}, "no ellipsoid"),
+    "a larger goal set": (lambda f: {"S": f.S / 1.01}, "goal"),
+    "a servo of less travel": (lambda f: {"nominal": weaker(f)}, "servo"),
+    "another glider": (lambda f: {"nominal": lighter(f)}, "proves nothing"),
+}
+
+
+@pytest.mark.parametrize("name", CORRUPTIONS)
+def test_a_corrupted_funnel_fails_the_check(name, funnel):
+    change, words = CORRUPTIONS[name]
+    changed = dataclasses.replace(funnel, **change(funnel))
+    faults, _ = exact_faults(changed, [100])
+    assert words in " ".join(faults)
+
+
+def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
+    changed = dataclasses.replace(funnel, nominal=lighter(funnel))
+    assert "no flight" in " ".join(check_funnel(changed, every=1000).faults)
+    assert largest_between(dataclasses.replace(funnel, S=0.8 * funnel.S), 20) > 0.0
+
+
+def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel, coefficients):
+    assert check_time(funnel, coefficients[7], 7, 0.003)[0]
+    grams = funnel.grams.copy()
+    grams[7, 0] -= 200.0
+    wrong = dataclasses.replace(funnel, grams=grams)
+    assert not check_time(wrong, coefficients[7], 7, 0.003)[0]

@@ -1,0 +1,69 @@
+"""Flights do not leave the shipped funnels, and leave those that promise too much."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.proof.exact_check import exact_faults
+from glider.verification.trials.falsify import falsify_funnel
+from glider.verification.trials.flights import (
+    boundary_states,
+    fly_inside,
+)
+from tests.verification.points import sphere_points
+
+
+def test_no_flight_from_the_boundary_leaves_the_funnel(funnel):
+    trial = falsify_funnel(funnel, 400, np.random.default_rng(0))
+    assert trial.samples > 400
+    assert trial.escapes == 0
+    assert trial.levels.max() <= 1.0 + 1e-6
+    assert trial.ends.max() < 1.0
+
+
+def test_flights_leave_a_funnel_that_promises_too_much(funnel):
+    """Three times as wide, it asks for more than the servo can do."""
+    wide = dataclasses.replace(funnel, S=funnel.S / 9.0, slopes=funnel.slopes / 9.0)
+    trial = falsify_funnel(wide, 400, np.random.default_rng(0), climb=False)
+    assert trial.escapes > 20
+
+
+def test_without_the_servos_limits_in_it_a_funnel_does_not_hold():
+    """It was made for a servo of wider travel and a higher rate."""
+    funnel = load_funnel(models_path("funnels", "strong_servo.npz"))
+    shares = (0.37, 0.5)
+    own = falsify_funnel(funnel, 200, np.random.default_rng(0), shares=shares)
+    assert own.escapes == 0
+    nominal = GliderModel()
+    real = falsify_funnel(
+        funnel, 200, np.random.default_rng(0), shares=shares, model=nominal
+    )
+    assert real.escapes > 0.05 * real.samples
+    flight = dataclasses.replace(funnel.nominal, model=nominal)
+    faults, _ = exact_faults(dataclasses.replace(funnel, nominal=flight), [100])
+    assert any("servo" in fault for fault in faults)
+
+
+def test_climbing_finds_worse_flights_than_chance(funnel):
+    rng = np.random.default_rng(1)
+    climbed = falsify_funnel(funnel, 200, rng, shares=(0.75,))
+    chance = falsify_funnel(funnel, climbed.samples, rng, shares=(0.75,), climb=False)
+    assert climbed.ends.max() > 1.01 * chance.ends.max()
+
+
+def test_flights_from_inside_end_in_the_goal(funnel):
+    paths = fly_inside(funnel, 20, np.random.default_rng(2))
+    levels = funnel.level(funnel.nominal.times, paths)
+    assert np.all(levels <= 1.0)
+    goal = np.array(funnel.settings.goal)
+    ends = paths[:, -1] - funnel.nominal.states[-1]
+    assert np.all(np.sum((ends / goal) ** 2, axis=1) <= 1.0)
+
+
+def test_boundary_states_are_on_the_boundary(funnel):
+    states = boundary_states(funnel, 40, sphere_points(10, 7))
+    assert funnel.level(funnel.nominal.times[40], states) == pytest.approx(1.0)
