@@ -37,7 +37,7 @@ def approach(wire, work, near):
         near[2, j] = min(near[2, j], x * x + z * z)
 
 
-def guided_slopes(t, node, work, data):
+def slopes_guided(t, node, work, data):
     """Writes the derivatives under feedback, servo limits included.
 
     As `slopes`; without a hold the commands, work[n, 1], follow the state at once.
@@ -93,7 +93,7 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
                             error[i, j] = noise[row, k // hold, i]
                 feed_back(k // hold, feedback, error, work)
             data = (k, feedback, error, servo, theta)
-            advance_block(guided_slopes, step * k, work, step, 4, data)
+            advance_block(slopes_guided, step * k, work, step, 4, data)
             approach(wire, work, near)
             if keep:
                 path[k] = work[:n, 0]
@@ -108,7 +108,7 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
                     states[first + j, k + keep, i] = path[k, i, j]
 
 
-LOOPS = Family((slopes, feed_back, approach, guided_slopes, guided), (guided,))
+LOOPS = Family((slopes, feed_back, approach, slopes_guided, guided), (guided,))
 
 
 class Feedback(NamedTuple):

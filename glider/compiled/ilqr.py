@@ -13,7 +13,7 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
 
 
-def ilqr_slope(t, node, x, data, rate):
+def slope_held(t, node, x, data, rate):
     """Writes the derivatives under a command that is held."""
     u, theta = data
     d = derivatives(t, x, u, 0.0, 0.0, theta)
@@ -75,7 +75,7 @@ def ilqr_roll(
         cost += 0.5 * costs.stage[n] * u * u
         new_inputs[k] = u
         new_states[k + 1] = x
-        advance(ilqr_slope, k * step, new_states[k + 1], step, order, (u, theta), work)
+        advance(slope_held, k * step, new_states[k + 1], step, order, (u, theta), work)
     for i in range(n):
         error = new_states[steps, i] - costs.goal[i]
         cost += 0.5 * costs.final[i] * error * error
@@ -207,7 +207,7 @@ def ilqr_backward(damping, step, states, inputs, jacobian, costs, servo, feed, g
 
 
 LOOPS = Family(
-    (ilqr_slope, ilqr_roll, ilqr_linearize),
+    (slope_held, ilqr_roll, ilqr_linearize),
     (ilqr_roll, ilqr_linearize),
     uses=(jacobian.LOOPS,),
 )

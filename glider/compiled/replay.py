@@ -264,7 +264,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
         values[k, 8] = x[3]
 
 
-def actuator_slope(t, node, y, data, rate):
+def slope_of_actuators(t, node, y, data, rate):
     """Writes the rates of the elevator's angle and of the actuators' own states."""
     command, c, x = data
     own = y.shape[0] - 1
@@ -294,12 +294,12 @@ def log_actuator(times, commands, c, limits, states):
     work = np.empty((3, size))
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        advance(actuator_slope, times[k], y, step, 4, (commands[k], c, x), work)
+        advance(slope_of_actuators, times[k], y, step, 4, (commands[k], c, x), work)
         y[0] = min(max(y[0], limits[0]), limits[1])
         states[k + 1] = y
 
 
-ACTUATORS = Family((actuator_slope, log_actuator), (log_actuator,))
+ACTUATORS = Family((slope_of_actuators, log_actuator), (log_actuator,))
 
 LOOPS = Family(
     (

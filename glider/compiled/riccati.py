@@ -9,7 +9,7 @@ from glider.compiled.runge_kutta import advance
 from glider.physics.model import GliderModel
 
 
-def riccati_slope(t, node, flat, data, rate):
+def slope_of_cost(t, node, flat, data, rate):
     """Writes -Ṡ and, as its last column, -ṡ; see `riccati`.
 
     `flat` holds S and s (n, n + 1). Of the data, `jacobian` is A and, as its last
@@ -96,13 +96,13 @@ def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost
             break
         step = times[2 * k] - times[2 * k - 2]
         data = (2 * k, jacobian, excess, q, r, back)
-        advance(riccati_slope, times[2 * k], flat, step, 4, data, work)
+        advance(slope_of_cost, times[2 * k], flat, step, 4, data, work)
         for i in range(n):  # Symmetry, which rounding would lose slowly.
             for j in range(i):
                 now[i, j] = now[j, i] = 0.5 * (now[i, j] + now[j, i])
 
 
-LOOPS = Family((riccati_slope, riccati), (riccati,), uses=(jacobian.LOOPS,))
+LOOPS = Family((slope_of_cost, riccati), (riccati,), uses=(jacobian.LOOPS,))
 
 
 def solve_riccati(
