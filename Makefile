@@ -1,5 +1,6 @@
 # make demo        sets up .venv and runs the main command on a sample campaign
 # make test        sets up .venv and runs all tests
+# make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
@@ -25,13 +26,16 @@ else ifneq ($(shell $(PYTHON) -V 2>&1),$(shell $(BIN)/python -V 2>&1))
 $(READY): FORCE
 endif
 
-.PHONY: demo test lint benchmark setup clean distclean FORCE
+.PHONY: demo test quick lint benchmark setup clean distclean FORCE
 
 demo: setup
 	$(BIN)/python -m glider close-the-loop models/campaigns/attached_lift --out out/demo
 
 test: setup
 	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile $(PYTEST_ARGS)
+
+quick: setup
+	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 $$($(BIN)/python tests/changed.py) $(PYTEST_ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

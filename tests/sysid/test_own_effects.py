@@ -129,7 +129,7 @@ def test_flights_are_those_of_the_plant():
     theta = theta_of(model)
     start = fit_start(problem, record, theta)
     start[7:] = 0.0
-    flown = fly_record(record, theta, start, GliderModel().residual_field)
+    flown = fly_record(problem, record, theta, start)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
