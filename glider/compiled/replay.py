@@ -21,27 +21,45 @@ from glider.physics.compose import initial_extra
 from glider.physics.effects import NO_FIELD, EffectKind, Field
 
 
-def log_slope(t, node, x, data, rate):
-    """Writes the derivatives with the elevator's path prescribed.
+def log_step(t, x, step, elevator, rate, pitch, theta, work):
+    """Advances x by one Runge-Kutta step with the elevator's path prescribed.
 
-    Here x[3] is the elevator's constant offset from that path, elevator (3,) the path
-    at the start, the middle and the end of the step [rad], and its mean rate is known.
+    Here x[3] is the elevator's constant offset from that path. The step is that of
+    `runge_kutta.advance`, which takes a fifth more time here: its data are counted as
+    references in each of the many short calls.
+
+    Args:
+        t: [s].
+        x: (n,), written.
+        step: [s].
+        elevator: (3,) its path at the start, the middle and the end [rad].
+        rate: its mean rate over the step [rad/s].
+        pitch: (3, 2) pitch and its rate there, prescribed too; (0, 2) where they are
+            flown.
+        theta: the glider's numbers.
+        work: (2, n) scratch.
     """
-    elevator, elevator_rate, theta, y = data
-    n = x.shape[0]
-    for i in range(n):
-        y[i] = x[i]
-    y[3] += elevator[node]
-    d = derivatives(t, y, elevator_rate + 0.0 * x[0], 0.0, 0.0, theta)
-    for i in range(n):
-        rate[i] = d[i]
-    rate[3] = 0.0
-
-
-def log_step(t, x, step, elevator, rate, theta, work):
-    """Advances x by one Runge-Kutta step of `log_slope`; work is (4, n)."""
-    data = (elevator, rate, theta, work[3])
-    advance(log_slope, t, x, step, 4, data, work)
+    total, y = work[0], work[1]
+    total[:] = 0.0
+    y[:] = x
+    for stage in range(4):
+        node = (stage + 1) // 2
+        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+        ahead = 0.5 * step if stage < 2 else step
+        y[3] = x[3] + elevator[node]
+        if pitch.shape[0] > 0:
+            y[2] = pitch[node, 0]
+            y[6] = pitch[node, 1]
+        d = derivatives(t + 0.5 * step * node, y, rate + 0.0 * x[0], 0.0, 0.0, theta)
+        for i in range(x.shape[0]):
+            total[i] += weight * d[i]
+            y[i] = x[i] + ahead * d[i]
+    total[3] = 0.0
+    for i in range(x.shape[0]):
+        x[i] += step * total[i]
+    if pitch.shape[0] > 0:
+        x[2] = pitch[2, 0]
+        x[6] = pitch[2, 1]
 
 
 def log_rollout(times, start, elevator, rate, numbers, field, states):
@@ -50,79 +68,61 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
     Args:
         times: (K + 1,).
         start: (n,).
-        elevator: (K, 3) as in `log_slope`.
+        elevator: (K, 3) as in `log_step`.
         rate: (K,).
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual Field.
         states: (K + 1, n), written.
     """
     theta = theta_of(numbers, field)
+    free_pitch = np.empty((0, 2))
     x = start.copy()
-    work = np.empty((4, x.shape[0]), x.dtype)
+    work = np.empty((2, x.shape[0]), x.dtype)
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        log_step(times[k], x, step, elevator[k], rate[k], theta, work)
+        log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
         states[k + 1] = x
-
-
-def log_translation_slope(t, node, x, data, rate):
-    """Writes the derivatives with the pitch and its rate prescribed as well.
-
-    pitch (3, 2): both at the start, the middle and the end of the step.
-    """
-    pitch, elevator, elevator_rate, theta, y = data
-    n = x.shape[0]
-    for i in range(n):
-        y[i] = x[i]
-    y[2] = pitch[node, 0]
-    y[3] += elevator[node]
-    y[6] = pitch[node, 1]
-    d = derivatives(t, y, elevator_rate + 0.0 * x[0], 0.0, 0.0, theta)
-    for i in range(n):
-        rate[i] = d[i]
-    rate[3] = 0.0
 
 
 def log_translation(times, start, pitch, elevator, rate, numbers, field, states):
     """As `log_rollout`, with the pitch and its rate prescribed as well.
 
     Args:
-        pitch: (K, 3, 2) as in `log_translation_slope`.
+        pitch: (K, 3, 2) as in `log_step`.
     """
     theta = theta_of(numbers, field)
     x = start.copy()
-    work = np.empty((4, x.shape[0]), x.dtype)
+    work = np.empty((2, x.shape[0]), x.dtype)
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        data = (pitch[k], elevator[k], rate[k], theta, work[3])
-        advance(log_translation_slope, times[k], x, step, 4, data, work)
-        x[2] = pitch[k, 2, 0]
-        x[6] = pitch[k, 2, 1]
+        log_step(times[k], x, step, elevator[k], rate[k], pitch[k], theta, work)
         states[k + 1] = x
 
 
 def log_advance(times, nodes, elevator, rate, numbers, field, ends):
     """Flies each interval of a log from its own node; ends (K, n) is written."""
     theta = theta_of(numbers, field)
-    work = np.empty((4, nodes.shape[1]), nodes.dtype)
+    free_pitch = np.empty((0, 2))
+    work = np.empty((2, nodes.shape[1]), nodes.dtype)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         ends[k] = nodes[k]
-        log_step(times[k], ends[k], step, elevator[k], rate[k], theta, work)
+        log_step(times[k], ends[k], step, elevator[k], rate[k], free_pitch, theta, work)
 
 
 def log_extras(times, nodes, elevator, rate, numbers, field):
     """Flies the effects' own states along given nodes; nodes[1:, 7:] is written."""
     theta = theta_of(numbers, field)
+    free_pitch = np.empty((0, 2))
     n = nodes.shape[1]
     x = np.empty_like(nodes[0])
-    work = np.empty((4, n), nodes.dtype)
+    work = np.empty((2, n), nodes.dtype)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         x[:] = nodes[k]
-        log_step(times[k], x, step, elevator[k], rate[k], theta, work)
+        log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
         for i in range(7, n):
             nodes[k + 1, i] = x[i]
 
@@ -150,16 +150,17 @@ def log_shoot(
     """
     n = nodes.shape[1]
     theta = theta_of(numbers, field)
+    free_pitch = np.empty((0, 2))
     moved = numbers.copy()
     x = np.empty_like(nodes[0])
-    work = np.empty((4, n), x.dtype)
+    work = np.empty((2, n), x.dtype)
     log_advance(times, nodes, elevator, rate, numbers, field, ends)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         for j in range(n):
             x[:] = nodes[k]
             x[j] += DIFFERENCE
-            log_step(times[k], x, step, elevator[k], rate[k], theta, work)
+            log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
             for i in range(n):
                 by_x[k, i, j] = (x[i] - ends[k, i]) / DIFFERENCE
         for j in range(free.shape[0]):
@@ -167,7 +168,7 @@ def log_shoot(
             size = DIFFERENCE * scale[free[j]]
             moved[free[j]] += size
             other = theta_of(moved, field)
-            log_step(times[k], x, step, elevator[k], rate[k], other, work)
+            log_step(times[k], x, step, elevator[k], rate[k], free_pitch, other, work)
             moved[free[j]] = numbers[free[j]]
             for i in range(n):
                 by_theta[k, i, j] = (x[i] - ends[k, i]) / size
@@ -300,10 +301,8 @@ ACTUATORS = Family((actuator_slope, log_actuator), (log_actuator,))
 
 LOOPS = Family(
     (
-        log_slope,
         log_step,
         log_rollout,
-        log_translation_slope,
         log_translation,
         log_advance,
         log_extras,

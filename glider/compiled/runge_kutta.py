@@ -28,19 +28,19 @@ def advance(slope, t, x, step, order, data, work):
     n = x.shape[0]
     for i in range(n):
         start[i] = x[i]
-        total[i] = 0.0
+        total[i] = x[i]
     for stage in range(order):
         node = (stage + 1) // 2
         slope(t + 0.5 * step * node, node, x, data, rate)
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+        share = step / 6.0 if stage in (0, 3) else step / 3.0
         if order == 1:
-            weight = 1.0
+            share = step
         ahead = 0.5 * step if stage < 2 else step
         for i in range(n):
-            total[i] += weight * rate[i]
+            total[i] += share * rate[i]
             x[i] = start[i] + ahead * rate[i]
     for i in range(n):
-        x[i] = start[i] + step * total[i]
+        x[i] = total[i]
 
 
 def advance_block(slope, t, work, step, order, data):

@@ -277,9 +277,9 @@ def measure(x, theta):
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
 
-def theta_of(numbers, field):
-    """Returns the Theta of a vector: parameters, then coefficients."""
-    p = Parameters(
+def parameters_of(numbers):
+    """Returns the Parameters at the front of a vector."""
+    return Parameters(
         numbers[0],
         numbers[1],
         numbers[2],
@@ -290,7 +290,11 @@ def theta_of(numbers, field):
         numbers[7],
         numbers[8],
     )
-    return Theta(p, numbers[NUM_PARAMETERS:], field)
+
+
+def theta_of(numbers, field):
+    """Returns the Theta of a vector: parameters, then coefficients."""
+    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
 
 
 def derivatives_of(t, z, n, field):

@@ -39,7 +39,8 @@ def test_a_held_plan_is_the_flight_of_its_commands():
     assert plan.slopes.shape == states.shape
     # What begins at a knot; the last one is not flown from.
     np.testing.assert_allclose(plan.slopes[:, :2], states[:, 4:6], atol=1e-12)
-    np.testing.assert_allclose(plan.slopes[:, 3], states[:, 7], atol=1e-12)
+    lagging = (np.append(inputs, 0.0) - states[:, 7]) / 0.03
+    np.testing.assert_allclose(plan.slopes[:, 7], lagging, atol=1e-9)
     difference = (states[2:, 4:7] - states[:-2, 4:7]) / (2.0 * step)
     np.testing.assert_allclose(plan.slopes[1:-1, 4:7], difference, atol=0.5)
     for k in (0, 7, 29):
