@@ -1,50 +1,106 @@
-"""What all examples do alike: their options, their key figures, their page.
+"""What all examples do alike: options, progress, key figures, a page to look at.
 
-parser = argparse.ArgumentParser(...)
-add_options(parser)
-args = parser.parse_args(arguments)
-check_folders(args.json, args.html, args.figure)
-...
-write_figures(args, figures)
-show(args, tracks, title)
+def main(arguments=None):
+    parser = make_parser(__doc__)
+    add_launches(parser, 20)
+    args = read_options(parser, arguments, figure="paths, as PNG")
+    with working("plan (compiles once)") as progress:
+        flown = fly(args.launches, args.seed, progress)
+    write_json(args, flown.key_figures())
+    write_figure(args, save_perch_figure, flown.plan, flown.flights)
+    show(args, tracks, title)
 
 if __name__ == "__main__":
     sys.exit(run(main))
 """
 
 import argparse
+import contextlib
 import json
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
+from rich.console import Console
 
 from diagrams.playback import (
     Track,
     play,
+    stage_of,
     write_html,
 )
-from diagrams.scene import Stage
 from glider.errors import InputError
+from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
-from glider.planning.dircol import PlanningError
+from glider.planning.dircol import PlanningError, Progress
+
+
+def silent(text: str) -> None:
+    """Takes word of progress and tells nobody."""
+
+
+# ------------------------------------------------------------------------ options
+
+
+def make_parser(words: str | None) -> argparse.ArgumentParser:
+    """Returns a parser whose help begins with an example's docstring."""
+    return argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+
+
+def add_count(
+    parser: argparse.ArgumentParser,
+    name: str,
+    default: int | None,
+    words: str,
+    *,
+    least: int = 1,
+    metavar: str | None = None,
+) -> None:
+    """Adds an option for a whole number from `least` on; `words` are its help."""
+    parser.add_argument(
+        name, metavar=metavar, type=whole_number(least), default=default, help=words
+    )
+
+
+def add_file(parser: argparse.ArgumentParser, name: str, words: str) -> None:
+    """Adds an option for the name of a file; `words` are its help."""
+    parser.add_argument(name, metavar="FILE", type=Path, help=words)
+
+
+def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
+    """Adds --launches, by default `count` and not below `least`, and --seed."""
+    launches = "how many to fly (default: %(default)s)"
+    add_count(parser, "--launches", count, launches, least=least, metavar="N")
+    seed = "of all that is random (default: %(default)s)"
+    add_count(parser, "--seed", 0, seed, least=0, metavar="N")
+
+
+def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
+    """Adds --truth, the glider that flies; `load_truth` of the rehearsal reads it."""
+    parser.add_argument(
+        "--truth",
+        default=default,
+        help="model file, or a name in models/truths (default: %(default)s)",
+    )
+
+
+def add_campaign(parser: argparse.ArgumentParser) -> None:
+    """Adds a folder of flight logs, by default the sample campaign."""
+    sample = models_path("campaigns", "attached_lift")
+    parser.add_argument("campaign", nargs="?", type=Path, default=sample)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds --json, --html, --rate and --headless."""
-    parser.add_argument(
-        "--json", metavar="FILE", type=Path, help="where to write the key figures"
-    )
-    parser.add_argument(
-        "--html",
-        metavar="FILE",
-        type=Path,
-        help="where to write the animation, a page that needs no server",
-    )
+    add_file(parser, "--json", "where to write the key figures")
+    page = "where to write the animation, a page that needs no server"
+    add_file(parser, "--html", page)
     parser.add_argument(
         "--rate",
         metavar="R",
@@ -57,6 +113,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="do not serve Meshcat and wait for somebody to look",
     )
+
+
+def read_options(
+    parser: argparse.ArgumentParser,
+    arguments: Sequence[str] | None,
+    *,
+    figure: str | None = None,
+) -> argparse.Namespace:
+    """Adds the options of `add_options`, reads all, and checks the files to write.
+
+    Args:
+        parser: with an example's own options.
+        arguments: of the command line; None for those of the process.
+        figure: help of --figure, which an example without a picture lacks.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    if figure is not None:
+        add_file(parser, "--figure", figure)
+    add_options(parser)
+    args = parser.parse_args(arguments)
+    check_files(args.json, args.html, figure=args.figure if figure else None)
+    return args
 
 
 def _rate(text: str) -> float:
@@ -82,48 +162,14 @@ def whole_number(least: int) -> Callable[[str], int]:
     return read
 
 
-def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
-    """Adds --launches, by default `count` and not below `least`, and --seed."""
-    parser.add_argument(
-        "--launches",
-        metavar="N",
-        type=whole_number(least),
-        default=count,
-        help="how many to fly (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=whole_number(0),
-        default=0,
-        help="of all that is random (default: %(default)s)",
-    )
-
-
-def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds --truth, the glider that flies; `load_truth` of the rehearsal reads it."""
-    parser.add_argument(
-        "--truth",
-        default=default,
-        help="model file, or a name in models/truths (default: %(default)s)",
-    )
-
-
-def check_folders(
-    data: Path | None,
-    page: Path | None,
-    figure: Path | None = None,
-    *others: Path | None,
-) -> None:
+def check_files(*files: Path | None, figure: Path | None = None) -> None:
     """Raises InputError where a file cannot be written: before the work.
 
     Args:
-        data: of --json.
-        page: of --html.
-        figure: a picture, in a format that Matplotlib writes.
-        others: any more files.
+        files: to be written; None is none.
+        figure: one more, a picture in a format that Matplotlib writes.
     """
-    for file in (data, page, figure, *others):
+    for file in (*files, figure):
         if file is None:
             continue
         if not file.parent.is_dir():
@@ -140,10 +186,34 @@ def check_folders(
         )
 
 
-def write_figures(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
-    """Writes the key figures where --json says."""
+# ---------------------------------------------------------------- while it is done
+
+
+@contextlib.contextmanager
+def working(words: str) -> Iterator[Progress]:
+    """Shows on the terminal what is being done, `words` first, and yields a Progress.
+
+    On stderr, so that stdout holds results only.
+    """
+    with Console(stderr=True).status(words) as status:
+        yield status.update
+
+
+# --------------------------------------------------------------------- and after it
+
+
+def write_json(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
+    """Writes key figures where --json says."""
     if args.json:
         args.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+
+def write_figure(
+    args: argparse.Namespace, save: Callable[..., None], *shown: object
+) -> None:
+    """Draws where --figure says, by `save(file, *shown)`."""
+    if args.figure:
+        save(args.figure, *shown)
 
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
@@ -181,11 +251,20 @@ def show(
     title: str,
     *,
     parameters: GliderParameters | None = None,
-    stage: Stage | None = None,
+    has_wire: bool = True,
 ) -> None:
-    """Plays tracks in Meshcat as the options say; the arguments are those of `play`."""
+    """Plays tracks in Meshcat as the options say.
+
+    Args:
+        args: with the options of `add_options`.
+        tracks: as in `play`; the first one's whole flight is in view.
+        title: of the page.
+        parameters: as in `play`.
+        has_wire: whether the flights go to a wire.
+    """
     meshcat = start_meshcat(args)
     if meshcat is not None:
+        stage = stage_of(tracks[0]) if has_wire else stage_of(tracks[0], wire=None)
         play(tracks, meshcat, rate=args.rate, parameters=parameters, stage=stage)
     finish(args, meshcat, tracks, title)
 

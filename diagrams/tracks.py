@@ -1,4 +1,4 @@
-"""Plans and simulated flights as tracks for Meshcat."""
+"""Plans, simulated and logged flights as tracks for Meshcat."""
 
 import numpy as np
 
@@ -6,6 +6,7 @@ from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
 from glider.planning.plan import Plan
 from glider.simulation.flights import FlownFlight
+from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]
 
@@ -24,5 +25,22 @@ def flight_track(name: str, flight: FlownFlight, color: Color | None = None) -> 
 
 def plan_track(name: str, plan: Plan, color: Color | None = None) -> Track:
     """Returns a plan, at its knots."""
-    poses = plan.states[:, :NUM_POSITIONS]
-    return Track(name=name, times=plan.times, poses=poses, color=color)
+    return path_track(name, plan.times, plan.states, color)
+
+
+def path_track(
+    name: str, times: np.ndarray, states: np.ndarray, color: Color | None = None
+) -> Track:
+    """Returns states (K, n) at some times [s]."""
+    return Track(name=name, times=times, poses=states[:, :NUM_POSITIONS], color=color)
+
+
+def motion_track(name: str, motion: Motion, color: Color | None = None) -> Track:
+    """Returns a logged flight, as measured or as a model flies it."""
+    return Track(
+        name=name,
+        times=motion.time,
+        poses=motion.poses,
+        color=color,
+        forces=motion.forces,
+    )

@@ -24,169 +24,56 @@ exercise's own numbers as a log; "traced": {effect: {"share"}}, of its flights f
 "held_out_end": [x, z, pitch] of configuration 6 under published signs}.
 """
 
-import argparse
-import math
 import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
-from rich.console import Console
-from threadpoolctl import threadpool_limits
 
-from diagrams.playback import (
-    GREEN,
-    RED,
-    Track,
-    stage_of,
-)
-from diagrams.showing import (
-    add_options,
-    check_folders,
-    run,
-    show,
-    whole_number,
-    write_figures,
-)
-from glider.studies.basis.basis_exercise import (
-    Exercise,
-    load_exercise,
-)
-from glider.studies.basis.basis_logs import (
-    exercise_campaign,
-    filmed_campaign,
-)
-from glider.studies.basis.basis_model import (
-    CHANNELS,
-    BasisDynamics,
-    BasisFit,
-    fly_again,
-)
-from glider.studies.basis.basis_study import (
-    fit_configurations,
-    fit_subsets,
-    refinements,
-    validate,
-)
-from glider.studies.plots.basis import save_exercise_figure
-from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.vehicle import make_vehicle
-from glider.sysid.search.signs import find_signs
+from diagrams import showing
+from diagrams.playback import GREEN, RED
+from diagrams.studies.figures import save_basis_figure
+from diagrams.tracks import path_track
+from glider.studies.basis.basis_exercise import load_exercise
+from glider.studies.basis.basis_logs import find_exercise_signs, trace_filmed
+from glider.studies.basis.basis_report import describe, key_figures
+from glider.studies.basis.basis_study import BasisStudy, fit_all, refinements, validate
 
 
-def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Returns the options of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+def run(
+    ridge: float = 0.0, seed: int = 0, progress: showing.Progress = showing.silent
+) -> BasisStudy:
+    """Fits, chooses, traces and refines, from the exercise's own flights."""
+    exercise, rng = load_exercise(), np.random.default_rng(seed)
+    fits = fit_all(exercise, ridge)
+    return BasisStudy(
+        exercise=exercise,
+        fits=fits,
+        choice=validate(exercise, ridge),
+        signs=find_exercise_signs(exercise, "nose_up"),
+        traced=trace_filmed(exercise, "nose_up", rng, progress),
+        rollouts=refinements(exercise, fits.models),
     )
-    parser.add_argument(
-        "--seed", type=whole_number(0), default=0, help="of the filmed log's noise"
-    )
-    parser.add_argument(
-        "--ridge",
-        metavar="GAMMA",
-        type=float,
-        default=0.0,
-        help="of all fits, not of the search for subsets (default: 0, as published)",
-    )
-    parser.add_argument("--figure", metavar="FILE", type=Path, help="as PNG")
-    add_options(parser)
-    args = parser.parse_args(arguments)
-    check_folders(args.json, args.html, args.figure)
-    return args
-
-
-def channels_of(fit: BasisFit) -> dict[str, dict]:
-    """Returns rank and condition of each channel for --json."""
-    return {
-        channel: {"rank": r.rank, "condition": finite(r.condition)}
-        for channel, r in zip(CHANNELS, fit.regressions, strict=True)
-    }
-
-
-def finite(value: float) -> float | None:
-    """Returns a number, or None where JSON has none."""
-    return value if math.isfinite(value) else None
-
-
-def score(exercise: Exercise, ridge: float) -> tuple[dict, dict[str, BasisDynamics]]:
-    """Fits and prints what configurations and subsets leave; returns models too."""
-    told: dict = {"scores": {}, "regressions": {}}
-    models = {}
-    for signs, fits in fit_configurations(exercise, ridge).items():
-        told["scores"][signs] = {name: int(fit.score) for name, fit in fits.items()}
-        told["regressions"][signs] = {n: channels_of(fit) for n, fit in fits.items()}
-        models[f"configuration 6 {signs.replace('_', ' ')}"] = fits["6"].model
-        print(f"{signs} leave {told['scores'][signs]}")
-    for name, fit in fit_subsets(exercise, ridge).items():
-        numbers = dict(zip(CHANNELS, fit.model.numbers, strict=True))
-        told[name] = {"total": fit.score, **numbers}
-        told["regressions"][name] = channels_of(fit)
-        models[name.replace("_", " ")] = fit.model
-        print(f"{name} {fit.model.numbers} leave {fit.score:.2f}")
-    return told, models
-
-
-def choose(exercise: Exercise, ridge: float) -> dict[str, dict]:
-    """Prints what flights left out choose, and returns all errors."""
-    choice = validate(exercise, ridge)
-    for signs, errors in choice.items():
-        best = min(errors, key=errors.__getitem__)
-        print(f"{signs}: left-out flights choose '{best}', {errors[best]:.4f} off")
-    return {s: {n: finite(e) for n, e in es.items()} for s, es in choice.items()}
-
-
-def trace(exercise: Exercise, seed: int) -> dict[str, dict]:
-    """Prints and returns what is wrong with the exercise logged as published."""
-    log = exercise_campaign(exercise, "nose_up")
-    filmed = filmed_campaign(exercise, "nose_up", np.random.default_rng(seed))
-    with Console(stderr=True).status("trace (compiles once)") as status:
-        with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
-            signs = find_signs(log, log.flights, measure_noise(log), make_vehicle(log))
-        found = close_the_loop(filmed, progress=status.update)
-    traced = {effect.kind: {"share": effect.share} for effect in found.effects}
-    print(
-        f"logged as published, pitch, elevator and command have signs {signs.pitch}, "
-        f"{signs.elevator}, {signs.command}; the tracer names {', '.join(traced)}"
-    )
-    return {"signs": vars(signs), "traced": traced}
-
-
-def refine_models(exercise: Exercise, models: Mapping[str, BasisDynamics]) -> dict:
-    """Prints and returns how close models fly before and after refinement."""
-    with Console(stderr=True).status("refine"):
-        rollout = refinements(exercise, models)
-    for name, errors in rollout.items():
-        before, after = (error.weighted for error in errors.values())
-        print(f"{name}: held-out rollout {before:.4f}, refined {after:.4f}")
-    return {n: {k: vars(e) for k, e in es.items()} for n, es in rollout.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Scores, chooses, traces, refines, and shows the held-out flight."""
-    args = read_options(arguments)
-    exercise = load_exercise()
-    figures, models = score(exercise, args.ridge)
-    figures["cross_validation"] = choose(exercise, args.ridge)
-    figures |= trace(exercise, args.seed)
-    figures["rollout"] = refine_models(exercise, models)
-    held_out = exercise.held_out
-    flown = {name: fly_again(model, held_out)[0] for name, model in models.items()}
-    published, consistent, *_ = flown.values()
-    figures["held_out_end"] = published[-1, :3].tolist()
-    write_figures(args, figures)
-    flight = held_out.states[0]
-    times = held_out.step * np.arange(len(flight))
-    if args.figure:
-        save_exercise_figure(args.figure, figures["scores"], times, flight, flown)
-    shown = (("flight", flight, None), ("published signs", published, RED))
-    tracks = [
-        Track(name=name, times=times, poses=poses[:, :4], color=color)
-        for name, poses, color in (*shown, ("consistent signs", consistent, GREEN))
-    ]
-    show(args, tracks, "Held-out flight", stage=stage_of(tracks[0], wire=None))
+    """Answers as the command line says, prints and shows what came out."""
+    parser = showing.make_parser(__doc__)
+    showing.add_count(parser, "--seed", 0, "of the filmed log's noise", least=0)
+    words = "of all fits, not of the search for subsets (default: 0, as published)"
+    parser.add_argument("--ridge", metavar="GAMMA", type=float, default=0.0, help=words)
+    args = showing.read_options(parser, arguments, figure="as PNG")
+    with showing.working("fit and trace (compiles once)") as progress:
+        study = run(args.ridge, args.seed, progress)
+    print(describe(study))
+    showing.write_json(args, key_figures(study))
+    showing.write_figure(args, save_basis_figure, study)
+    held_out = study.exercise.held_out
+    wrong, right, *_ = study.flown.values()
+    ghosts = {"published signs": (wrong, RED), "consistent signs": (right, GREEN)}
+    tracks = [path_track("flight", held_out.times, held_out.states[0])]
+    tracks += [path_track(name, held_out.times, *path) for name, path in ghosts.items()]
+    showing.show(args, tracks, "Held-out flight", has_wire=False)
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(showing.run(main))

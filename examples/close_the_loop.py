@@ -3,50 +3,53 @@
 python examples/close_the_loop.py [CAMPAIGN]
 """
 
-import argparse
-import json
 import math
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from glider.paths import models_path
+from diagrams import showing
 from glider.physics.model import save_model
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 
 
-def describe(result: Result) -> str:
+def run(campaign: Path, progress: showing.Progress = showing.silent) -> Result:
+    """Finds what the model of a campaign's glider lacks, and adds it to the model."""
+    return close_the_loop(campaign, progress=progress)
+
+
+def describe(found: Result) -> str:
     """Returns what was found in a few lines."""
-    lines = [f"{result.campaign}: {result.verdict}"]
-    for effect in result.effects:
+    lines = [f"{found.campaign}: {found.verdict}"]
+    for effect in found.effects:
         lines.append(f"  {effect.kind} ({effect.words})")
         for name, c in effect.coefficients.items():
             error = f" ± {c.std:.2g}" if math.isfinite(c.std) else ""
             lines.append(f"    {name} = {c.value:.4g}{error} {c.unit}")
-    for model, errors in result.errors.items():
+    for model, errors in found.errors.items():
         if errors is not None:
             position = 1000.0 * errors.position_rms_m
             lines.append(f"  {model}: held-out position error {position:.1f} mm")
     return "\n".join(lines)
 
 
-def main():
-    """Runs the main job and prints what it found."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    sample = models_path("campaigns", "attached_lift")
-    parser.add_argument("campaign", nargs="?", type=Path, default=sample)
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Closes the loop as the command line says, and prints what was found."""
+    parser = showing.make_parser(__doc__)
+    showing.add_campaign(parser)
     parser.add_argument("--model", type=Path, help="where to save the corrected model")
     parser.add_argument("--json", type=Path, help="where to save the key figures")
-    args = parser.parse_args()
-
-    result = close_the_loop(args.campaign)
-    print(describe(result))
+    args = parser.parse_args(arguments)
+    showing.check_files(args.model, args.json)
+    with showing.working("close the loop (compiles once)") as progress:
+        found = run(args.campaign, progress)
+    print(describe(found))
     if args.model:
-        save_model(args.model, result.model)
-    if args.json:
-        kinds = [effect.kind for effect in result.effects]
-        figures = {"verdict": result.verdict, "effects": kinds}
-        args.json.write_text(json.dumps(figures))
+        save_model(args.model, found.model)
+    kinds = [effect.kind for effect in found.effects]
+    showing.write_json(args, {"verdict": found.verdict, "effects": kinds})
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(showing.run(main))

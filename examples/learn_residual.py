@@ -23,93 +23,58 @@ first is of the drawing. The cost is of the round's first flight, Â½ (x - goal)á
 each round.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
-import numpy as np
-from rich.console import Console
-
-from diagrams.playback import (
-    GREY,
-    RED,
-)
-from diagrams.showing import (
-    add_launches,
-    add_options,
-    add_truth,
-    check_folders,
-    run,
-    show,
-    whole_number,
-    write_figures,
-)
+from diagrams import showing
+from diagrams.playback import GREY, RED
+from diagrams.studies.figures import save_learning_study
 from diagrams.studies.rehearsal import load_truth
 from diagrams.tracks import flight_track
+from glider.physics.model import GliderModel
 from glider.studies import learning
-from glider.studies.plots.learning import save_learning_figure
+from glider.studies.learning_study import LearningStudy, learn_from_seed
+
+
+def run(
+    truth: GliderModel, weights: int = 20, traced: int = 4, **options: Any
+) -> LearningStudy:
+    """Learns in both ways beside the oracle; the options are of `learn_from_seed`."""
+    oracle = learn_from_seed(truth, learning.knowing(truth), 2, **options)
+    return LearningStudy(
+        oracle=oracle[-1].miss,
+        weights=learn_from_seed(truth, learning.fit_weights, weights, **options),
+        traced=learn_from_seed(truth, learning.trace_effects, traced, **options),
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, runs the loops, prints and shows what came out."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_truth(parser, "low_reynolds")
+    """Learns as the command line says, prints and shows what came out."""
+    parser = showing.make_parser(__doc__)
+    showing.add_truth(parser, "low_reynolds")
     for name, count in (("weights", 20), ("traced", 4)):
         words = f"rounds of the {name} loop (default: %(default)s)"
-        parser.add_argument(
-            f"--{name}", type=whole_number(2), default=count, help=words
-        )
-    order_help = "of the planner's steps; 1 is Euler, the article's (default: 4)"
-    parser.add_argument("--order", type=int, choices=(1, 4), default=4, help=order_help)
-    parser.add_argument("--figure", metavar="FILE", type=Path, help="as PNG")
-    add_launches(parser, 3)
-    add_options(parser)
-    args = parser.parse_args(arguments)
-    check_folders(args.json, args.html, args.figure)
-    truth = load_truth(args.truth)
-
-    def loop(identify: learning.Identify, rounds: int) -> list[learning.Round]:
-        return learning.learn(
-            truth,
-            identify,
-            rounds,
-            np.random.default_rng(args.seed),  # The same launches and noise for all.
-            launches=args.launches,
-            settings=learning.learning_settings(args.order),
-            progress=status.update,
-        )
-
-    with Console(stderr=True).status("compile (once)") as status:
-        oracle = loop(learning.knowing(truth), 2)[1].miss
-        weights = loop(learning.fit_weights, args.weights)
-        traced = loop(learning.trace_effects, args.traced)
-
-    figures: dict = {"rbf": learning.summary(weights)}
-    figures["rbf"]["weight_change"] = learning.weight_changes(weights)
-    figures["traced"] = learning.summary(traced)
-    figures["traced"]["effects"] = [list(r.identified.effects) for r in traced]
-    figures["oracle_miss_m"] = oracle
-    figures |= {k: getattr(args, k) for k in ("truth", "launches", "order", "seed")}
-    print(f"Planned with the truth, the median miss is {1000 * oracle:.1f} mm.")
-    for name in ("rbf", "traced"):
-        words = ", ".join(f"{1000 * m:.1f}" for m in figures[name]["miss_m"])
-        print(f"{name}, after 0, {args.launches}, .. flights: {words} mm")
-    effects = [", ".join(names) or "nothing" for names in figures["traced"]["effects"]]
-    print(f"traced to {'; '.join(effects[1:])}")
-    write_figures(args, figures)
-    if args.figure:
-        paths = [turn.flights[0].states for turn in weights]
-        save_learning_figure(args.figure, paths, figures)
+        showing.add_count(parser, f"--{name}", count, words, least=2)
+    words = "of the planner's steps; 1 is Euler, the article's (default: 4)"
+    parser.add_argument("--order", type=int, choices=(1, 4), default=4, help=words)
+    showing.add_launches(parser, 3)
+    args = showing.read_options(parser, arguments, figure="as PNG")
+    truth, settings = load_truth(args.truth), learning.learning_settings(args.order)
+    options = {"launches": args.launches, "seed": args.seed, "settings": settings}
+    with showing.working("compile (once)") as progress:
+        found = run(truth, args.weights, args.traced, progress=progress, **options)
+    print(found.describe())
+    asked = {name: getattr(args, name) for name in ("truth", "order", "seed")}
+    showing.write_json(args, found.key_figures() | asked)
+    showing.write_figure(args, save_learning_study, found)
     tracks = [
-        flight_track("traced - last round", traced[-1].flights[0]),
-        flight_track("weights - last round", weights[-1].flights[0], GREY),
-        flight_track("planned with the drawing", weights[0].flights[0], RED),
+        flight_track("traced - last round", found.traced[-1].flights[0]),
+        flight_track("weights - last round", found.weights[-1].flights[0], GREY),
+        flight_track("planned with the drawing", found.weights[0].flights[0], RED),
     ]
-    show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
+    showing.show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(showing.run(main))

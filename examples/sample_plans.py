@@ -12,129 +12,69 @@ drawing lacks; the same plan replayed, and LQR along it, show what planning anew
     python examples/sample_plans.py --truth attached_flow --headless --figure s.png
 """
 
-import argparse
+import dataclasses
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
-from diagrams.playback import (
-    GREY,
-    RED,
-)
-from diagrams.showing import (
-    add_launches,
-    add_options,
-    add_truth,
-    check_folders,
-    run,
-    show,
-    whole_number,
-    write_figures,
-)
+from diagrams import showing
+from diagrams.playback import GREY, RED
+from diagrams.studies.figures import save_searches_figure
 from diagrams.studies.rehearsal import load_truth
-from diagrams.studies.sampled import (
-    compare,
-    save_sampled_figure,
-    search_plans,
-    spread,
-)
-from diagrams.tracks import (
-    flight_track,
-    plan_track,
-)
-from glider.paths import models_path
+from diagrams.studies.sampled import Comparison, compare
+from diagrams.tracks import flight_track, plan_track
 from glider.physics.model import GliderModel
-from glider.physics.parameters import load_parameters
-from glider.planning.problem import load_problem
-from glider.planning.sampling import (
-    SequenceCost,
-    flights_per_second,
-)
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.planning.problem import PerchingProblem
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from glider.studies.searches import Searches, search_article
 
-SHOWN = (1, 10, 30, 100)  # Iterations whose sampled flights the figure shows.
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Result:
+    """What searches found, and what planning anew in flight is worth."""
+
+    searches: Searches
+    flown: Comparison
+
+
+def fly(
+    truth: GliderModel,
+    searches: int = 20,
+    launches: int = 20,
+    seed: int = 0,
+    progress: showing.Progress = showing.silent,
+) -> Result:
+    """Searches from many seeds; then flies a plan, and plans anew in flight."""
+    problem, rng = PerchingProblem(), np.random.default_rng(seed)
+    starts = draw_launches(problem, LaunchSpread(), launches, rng)
+    found = search_article(searches, seed, progress)
+    flown = compare(truth, problem, starts, seed=seed, progress=progress)
+    return Result(searches=found, flown=flown)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, searches, flies, prints and shows what came out."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_truth(parser, "set_wing")
-    parser.add_argument(
-        "--searches",
-        metavar="N",
-        type=whole_number(1),
-        default=20,
-        help="of each method, each with a seed of its own (default: %(default)s)",
-    )
-    add_launches(parser, 20)
-    parser.add_argument("--figure", metavar="FILE", type=Path, help="costs and paths")
-    add_options(parser)
-    args = parser.parse_args(arguments)
-    check_folders(args.json, args.html, args.figure)
-
-    truth, rng = load_truth(args.truth), np.random.default_rng(args.seed)
-    heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    problems = {
-        name: load_problem(models_path("problems", f"{name}.yaml"))
-        for name in ("sampling", "perching", "replanning")
-    }
-    launch = np.array(problems["sampling"].launch)
-    starts = draw_launches(problems["perching"], LaunchSpread(), args.launches, rng)
-    with Console(stderr=True).status("compile (once)") as status:
-        cost = SequenceCost(GliderModel(parameters=heavy), problems["sampling"])
-        speed = flights_per_second(cost, launch)
-        found = search_plans(
-            cost, launch, args.searches, args.seed, SHOWN, status.update
-        )
-        flown = compare(
-            truth,
-            GliderModel(parameters=truth.parameters),
-            problems["perching"],
-            problems["replanning"],
-            starts,
-            seed=args.seed,
-            progress=status.update,
-        )
-
-    figures: dict = {
-        "receding": {"truth": args.truth, **flown.key_figures()},
-        "rollouts_per_second": speed,
-        "seed": args.seed,
-    }
-    for name, runs in found.histories().items():
-        figures[name.lower()] = costs = spread(runs)
-        print(
-            f"{name}: cost {costs['cost'][30]:.0f} after 30 iterations and "
-            f"{costs['cost'][100]:.1f} ({costs['lowest'][100]:.1f} to "
-            f"{costs['highest'][100]:.1f}) after 100; {len(runs)} seeds"
-        )
-    print(f"{speed:,.0f} sampled flights a second on one core")
-    for name, flights in flown.policies.items():
-        print(
-            f"{args.truth}, {name}: {sum(f.perched for f in flights)} of "
-            f"{len(flights)} perch, "
-            f"median miss {1000 * np.median([f.miss for f in flights]):.1f} mm"
-        )
-    print(f"MPPI needs 1 s of one core for {flown.real_time_factor:.1f} s of flight.")
-    write_figures(args, figures)
-    if args.figure:
-        save_sampled_figure(args.figure, cost, launch, found, flown)
-    worst = max(flown.replanned, key=lambda flight: flight.miss)
+    """Flies as the command line says, prints and shows what came out."""
+    parser = showing.make_parser(__doc__)
+    showing.add_truth(parser, "set_wing")
+    words = "of each method, each with a seed of its own (default: %(default)s)"
+    showing.add_count(parser, "--searches", 20, words, metavar="N")
+    showing.add_launches(parser, 20)
+    args = showing.read_options(parser, arguments, figure="costs and paths")
+    truth = load_truth(args.truth)
+    with showing.working("compile (once)") as progress:
+        found = fly(truth, args.searches, args.launches, args.seed, progress)
+    print(f"{found.searches.describe()}\n{found.flown.describe(args.truth)}")
+    told = {"receding": found.flown.key_figures(args.truth), "seed": args.seed}
+    showing.write_json(args, told | found.searches.key_figures())
+    showing.write_figure(args, save_searches_figure, found.searches, found.flown)
     tracks = [
-        flight_track("planned anew", worst),
-        flight_track("replayed", flown.replayed[0], RED),
-        plan_track("plan of the drawing", flown.plan, GREY),
+        flight_track("planned anew", found.flown.worst),
+        flight_track("replayed", found.flown.replayed[0], RED),
+        plan_track("plan of the drawing", found.flown.plan, GREY),
     ]
-    show(args, tracks, f"MPPI: {args.truth}")
+    showing.show(args, tracks, f"MPPI: {args.truth}")
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(showing.run(main))

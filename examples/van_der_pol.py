@@ -10,89 +10,70 @@ it. Every proof is checked in exact arithmetic; the solver is not trusted.
     python examples/van_der_pol.py --rounds 3 --json v.json --figure v.png
 """
 
-import argparse
+import dataclasses
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
-from rich.console import Console
-
-from diagrams.showing import (
-    check_folders,
-    run,
-    whole_number,
-    write_figures,
-)
+from diagrams import showing
+from glider.studies import van_der_pol as oscillator
 from glider.studies.plots.regions import save_regions_figure
-from glider.studies.van_der_pol import (
-    area,
-    boundary,
-    certify,
-    grow,
-    largest_level,
-    limit_cycle,
-    lyapunov_function,
-    start_of_degree,
-    true_area,
-)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Result:
+    """The level of the Lyapunov function, and what V of each degree proves."""
+
+    level: float
+    proved: dict[int, oscillator.Region]
+    shares: dict[int, float]
+
+
+def run(rounds: int = 16, progress: showing.Progress = showing.silent) -> Result:
+    """Alternates for the level, then for V of degree 4 and 6; checks the proofs."""
+
+    def tell(k: int, area: float) -> None:
+        progress(f"round {k} of {rounds}: {area / oscillator.true_area():.1%}")
+
+    V = oscillator.lyapunov_function()
+    level = oscillator.largest_level(V)
+    proved = {2: oscillator.certify(V / level, 1)}
+    for degree in (4, 6):
+        start = oscillator.start_of_degree(degree, V / level)
+        grown = oscillator.grow(start, degree // 2, rounds, tell)
+        proved[degree] = oscillator.certify(grown, degree // 2)
+    shares = {degree: oscillator.share(region) for degree, region in proved.items()}
+    return Result(level=level, proved=proved, shares=shares)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, alternates, checks and prints what is proved."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--rounds",
-        metavar="N",
-        type=whole_number(1),
-        default=16,
-        help="of alternation, for V of degree 4 and 6 (default: %(default)s)",
-    )
-    parser.add_argument("--json", metavar="FILE", type=Path, help="key figures")
-    parser.add_argument("--figure", metavar="FILE", type=Path, help="the regions")
+    """Alternates as the command line says, prints and draws what is proved."""
+    parser = showing.make_parser(__doc__)
+    words = "of alternation, for V of degree 4 and 6 (default: %(default)s)"
+    showing.add_count(parser, "--rounds", 16, words, metavar="N")
+    showing.add_file(parser, "--json", "key figures")
+    showing.add_file(parser, "--figure", "the regions")
     parser.add_argument("--headless", action="store_true", help="there is no animation")
     args = parser.parse_args(arguments)
-    check_folders(args.json, None, args.figure)
-
-    begin, V = time.perf_counter(), lyapunov_function()
-    with Console(stderr=True).status("level of the Lyapunov function") as status:
-        level = largest_level(V)
-        proved = {2: certify(V / level, 1)}
-        for degree in (4, 6):
-
-            def tell(k: int, size: float, degree: int = degree) -> None:
-                status.update(
-                    f"degree {degree}, round {k} of {args.rounds}: "
-                    f"{size / true_area():.1%}"
-                )
-
-            half = degree // 2
-            start = start_of_degree(degree, V / level)
-            proved[degree] = certify(grow(start, half, args.rounds, tell), half)
-    shares = {
-        degree: area(region.polynomial) / true_area()
-        for degree, region in proved.items()
-    }
-    print(f"With the Lyapunov function the level is {level:.4f}.")
-    for degree, share in shares.items():
+    showing.check_files(args.json, figure=args.figure)
+    begin = time.perf_counter()
+    with showing.working("level of the Lyapunov function") as progress:
+        found = run(args.rounds, progress)
+    print(f"With the Lyapunov function the level is {found.level:.4f}.")
+    for degree, share in found.shares.items():
         print(f"V of degree {degree}: {share:.1%} of the region, proved and checked")
-    figures = {
-        "rho": level,
-        "degree": {str(degree): share for degree, share in shares.items()},
-        "true_area": true_area(),
-        "rounds": args.rounds,
+    told: dict = {"rho": found.level, "degree": found.shares, "rounds": args.rounds}
+    told |= {
+        "true_area": oscillator.true_area(),
         "seconds": time.perf_counter() - begin,
     }
-    write_figures(args, figures)
-    if args.figure:
-        curves = {
-            f"degree {degree}: {shares[degree]:.1%}": boundary(region.polynomial)
-            for degree, region in proved.items()
-        }
-        save_regions_figure(args.figure, limit_cycle(), curves)
+    showing.write_json(args, told)
+    curves = {
+        f"degree {k}: {found.shares[k]:.1%}": oscillator.boundary(region.polynomial)
+        for k, region in found.proved.items()
+    }
+    showing.write_figure(args, save_regions_figure, oscillator.limit_cycle(), curves)
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(showing.run(main))

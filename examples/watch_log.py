@@ -8,74 +8,73 @@ corrected model (green), both launched as the flight was and then left alone.
     python examples/watch_log.py CAMPAIGN FLIGHT --model out/CAMPAIGN/model.yaml
 """
 
-import argparse
+import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
-from diagrams.playback import (
-    GREEN,
-    RED,
-    Track,
-    stage_of,
-)
-from diagrams.showing import (
-    add_options,
-    check_folders,
-    run,
-    show,
-    write_figures,
-)
+from diagrams import showing
+from diagrams.playback import GREEN, RED
+from diagrams.tracks import motion_track
+from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from glider.physics.model import load_model
 from glider.sysid import refly
 from glider.sysid.pipeline import close_the_loop
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Result:
+    """A flight "measured", "as drawn" where a drawing is known, and "corrected"."""
+
+    flight: Flight
+    motions: dict[str, refly.Motion]
+
+    @property
+    def errors(self) -> dict[str, tuple[float, float]]:
+        """RMS and last distance of each model from what was measured [m]."""
+        return refly.position_errors(self.motions)
+
+
+def fly(
+    campaign: Campaign,
+    name: str,
+    model: Path | None = None,
+    progress: showing.Progress = showing.silent,
+) -> Result:
+    """Flies a logged flight again, with the drawing and with a corrected model."""
+    flight, drawn = refly.find_flight(campaign, name), refly.drawn_model(campaign)
+    models = {} if drawn is None else {"as drawn": drawn}
+    if model:
+        models["corrected"] = load_model(model)
+    else:
+        models["corrected"] = close_the_loop(campaign, progress=progress).model
+    return Result(flight=flight, motions=refly.refly(campaign, flight, models))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Reads the command line, flies again, prints and shows what came out."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    """Flies as the command line says, prints and shows what came out."""
+    parser = showing.make_parser(__doc__)
     parser.add_argument("campaign", type=Path, help="folder of flight logs")
     parser.add_argument("flight", help="one of them, such as flight_003")
-    model_help = "corrected model (default: what closing the loop finds, in a minute)"
-    parser.add_argument("--model", metavar="FILE", type=Path, help=model_help)
-    add_options(parser)
-    args = parser.parse_args(arguments)
-    check_folders(args.json, args.html)
-
+    words = "corrected model (default: what closing the loop finds, in a minute)"
+    parser.add_argument("--model", metavar="FILE", type=Path, help=words)
+    args = showing.read_options(parser, arguments)
     campaign = load_campaign(args.campaign)
-    flight = refly.find_flight(campaign, args.flight)
-    drawn = refly.drawn_model(campaign)
-    models = {} if drawn is None else {"as drawn": drawn}
-    with Console(stderr=True).status("fly again (compiles once)") as status:
-        if args.model:
-            models["corrected"] = load_model(args.model)
-        else:
-            models["corrected"] = close_the_loop(campaign, progress=status.update).model
-        motions = refly.refly(campaign, flight, models)
-    measured = motions["measured"]
-    figures: dict = {"flight": flight.name, "rows": len(measured.time)}
-    figures["duration_s"] = float(measured.time[-1])
-    print(f"{flight.name}: {figures['rows']} rows in {figures['duration_s']:.2f} s")
-    for name in models:
-        rms, end = refly.position_error(measured, motions[name])
-        figures[name.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
-        print(f"{name}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
-    write_figures(args, figures)
-
-    color = {"as drawn": RED, "corrected": GREEN}.get
-    tracks = [
-        Track(name=n, times=m.time, poses=m.poses, color=color(n), forces=m.forces)
-        for n, m in motions.items()
-    ]
-    stage = stage_of(tracks[0], wire=None)
-    title = f"{campaign.name}, {flight.name}"
-    show(args, tracks, title, parameters=refly.drawing_of(campaign), stage=stage)
+    with showing.working("fly again (compiles once)") as progress:
+        flown = fly(campaign, args.flight, args.model, progress)
+    name, time = flown.flight.name, flown.motions["measured"].time
+    print(f"{name}: {len(time)} rows in {time[-1]:.2f} s")
+    told: dict = {"flight": name, "rows": len(time), "duration_s": float(time[-1])}
+    for model, (rms, end) in flown.errors.items():
+        told[model.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
+        print(f"{model}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
+    showing.write_json(args, told)
+    colors = {"as drawn": RED, "corrected": GREEN}
+    tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
+    title, drawing = f"{campaign.name}, {name}", refly.drawing_of(campaign)
+    showing.show(args, tracks, title, parameters=drawing, has_wire=False)
 
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(showing.run(main))

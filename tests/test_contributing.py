@@ -3,12 +3,16 @@
 import ast
 import functools
 import importlib
+import json
 import re
+import types
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from diagrams import showing
 from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.planning.problem import goal_problem
@@ -190,6 +194,26 @@ def test_the_source_of_a_loop_is_shown(capsys):
     assert "def air_terms(motion, x, c):\n    e0 = formula_0(" in shown
 
 
-@pytest.mark.parametrize("word", ["def plot_airspeed", "def main("])
-def test_other_recipes_are_python(word):
-    ast.parse(recipe(word))
+def test_the_figure_of_the_recipe_is_drawn():
+    names = {}
+    exec(compile(recipe("def plot_airspeed"), "CONTRIBUTING.md", "exec"), names)
+    ax = Figure().subplots()
+    names["plot_airspeed"](ax, np.arange(3.0), np.array([7.0, 5.0, 2.0]), "flown")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "airspeed [m/s]")
+    [line] = ax.get_lines()
+    assert line.get_label() == "flown"
+
+
+def test_the_example_of_the_recipe_tells_its_story(tmp_path, capsys):
+    def fly(launches, seed):
+        return types.SimpleNamespace(
+            describe=lambda: "It flew.",
+            key_figures=lambda: {"launches": launches, "seed": seed},
+        )
+
+    names = {"__doc__": "A story.", "showing": showing, "fly": fly}
+    exec(compile(recipe("def main("), "CONTRIBUTING.md", "exec"), names)
+    told = tmp_path / "told.json"
+    names["main"](["--launches=3", f"--json={told}", "--headless"])
+    assert capsys.readouterr().out == "It flew.\n"
+    assert json.loads(told.read_text()) == {"launches": 3, "seed": 0}

@@ -1,5 +1,6 @@
-"""The examples' studies: what they fly, and the figures and words they make of it.
+"""What the examples fly in diagrams, and the figures and words that they make of it.
 
-rehearsal: plan with one glider, fly another. sampled: searches and a controller that
-sample. funnel_*: funnels made, flown in and shown. filter_*: filters. figures: paths.
+perch_study: a plan, replayed and defended. rehearsal: plan with one glider, fly
+another. sampled: a controller that samples. funnel_*: funnels, made, flown in and
+shown. filter_report: filters. figures: pictures of paths.
 """

@@ -8,8 +8,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from diagrams.studies.funnel_estimate import save_estimate_figure
 from diagrams.studies.funnel_scene import tube_radii
-from diagrams.studies.funnel_study import FunnelStudy
+from diagrams.studies.funnel_study import (
+    FunnelComparison,
+    FunnelStudy,
+)
 from glider.report.plots.axes import few_ticks
 from glider.report.plots.style import STYLE
 from glider.studies.plots.perching import (
@@ -24,6 +28,23 @@ _STATES = {
     "xdot": (4, 1.0, "m/s"),
     "zdot": (5, 1.0, "m/s"),
 }
+
+
+def save_funnel_figures(path: Path, found: FunnelComparison) -> None:
+    """Saves the figure of both funnels and, where asked for, of flights on an estimate.
+
+    Args:
+        path: of the first; the second is saved at `beside` it.
+        found: what to draw.
+    """
+    save_funnel_figure(path, found.studies)
+    if found.estimated:
+        save_estimate_figure(beside(path), found.estimated)
+
+
+def beside(path: Path) -> Path:
+    """Returns where the figure of flights on an estimate goes: NAME_estimate.png."""
+    return path.with_stem(f"{path.stem}_estimate")
 
 
 def save_funnel_figure(path: Path, studies: Mapping[str, FunnelStudy]) -> None:

@@ -1,24 +1,40 @@
-"""A report of what a funnel promises and keeps, in numbers and in words."""
+"""A report of what funnels promise and keep, in numbers and in words."""
 
 import numpy as np
 
+from diagrams.studies.funnel_estimate import (
+    describe_estimates,
+    estimate_figures,
+)
+from diagrams.studies.funnel_study import (
+    FunnelComparison,
+    FunnelStudy,
+)
 from glider.physics.state import STATE_NAMES
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.check import Verdict
 from glider.verification.proof.remainder_proof import (
-    RemainderProof,
     describe_proof,
     remainder_status,
 )
-from glider.verification.trials.falsify import Falsification
 
 
-def figures_of(
-    funnel: Funnel,
-    verdict: Verdict,
-    falsification: Falsification,
-    proof: RemainderProof | None = None,
-) -> dict:
+def key_figures(found: FunnelComparison) -> dict[str, object]:
+    """Returns the drawing's figures, those of the corrected model, and of the flights.
+
+    The keys are read by other programs. Escapes of the true glider are null where its
+    states are not the funnel's.
+    """
+    figures = figures_of(found.drawn)
+    figures["corrected"] = figures_of(found.corrected)
+    for name, study in found.studies.items():
+        flown = study.on_truth
+        figures[f"{name}_on_truth_escapes"] = flown and flown.escapes
+        figures[f"{name}_on_truth_samples"] = flown and flown.samples
+    if found.estimated:
+        figures["estimate"] = estimate_figures(found.estimated)
+    return figures
+
+
+def figures_of(study: FunnelStudy) -> dict[str, object]:
     """Returns the key figures of a funnel: inlet, check, escapes, proof of remainder.
 
     The keys are read by other programs.
@@ -26,6 +42,7 @@ def figures_of(
     The inlet is given by the half-widths of its slices: how far one state alone may
     deviate at the launch.
     """
+    funnel, proof = study.funnel, study.proof
     widths = dict(zip(STATE_NAMES, funnel.half_widths(), strict=False))
     return {
         "inlet": {
@@ -36,9 +53,9 @@ def figures_of(
             "zdot": float(widths["zdot"]),
         },
         "seconds": funnel.seconds,
-        "samples": falsification.samples,
-        "escapes": falsification.escapes,
-        "largest_end": float(falsification.ends.max()),
+        "samples": study.falsification.samples,
+        "escapes": study.falsification.escapes,
+        "largest_end": float(study.falsification.ends.max()),
         "goal": list(funnel.settings.goal_axes(funnel.num_states)),
         "states": list(funnel.nominal.state_names),
         "effects": [effect.kind.kind for effect in funnel.nominal.model.effects],
@@ -46,22 +63,44 @@ def figures_of(
         "remainder_inflation": funnel.settings.remainder,
         "remainder_proof": describe_proof(funnel, proof) if proof else None,
         "solver": funnel.solver,
-        "certificate_checked": verdict.holds,
-        "checked_times": verdict.times,
-        "faults": list(verdict.faults),
+        "certificate_checked": study.verdict.holds,
+        "checked_times": study.verdict.times,
+        "faults": list(study.verdict.faults),
     }
 
 
-def describe(name: str, figures: dict) -> str:
-    """Returns a few sentences about the figures of a funnel."""
-    inlet = figures["inlet"]
-    checked = "holds" if figures["certificate_checked"] else "DOES NOT HOLD"
+def describe(found: FunnelComparison, truth: str) -> str:
+    """Returns a few sentences about both funnels, and about flights on an estimate.
+
+    Args:
+        found: the funnels.
+        truth: what the true glider is called.
+    """
+    lines = [
+        f"{_describe(name, study)}\n  Flown by {truth}, {_words(study)}."
+        for name, study in found.studies.items()
+    ]
+    if found.estimated:
+        lines.append(f"drawn, on an estimate:\n{describe_estimates(found.estimated)}")
+    return "\n".join(lines)
+
+
+def _describe(name: str, study: FunnelStudy) -> str:
+    widths = dict(zip(STATE_NAMES, study.funnel.half_widths(), strict=False))
+    verdict, flown, proof = study.verdict, study.falsification, study.proof
+    checked = "holds" if verdict.holds else "DOES NOT HOLD"
     return (
-        f"{name}: a launch may err by {100 * inlet['z_m']:.1f} cm in height, "
-        f"{inlet['pitch_deg']:.1f}° in pitch or {inlet['xdot']:.2f} m/s in speed "
-        f"({figures['seconds']:.0f} s; remainder: {figures['remainder']}).\n"
-        f"  Its certificate {checked} at {figures['checked_times']} times; "
-        f"{figures['escapes']} of {figures['samples']} flights from its boundary "
-        "leave it."
-        + (f"\n  {figures['remainder_proof']}" if figures["remainder_proof"] else "")
+        f"{name}: a launch may err by {100 * widths['z']:.1f} cm in height, "
+        f"{np.degrees(widths['pitch']):.1f}° in pitch or {widths['xdot']:.2f} m/s in "
+        f"speed ({study.funnel.seconds:.0f} s; remainder: "
+        f"{remainder_status(study.funnel, proof)}).\n"
+        f"  Its certificate {checked} at {verdict.times} times; {flown.escapes} of "
+        f"{flown.samples} flights from its boundary leave it."
+        + (f"\n  {describe_proof(study.funnel, proof)}" if proof else "")
     )
+
+
+def _words(study: FunnelStudy) -> str:
+    if flown := study.on_truth:
+        return f"{flown.escapes} of {flown.samples} flights leave it"
+    return "it has no meaning: their states differ"

@@ -1,11 +1,10 @@
-"""A study of one glider's funnel: made or loaded, checked, tried by flights."""
+"""A study of funnels made or loaded, checked, tried by flights: one, and two."""
 
 import dataclasses
 from pathlib import Path
 
 import numpy as np
 
-from diagrams.studies.funnel_report import figures_of
 from glider.control.tvlqr import compiled_policy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
@@ -20,14 +19,41 @@ from glider.verification.funnel.funnel import (
     load_funnel,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.check import check_funnel
-from glider.verification.proof.remainder_proof import prove_remainder
+from glider.verification.proof.check import (
+    Verdict,
+    check_funnel,
+)
+from glider.verification.proof.remainder_proof import (
+    RemainderProof,
+    prove_remainder,
+)
 from glider.verification.sos.solving import SolverError
-from glider.verification.trials.falsify import falsify_funnel
+from glider.verification.trials.estimated import EstimatedFlights
+from glider.verification.trials.falsify import (
+    Falsification,
+    falsify_funnel,
+)
 from glider.verification.trials.flights import fly_inside
 
 SHOWN = 40
 """Number of flights from inside that are kept to look at."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FunnelTrials:
+    """How funnels are made and tried."""
+
+    settings: FunnelSettings = FunnelSettings()
+    """Settings of a funnel that is made."""
+
+    samples: int = 8000
+    """Number of flights from a boundary, before the climb."""
+
+    every: int = 1
+    """Step between the times at which a certificate is checked."""
+
+    prove: bool = False
+    """Whether the remainder is proved too, where a funnel bears one."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,11 +63,39 @@ class FunnelStudy:
     funnel: Funnel
     """Funnel that was made or loaded."""
 
-    figures: dict
-    """Key figures, of `figures_of`."""
+    verdict: Verdict
+    """Outcome of the check in whole numbers."""
+
+    falsification: Falsification
+    """Flights of its own glider from its boundary."""
+
+    proof: RemainderProof | None
+    """Proof of its remainder, where asked for."""
 
     flights: np.ndarray
     """Paths (SHOWN, T, n) of launches from inside."""
+
+    on_truth: Falsification | None
+    """Flights of the true glider; None where their states differ."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FunnelComparison:
+    """The funnel of a drawing, and that of the model which its flights' logs show."""
+
+    drawn: FunnelStudy
+    """Funnel of the drawing."""
+
+    corrected: FunnelStudy
+    """Funnel of the model that was found."""
+
+    estimated: list[EstimatedFlights]
+    """Flights in the first on an estimate; none where not asked for."""
+
+    @property
+    def studies(self) -> dict[str, FunnelStudy]:
+        """Both studies, by name."""
+        return {"drawn": self.drawn, "corrected": self.corrected}
 
 
 def certify_perch(
@@ -63,41 +117,46 @@ def certify_perch(
 
 def study_funnel(
     source: GliderModel | Path,
-    settings: FunnelSettings,
-    samples: int,
-    every: int,
+    truth: GliderModel,
+    trials: FunnelTrials,
     rng: np.random.Generator,
     progress: Progress,
-    prove: bool = False,
 ) -> FunnelStudy:
     """Makes a funnel for a model or loads one from a file, checks it and tries it.
 
     Args:
         source: the model, or a file of a funnel.
-        settings: of a funnel that is made.
-        samples: flights from its boundary, before the climb.
-        every: check every so many times.
+        truth: a glider that flies in it too.
+        trials: how.
         rng: of the flights.
         progress: told what is being done.
-        prove: whether to prove its remainder, where it bears one.
     """
     if isinstance(source, Path):
         funnel = load_funnel(source)
     else:
-        funnel = certify_perch(source, settings, progress)
+        funnel = certify_perch(source, trials.settings, progress)
     progress("checking the certificate in whole numbers")
-    verdict = check_funnel(funnel, every)
+    verdict = check_funnel(funnel, trials.every)
     progress("trying to falsify the funnel by flights")
-    falsification = falsify_funnel(funnel, samples, rng)
+    falsification = falsify_funnel(funnel, trials.samples, rng)
     proof = None
-    if prove and verdict.holds and funnel.beta.any():
+    if trials.prove and verdict.holds and funnel.beta.any():
         proof = prove_remainder(
             funnel,
-            every,
+            trials.every,
             progress=lambda share: progress(f"remainder: proof, {100.0 * share:.0f} %"),
         )
+    flights = fly_inside(funnel, SHOWN, rng)
+    progress("the funnel, flown by the true glider")
+    try:
+        on_truth = falsify_funnel(funnel, trials.samples, rng, model=truth)
+    except InputError:  # The funnel's model has states that the true glider lacks.
+        on_truth = None
     return FunnelStudy(
         funnel=funnel,
-        figures=figures_of(funnel, verdict, falsification, proof),
-        flights=fly_inside(funnel, SHOWN, rng),
+        verdict=verdict,
+        falsification=falsification,
+        proof=proof,
+        flights=flights,
+        on_truth=on_truth,
     )

@@ -7,9 +7,7 @@ import numpy as np
 
 from diagrams.closed_loop import closed_loop
 from diagrams.parts import tape_rows
-from diagrams.simulate import (
-    simulate_flights,
-)
+from diagrams.simulate import simulate_flights
 from glider.campaign.logs import (
     Campaign,
     campaign_of,
@@ -28,8 +26,15 @@ from glider.planning.dircol import (
 )
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from glider.report.wording import headline
 from glider.simulation.flights import FlownFlight
 from glider.simulation.fly import AFTER
+from glider.simulation.monte_carlo import (
+    LaunchSpread,
+    draw_launches,
+)
+from glider.sysid.pipeline import close_the_loop
+from glider.sysid.result import Result
 
 COMMAND_RATE = 50.0
 """Of the feedback's commands, held between [Hz]."""
@@ -61,6 +66,52 @@ class Rehearsal:
         """How many flights came within reach of the wire."""
         return sum(flight.perched for flight in self.flights)
 
+    def key_figures(self) -> dict[str, object]:
+        """Returns misses and successes, for a file."""
+        return {"miss_m": self.misses, "perched": self.perched}
+
+    def describe(self) -> str:
+        """Returns how many flights perch, and by how much the median one misses."""
+        return (
+            f"{self.perched} of {len(self.flights)} launches perch, "
+            f"median miss {1000 * np.median(self.misses):.1f} mm"
+        )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What closing the loop is worth: rehearsals before and after."""
+
+    truth: GliderModel
+    """Glider that flies."""
+
+    before: Rehearsal
+    """Rehearsal with its drawing for a model."""
+
+    found: Result
+    """Findings in the logs of those flights."""
+
+    after: Rehearsal
+    """Rehearsal with the model that was found."""
+
+    def key_figures(self) -> dict[str, object]:
+        """Returns effects, misses and successes, for a file."""
+        return {
+            "effect_true": name_effects(self.truth),
+            "effect_found": [effect.kind for effect in self.found.effects],
+            "before": self.before.key_figures(),
+            "after": self.after.key_figures(),
+            "launches": len(self.before.flights),
+        }
+
+    def describe(self) -> str:
+        """Returns what was found, and how launches ended before and after."""
+        return (
+            f"{headline(self.found)}\n"
+            f"planned as drawn: {self.before.describe()}\n"
+            f"planned corrected: {self.after.describe()}"
+        )
+
 
 def load_truth(name: str) -> GliderModel:
     """Loads a glider with an effect: a model file, or one of models/truths by name.
@@ -77,6 +128,13 @@ def load_truth(name: str) -> GliderModel:
             "is needed."
         )
     return load_model(models_path("truths", f"{name}.yaml"))
+
+
+def name_effects(model: GliderModel) -> str:
+    """Returns the kinds of a model's effects, its field among them, or "nothing"."""
+    kinds = [effect.kind.kind for effect in model.effects]
+    kinds += [] if model.field is None else [model.field.kind]
+    return " + ".join(kinds) or "nothing"
 
 
 def rehearse(
@@ -127,3 +185,25 @@ def rehearse(
         "rehearsal", truth.parameters, logs, CAPTURE.rate, COMMAND_RATE
     )
     return Rehearsal(plan=planned, flights=flights, campaign=campaign)
+
+
+def trace_model(
+    truth: GliderModel,
+    flights: int,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> GliderModel:
+    """Returns what the logs of perches planned with the drawing tell of a glider.
+
+    Args:
+        truth: the glider that flies.
+        flights: how many.
+        rng: of the launches and of the noise of motion capture.
+        progress: told what is being done.
+    """
+    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
+    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    flown = rehearse(truth, drawing, problem, starts, rng, progress)
+    return close_the_loop(
+        flown.campaign, progress=progress or (lambda text: None)
+    ).model

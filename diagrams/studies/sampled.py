@@ -1,17 +1,13 @@
-"""Searches that sample, and a controller that does, against a plan replayed."""
+"""A controller that samples, against feedback along a plan and the plan replayed."""
 
 import dataclasses
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
-from diagrams.simulate import (
-    simulate_flights,
-)
+from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
 from glider.control.mppi import (
     MppiController,
@@ -19,16 +15,18 @@ from glider.control.mppi import (
     sequence_of,
 )
 from glider.control.tvlqr_drake import tracking_regulator
+from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import (
     Progress,
     plan,
 )
 from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import SequenceCost, cem, mppi
+from glider.planning.problem import (
+    PerchingProblem,
+    load_problem,
+)
 from glider.simulation.flights import FlownFlight
-from glider.studies.plots.sampling import save_sampling_figure
 
 AFTER = 0.2
 """How long a flight goes on after the plan's end [s]: who plans anew may come later
@@ -64,9 +62,19 @@ class Comparison:
             "MPPI, planning anew": self.replanned,
         }
 
-    def key_figures(self) -> dict[str, object]:
-        """Returns misses and successes, for a file."""
+    @property
+    def worst(self) -> FlownFlight:
+        """The flight of MPPI that misses by most."""
+        return max(self.replanned, key=lambda flight: flight.miss)
+
+    def key_figures(self, truth: str) -> dict[str, object]:
+        """Returns misses and successes, for a file.
+
+        Args:
+            truth: what the glider that flies is called.
+        """
         return {
+            "truth": truth,
             "miss_m": [flight.miss for flight in self.replanned],
             "perched": sum(flight.perched for flight in self.replanned),
             "open_loop_miss_m": [flight.miss for flight in self.replayed],
@@ -74,14 +82,30 @@ class Comparison:
             "real_time_factor": self.real_time_factor,
         }
 
+    def describe(self, truth: str) -> str:
+        """Returns a line for each policy, and how fast planning anew is.
+
+        Args:
+            truth: what the glider that flies is called.
+        """
+        lines = []
+        for name, flights in self.policies.items():
+            miss = 1000 * np.median([flight.miss for flight in flights])
+            lines.append(
+                f"{truth}, {name}: {sum(flight.perched for flight in flights)} of "
+                f"{len(flights)} perch, median miss {miss:.1f} mm"
+            )
+        speed = f"{self.real_time_factor:.1f} s of flight."
+        return "\n".join([*lines, f"MPPI needs 1 s of one core for {speed}"])
+
 
 def compare(
     truth: GliderModel,
-    model: GliderModel,
     problem: PerchingProblem,
-    replanning: PerchingProblem,
     starts: np.ndarray,
     *,
+    model: GliderModel | None = None,
+    replanning: PerchingProblem | None = None,
     seed: int = 0,
     warm: bool = True,
     progress: Progress | None = None,
@@ -90,10 +114,11 @@ def compare(
 
     Args:
         truth: the glider that flies.
-        model: what is believed of it.
         problem: of the plan.
-        replanning: whose goal and weights MPPI uses.
         starts: (B, 7) launch states.
+        model: what is believed of the glider; None for its drawing.
+        replanning: whose goal and weights MPPI uses; None for replanning.yaml of the
+            models.
         seed: of MPPI; every flight meets the same random numbers.
         warm: whether MPPI starts from the plan, or from no command at all.
         progress: told what is being done.
@@ -102,7 +127,10 @@ def compare(
         PlanningError: where the model cannot do what the problem asks.
     """
     say = progress or (lambda text: None)
+    model = GliderModel(parameters=truth.parameters) if model is None else model
     planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
+    if replanning is None:
+        replanning = load_problem(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(model, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
     tracking = tracking_regulator(model, planned)
@@ -131,96 +159,4 @@ def compare(
         tracked=flights[1],
         replanned=flights[2],
         real_time_factor=len(starts) * duration / seconds,
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Searches:
-    """Some searches by each method, and what the first of each drew."""
-
-    plans: dict[str, list[Plan]]
-    """Method to its plans, one a seed."""
-
-    drawn: dict[str, dict[int, np.ndarray]]
-    """Method to number of the iteration, from 1, to sequences (B, N) [rad/s]."""
-
-    def histories(self) -> dict[str, np.ndarray]:
-        """Returns the costs by each method, (seeds, iterations + 1)."""
-        return {
-            name: np.array([plan.costs for plan in plans])
-            for name, plans in self.plans.items()
-        }
-
-
-def search_plans(
-    cost: SequenceCost,
-    start: np.ndarray,
-    count: int,
-    seed: int,
-    shown: Sequence[int] = (),
-    progress: Progress | None = None,
-) -> Searches:
-    """Searches for plans by CEM and by MPPI.
-
-    Args:
-        cost: to search with.
-        start: (n,) state at launch.
-        count: searches by each method, each with a seed of its own.
-        seed: of these seeds; both methods get the same.
-        shown: iterations, from 1, whose sequences to keep.
-        progress: told what is being done.
-    """
-    plans: dict[str, list[Plan]] = {}
-    drawn: dict[str, dict[int, np.ndarray]] = {}
-    for name, search in (("CEM", cem), ("MPPI", mppi)):
-        if progress:
-            progress(f"plan by {name}")
-        kept: dict[int, np.ndarray] = {}
-
-        def keep(iteration, commands, kept=kept):
-            if iteration in shown:
-                kept.setdefault(iteration, commands)
-
-        rngs = np.random.default_rng(seed).spawn(count)
-        plans[name] = [search(cost, start, rng, watch=keep) for rng in rngs]
-        drawn[name] = kept
-    return Searches(plans=plans, drawn=drawn)
-
-
-def spread(runs: np.ndarray) -> dict[str, list[float]]:
-    """Returns the median, the least and the largest cost of each iteration."""
-    return {
-        "cost": np.median(runs, axis=0).tolist(),
-        "lowest": np.min(runs, axis=0).tolist(),
-        "highest": np.max(runs, axis=0).tolist(),
-    }
-
-
-def save_sampled_figure(
-    path: Path,
-    cost: SequenceCost,
-    start: np.ndarray,
-    found: Searches,
-    flown: Comparison,
-) -> None:
-    """Saves costs, the flights that the first searches drew, and the comparison.
-
-    Args:
-        path: of the picture.
-        cost: that was searched with.
-        start: (n,) state at launch.
-        found: the searches.
-        flown: the comparison.
-    """
-    drawn = {}
-    for name, kept in found.drawn.items():
-        samples = {k: cost.fly(start, tried) for k, tried in kept.items()}
-        drawn[name] = samples, found.plans[name][0].states
-    save_sampling_figure(
-        path,
-        found.histories(),
-        drawn,
-        flown.plan.states,
-        [flight.states for flight in flown.replanned],
-        [flight.states for flight in flown.replayed],
     )

@@ -8,16 +8,9 @@ ridge regression. The weights found are a `FieldData`, which flies in any Glider
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-    split_flights,
-)
 from glider.errors import InputError
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.effects import FIELD_VARIABLES
@@ -25,17 +18,9 @@ from glider.physics.effects.field import (
     FieldData,
     make_field,
 )
-from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.regression import least_squares
-from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.vehicle import (
-    Vehicle,
-    make_vehicle,
-)
-from glider.sysid.result import Errors
 
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
 """Referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
@@ -165,107 +150,3 @@ def corrected_coefficients(
         return data.plate
     weights = np.array([field.weights[name] for name in COEFFICIENTS]).T
     return data.plate + basis_values(field, data.variables) @ weights
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResidualModel:
-    """What one model of the coefficients makes of flights that it has not seen.
-
-    Attributes:
-        field: its residual; None for the flat plate alone.
-        rms: (3,) RMS error of COEFFICIENTS.
-        errors: of accelerations and of free rollouts.
-    """
-
-    field: FieldData | None
-    rms: np.ndarray
-    errors: Errors
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResidualStudy:
-    """The flat plate beside residuals learned from a campaign.
-
-    Attributes:
-        fitted: data of the flights that were fitted.
-        held_out: of those that were not.
-        unseen: the held-out flights.
-        models: "plate", then a residual for each basis, by their number of weights.
-    """
-
-    fitted: CoefficientData
-    held_out: CoefficientData
-    unseen: tuple[Flight, ...]
-    models: dict[str, ResidualModel]
-
-
-def learn_residuals(
-    campaign: Campaign, held_out: float = 0.3, seed: int = 0, ridge: float = RIDGE
-) -> ResidualStudy:
-    """Fits 26 weights a coefficient, and 126 with airspeed, to a campaign's flights.
-
-    The centers in airspeed span what the fitted flights flew, but for a hundredth at
-    either end.
-
-    Args:
-        campaign: whose drawing is known, with a servo.
-        held_out: share of the flights that errors are measured on.
-        seed: of the split.
-        ridge: γ.
-
-    Raises:
-        InputError: the drawing or the elevator is not known, or the split fails.
-    """
-    vehicle = make_vehicle(campaign)
-    if not vehicle.is_known or campaign.elevator != "servo":
-        raise InputError(
-            f"{campaign.path}: coefficients need the whole drawing of the vehicle and "
-            "a logged elevator; the campaign lacks one of them."
-        )
-    with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
-        return _learn(campaign, vehicle, split_flights(campaign, held_out, seed), ridge)
-
-
-def _learn(
-    campaign: Campaign,
-    vehicle: Vehicle,
-    split: tuple[tuple[Flight, ...], tuple[Flight, ...]],
-    ridge: float,
-) -> ResidualStudy:
-    noise = measure_noise(campaign)
-    fitting, unseen = (
-        Problem(records=prepare(flights, campaign, noise), noise=noise)
-        for flights in split
-    )
-    data = coefficient_data(fitting, vehicle.theta)
-    test = coefficient_data(unseen, vehicle.theta)
-    low, high = np.quantile(data.variables["V"], [0.01, 0.99])
-    bases = (residual_basis(), residual_basis((float(low), float(high))))
-    fields = [None, *(fit_residual(data, basis, ridge) for basis in bases)]
-    models = [_try(unseen, vehicle.theta, test, field) for field in fields]
-    return ResidualStudy(
-        fitted=data,
-        held_out=test,
-        unseen=split[1],
-        models=dict(zip(_names(fields), models, strict=True)),
-    )
-
-
-def _names(fields: Sequence[FieldData | None]) -> list[str]:
-    return ["plate" if f is None else str(len(f.centers) + 1) for f in fields]
-
-
-def _try(
-    unseen: Problem,
-    theta: np.ndarray,
-    test: CoefficientData,
-    field: FieldData | None,
-) -> ResidualModel:
-    if field is not None:
-        unseen = dataclasses.replace(unseen, field=make_field(field))
-    values = corrected_coefficients(test, field)
-    return ResidualModel(
-        field=field,
-        rms=np.sqrt(np.mean((test.measured - values) ** 2, axis=0)),
-        errors=measure_errors(unseen, theta)[0],
-    )

@@ -177,28 +177,6 @@ def draw_wind(
     return wind
 
 
-def watch_all(
-    cruising: GliderParameters,
-    perching: GliderParameters,
-    policy: TrackingPolicy,
-    rng: np.random.Generator,
-    noise: StudyNoise | None = None,
-) -> dict[str, Watched]:
-    """Returns the article's cruise and a perch, by name.
-
-    Args:
-        cruising: the glider of the cruise.
-        perching: the glider of the perch.
-        policy: as in `watch_perch`.
-        rng: draws winds and measurements.
-        noise: of the filters; None for the article's.
-    """
-    return {
-        "cruise": watch_cruise(cruising, rng, noise),
-        "perch": watch_perch(perching, policy, rng, noise),
-    }
-
-
 def watch_cruise(
     parameters: GliderParameters,
     rng: np.random.Generator,

@@ -8,7 +8,6 @@ article's ridge regression for 26 weights a coefficient, or the tracer of
 """
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -37,7 +36,6 @@ from glider.planning.problem import PerchingProblem, goal_cost, goal_problem
 from glider.simulation.flights import Flights, FlownFlight
 from glider.simulation.fly import fly
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     RIDGE,
     residual_basis,
     with_weights,
@@ -331,29 +329,3 @@ def trace_effects(drawing: GliderModel, logs: Sequence[LoggedFlight]) -> Identif
 def knowing(truth: GliderModel) -> Identify:
     """Returns what identifies the truth from any flights: the oracle."""
     return lambda drawing, logs: Identified(model=truth)
-
-
-def summary(rounds: Sequence[Round]) -> dict[str, list[float]]:
-    """Returns the terminal cost and the median miss [m] of each round."""
-    return {
-        "terminal_cost": [r.terminal_cost for r in rounds],
-        "miss_m": [r.miss for r in rounds],
-    }
-
-
-def weight_changes(rounds: Sequence[Round]) -> list[float]:
-    """Returns ‖w_j+1 - w_j‖ between the models of successive rounds.
-
-    A model without weights counts as one whose weights are zero.
-    """
-    weights = [_weights(r.identified.model) for r in rounds]
-    return [
-        float(np.linalg.norm(after - before))
-        for before, after in itertools.pairwise(weights)
-    ]
-
-
-def _weights(model: GliderModel) -> np.ndarray:
-    if model.field is None:
-        return np.zeros(1)
-    return np.array([model.field.weights[name] for name in COEFFICIENTS])

@@ -145,6 +145,11 @@ def true_area() -> float:
     return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
 
 
+def share(region: Region) -> float:
+    """Returns how much a region has of the area within the limit cycle, 0 to 1."""
+    return area(region.polynomial) / true_area()
+
+
 def find_multiplier(V: np.ndarray, half: int) -> tuple[float, np.ndarray, np.ndarray]:
     """Looks for L such that {V <= 1} is proved with the largest margin.
 

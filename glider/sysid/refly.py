@@ -137,6 +137,12 @@ def position_error(measured: Motion, flown: Motion) -> tuple[float, float]:
     return float(np.sqrt(np.mean(apart**2))), float(apart[-1])
 
 
+def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, float]]:
+    """Returns `position_error` of each model of `refly`."""
+    (_, measured), *models = motions.items()
+    return {name: position_error(measured, motion) for name, motion in models}
+
+
 _FAR = 100.0
 """No flight goes as far [m]: a model that does has blown up."""
 

@@ -1,6 +1,5 @@
 """The options and the page that the examples share."""
 
-import argparse
 import io
 import json
 import os
@@ -12,14 +11,20 @@ import pytest
 from diagrams.playback import Track
 from diagrams.showing import (
     add_launches,
-    add_options,
-    check_folders,
+    check_files,
+    make_parser,
+    read_options,
     run,
     show,
+    silent,
     start_meshcat,
-    write_figures,
+    working,
+    write_figure,
+    write_json,
 )
 from glider.errors import InputError
+from glider.planning.dircol import PlanningError
+from glider.planning.plan import Attempt
 
 TRACK = Track(
     name="flown",
@@ -29,10 +34,9 @@ TRACK = Track(
 
 
 def parse(*arguments):
-    parser = argparse.ArgumentParser()
-    add_options(parser)
+    parser = make_parser("What is shown.")
     add_launches(parser, 20, least=3)
-    return parser.parse_args(list(map(str, arguments)))
+    return read_options(parser, list(map(str, arguments)), figure="paths")
 
 
 def test_headless_without_a_page_starts_no_server(capsys):
@@ -62,11 +66,50 @@ def test_otherwise_meshcat_is_served_until_enter(monkeypatch, capsys):
     assert b"meshcat" in seen[0].lower()
 
 
+@pytest.mark.parametrize(("has_wire", "wire"), [(True, (0.0, 0.0)), (False, None)])
+def test_a_wire_is_shown_where_flights_go_to_one(tmp_path, monkeypatch, has_wire, wire):
+    stages = []
+    monkeypatch.setattr(
+        "diagrams.showing.play", lambda *_, stage, **__: stages.append(stage)
+    )
+    args = parse("--headless", "--html", tmp_path / "flight.html")
+    show(args, [TRACK], "A flight", has_wire=has_wire)
+    assert [stage.wire for stage in stages] == [wire]
+
+
 def test_figures_are_written_only_when_asked_for(tmp_path):
-    write_figures(parse(), {"miss": 0.02})
+    write_json(parse(), {"miss": 0.02})
     path = tmp_path / "figures.json"
-    write_figures(parse("--json", path), {"miss": 0.02})
+    write_json(parse("--json", path), {"miss": 0.02})
     assert json.loads(path.read_text()) == {"miss": 0.02}
+
+
+def test_a_picture_is_drawn_only_when_asked_for(tmp_path):
+    drawn = []
+    write_figure(parse(), lambda *given: drawn.append(given), "a", "b")
+    assert drawn == []
+    path = tmp_path / "paths.png"
+    write_figure(parse("--figure", path), lambda *given: drawn.append(given), "a", "b")
+    assert drawn == [(path, "a", "b")]
+
+
+def test_an_example_without_a_picture_has_no_option_for_one(capsys):
+    with pytest.raises(SystemExit):
+        read_options(make_parser(""), ["--figure", "paths.png"])
+    assert "unrecognized arguments: --figure" in capsys.readouterr().err
+
+
+def test_options_are_refused_where_their_file_cannot_be_written(tmp_path):
+    for option in ("--json", "--html", "--figure"):
+        with pytest.raises(InputError, match="absent does not exist"):
+            parse(option, tmp_path / "absent" / "a.png")
+
+
+def test_progress_is_told_on_stderr(capsys):
+    with working("plan") as progress:
+        progress("fly")
+        silent("fly")
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize("rate", ["0", "-1", "nan", "fast"])
@@ -94,14 +137,14 @@ def test_launches_and_seed_are_whole_numbers(option, number, least, capsys):
     assert (least_ones.launches, least_ones.seed) == (3, 0)
 
 
-FILES = ("a.json", "a.html", "a.png")
+FILES = ("a.json", "a.html", "a.yaml")
 
 
 def test_files_that_can_be_written_are_let_through(tmp_path):
     (tmp_path / "a.json").touch()  # To be written over.
-    check_folders(*(tmp_path / name for name in FILES), tmp_path / "more.yaml")
-    check_folders(None, None, tmp_path / "A.SVG")
-    check_folders(None, None)
+    check_files(*(tmp_path / name for name in FILES), tmp_path / "more.png")
+    check_files(None, figure=tmp_path / "A.SVG")
+    check_files(None, None)
 
 
 @pytest.mark.parametrize("place", range(4))
@@ -116,7 +159,7 @@ def test_files_that_can_be_written_are_let_through(tmp_path):
 def test_a_file_that_cannot_be_written_is_refused(
     tmp_path, monkeypatch, place, folder, words
 ):
-    for name in (*FILES, "more.yaml"):
+    for name in (*FILES, "more.png"):
         (tmp_path / "folder" / name).mkdir(parents=True)
     (tmp_path / "locked").mkdir()
     access = os.access
@@ -124,16 +167,16 @@ def test_a_file_that_cannot_be_written_is_refused(
         "os.access",
         lambda path, mode: path != tmp_path / "locked" and access(path, mode),
     )
-    files = [tmp_path / name for name in (*FILES, "more.yaml")]
+    files = [tmp_path / name for name in (*FILES, "more.png")]
     files[place] = tmp_path / folder / files[place].name
     with pytest.raises(InputError, match=words):
-        check_folders(*files)
+        check_files(*files[:3], figure=files[3])
 
 
 @pytest.mark.parametrize("name", ["f.txt", "f", "f.html"])
 def test_a_figure_is_in_a_format_that_matplotlib_writes(tmp_path, name):
     with pytest.raises(InputError, match=rf"{name}: .* no format .*png"):
-        check_folders(None, None, tmp_path / name)
+        check_files(figure=tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -153,6 +196,24 @@ def test_the_exit_code_tells_whose_fault_it_was(error, code, words, capsys):
 
     assert run(main) == code
     assert words in capsys.readouterr().err
+
+
+def test_a_problem_without_a_plan_is_one_sentence(capsys):
+    attempt = Attempt(
+        knots=25,
+        solver="SNOPT",
+        guess="a straight line over 0.80 s",
+        tolerance=1e-6,
+        solved=False,
+        status="InfeasibleConstraints (13)",
+        seconds=0.1,
+    )
+
+    def fail():
+        raise PlanningError({"position at the wire": 0.25}, (attempt,))
+
+    assert run(fail) == 2
+    assert "position at the wire by 0.25" in capsys.readouterr().err
 
 
 def test_a_fault_of_ours_is_not_hidden():

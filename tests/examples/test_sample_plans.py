@@ -1,49 +1,72 @@
-"""The example of sampled plans tells its story in numbers."""
-
-import json
+"""Sampled plans: what searches find, and what planning anew is worth in flight."""
 
 import numpy as np
 import pytest
 
-from diagrams.showing import run
+from diagrams.studies.rehearsal import load_truth
 from examples import sample_plans
+from tests.helpers.examples import tell
 
 
-def test_planning_anew_perches_where_a_replayed_plan_misses(tmp_path, capsys):
-    out, figure = tmp_path / "s.json", tmp_path / "s.png"
-    sample_plans.main(
-        [
-            *("--searches", "3", "--launches", "3", "--headless"),
-            *("--json", str(out), "--figure", str(figure)),
-        ]
-    )
-    figures = json.loads(out.read_text())
-    receding = figures["receding"]
-    assert receding["truth"] == "set_wing"
-    assert receding["perched"] == len(receding["miss_m"]) == 3
-    assert max(receding["miss_m"]) < 0.05 < min(receding["open_loop_miss_m"])
-    assert min(receding["tracking_miss_m"]) > 0.05
-    assert receding["real_time_factor"] > 0.0
-    assert figures["rollouts_per_second"] > 1000.0
-    for name, least, largest in (("cem", 8.0, 15.0), ("mppi", 11.0, 15.5)):
-        costs = figures[name]
-        assert len(costs["cost"]) == 101
-        assert least < costs["cost"][-1] < largest
-        assert np.all(np.array(costs["lowest"]) <= costs["cost"])
-        assert np.all(np.array(costs["highest"]) >= costs["cost"])
-    assert figure.stat().st_size > 10_000
-    assert "set_wing, MPPI, planning anew: 3 of 3 perch" in capsys.readouterr().out
+@pytest.fixture(scope="module")
+def found():
+    return sample_plans.fly(load_truth("set_wing"), searches=3, launches=3)
+
+
+@pytest.fixture(scope="module")
+def told(found, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sampled")
+    return tell(sample_plans, found, folder, "--searches=3", "--launches=3")
+
+
+def test_planning_anew_perches_where_a_replayed_plan_misses(found):
+    flown = found.flown
+    assert len(flown.replanned) == 3
+    assert all(flight.perched for flight in flown.replanned)
+    assert flown.worst.miss < 0.05 < min(flight.miss for flight in flown.replayed)
+    assert min(flight.miss for flight in flown.tracked) > 0.05
+    assert flown.real_time_factor > 0.0
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--truth", "tail_wind"), "'tail_wind'"),
-        (("--json", "nowhere/s.json"), "nowhere does not exist"),
-    ],
+    ("method", "least", "largest"), [("CEM", 8.0, 15.0), ("MPPI", 11.0, 15.5)]
 )
-def test_a_user_s_fault_is_one_sentence(options, words, capsys):
-    assert run(lambda: sample_plans.main([*options, "--headless"])) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+def test_searches_come_near_the_plan(found, method, least, largest):
+    costs = found.searches.histories()[method]
+    assert costs.shape == (3, 101)
+    assert least < np.median(costs[:, -1]) < largest
+    assert len(np.unique(costs[:, -1])) == 3  # Each has a seed of its own.
+
+
+def test_one_core_flies_thousands_of_samples_a_second(found):
+    assert found.searches.flights_per_second > 1000.0
+
+
+def test_it_is_told_as_it_is(told, found):
+    receding, flown = told.figures["receding"], found.flown
+    assert receding.pop("truth") == "set_wing"
+    assert receding.pop("real_time_factor") == flown.real_time_factor
+    assert receding == {
+        "miss_m": [flight.miss for flight in flown.replanned],
+        "perched": 3,
+        "open_loop_miss_m": [flight.miss for flight in flown.replayed],
+        "tracking_miss_m": [flight.miss for flight in flown.tracked],
+    }
+    for method, runs in found.searches.histories().items():
+        costs = told.figures[method.lower()]
+        assert costs["cost"] == np.median(runs, axis=0).tolist()
+        assert np.all(np.array(costs["lowest"]) <= costs["cost"])
+        assert np.all(np.array(costs["highest"]) >= costs["cost"])
+    speed = found.searches.flights_per_second
+    assert told.figures["rollouts_per_second"] == speed
+    assert told.figures["seed"] == 0
+    assert "set_wing, MPPI, planning anew: 3 of 3 perch" in told.words
+    assert told.asked.call_args.args[1:4] == (3, 3, 0)
+
+
+def test_it_is_drawn_and_animated(told):
+    assert told.size == (1425, 1500)
+    assert told.ink > 0.05
+    assert ">MPPI: set_wing<" in told.page
+    for words in ("planned anew", "replayed", "plan of the drawing"):
+        assert f">{words}<" in told.page

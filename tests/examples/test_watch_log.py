@@ -1,37 +1,69 @@
-"""The example that shows a logged flight."""
-
-import json
+"""A logged flight, shown with the flights that two models make of it."""
 
 import pytest
 
 from diagrams.showing import run
-from examples.watch_log import main
+from examples import watch_log
+from glider.campaign.reader import load_campaign
 from glider.paths import models_path
 from glider.physics.model import save_model
+from tests.helpers.examples import tell
 from tests.sysid.test_refly import CORRECTED
 
 CAMPAIGN = str(models_path("campaigns", "attached_lift"))
 
 
-@pytest.fixture
-def model(tmp_path):
-    save_model(tmp_path / "model.yaml", CORRECTED)
-    return str(tmp_path / "model.yaml")
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
+    save_model(path, CORRECTED)
+    return path
 
 
-def test_a_flight_is_shown_with_both_models(model, tmp_path, capsys):
-    page, figures = tmp_path / "flight.html", tmp_path / "figures.json"
-    arguments = [CAMPAIGN, "flight_003", "--model", model, "--headless"]
-    main([*arguments, "--html", str(page), "--json", str(figures)])
-    told = json.loads(figures.read_text())
-    assert told["flight"] == "flight_003.csv" and told["rows"] == 103
-    assert told["duration_s"] == pytest.approx(0.85, abs=0.01)
-    assert told["corrected"]["position_rms_m"] < 0.005
-    assert told["as_drawn"]["position_rms_m"] > 0.1
-    text = page.read_text(encoding="utf-8")
+@pytest.fixture(scope="module")
+def flown(model):
+    return watch_log.fly(load_campaign(CAMPAIGN), "flight_003", model)
+
+
+@pytest.fixture(scope="module")
+def told(flown, model, tmp_path_factory):
+    arguments = (CAMPAIGN, "flight_003", "--model", str(model))
+    folder, writes = tmp_path_factory.mktemp("log"), ("--json", "--html")
+    return tell(watch_log, flown, folder, *arguments, writes=writes)
+
+
+def test_the_corrected_model_flies_as_the_glider_did(flown):
+    assert flown.flight.name == "flight_003.csv"
+    assert list(flown.motions) == ["measured", "as drawn", "corrected"]
+    time = flown.motions["measured"].time
+    assert len(time) == 103
+    assert time[-1] == pytest.approx(0.85, abs=0.01)
+    assert flown.errors["corrected"][0] < 0.005
+    assert flown.errors["as drawn"][0] > 0.1
+    assert flown.motions["measured"].forces.shape == (103, 2)
+
+
+def test_it_is_told_as_it_is(told, flown):
+    figures = dict(told.figures)
+    assert figures.pop("flight") == "flight_003.csv"
+    assert figures.pop("rows") == 103
+    assert figures.pop("duration_s") == flown.motions["measured"].time[-1]
+    assert figures.keys() == {"as_drawn", "corrected"}
+    for name, (rms, end) in flown.errors.items():
+        errors = figures[name.replace(" ", "_")]
+        assert errors == {"position_rms_m": rms, "position_end_m": end}
+    assert "as drawn: 2" in told.words
+
+
+def test_a_flight_is_shown_with_both_models(told):
     for words in ("attached_lift, flight_003.csv", "measured", "as drawn", "corrected"):
-        assert f">{words}<" in text
-    assert "as drawn: 2" in capsys.readouterr().out
+        assert f">{words}<" in told.page
+
+
+def test_the_options_reach_the_story(told, model):
+    campaign, *rest = told.asked.call_args.args[:3]
+    assert campaign.name == "attached_lift"
+    assert rest == ["flight_003", model]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +76,7 @@ def test_a_flight_is_shown_with_both_models(model, tmp_path, capsys):
     ],
 )
 def test_what_a_user_gets_wrong_is_one_sentence(arguments, words, capsys):
-    assert run(lambda: main([*arguments, "--headless"])) == 2
+    assert run(lambda: watch_log.main([*arguments, "--headless"])) == 2
     error = capsys.readouterr().err
     assert words in error
     assert "Traceback" not in error
@@ -52,7 +84,7 @@ def test_what_a_user_gets_wrong_is_one_sentence(arguments, words, capsys):
 
 def test_help_teaches(capsys):
     with pytest.raises(SystemExit) as end:
-        main(["--help"])
+        watch_log.main(["--help"])
     assert end.value.code == 0
     text = capsys.readouterr().out
     assert "examples/watch_log.py models/campaigns/attached_lift flight_003" in text

@@ -1,29 +1,22 @@
 """The learned residual of C_L, C_D and C_M: found, flown, and worth something."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from diagrams.showing import run
-from examples.residual_coefficients import main
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
-from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-)
+from glider.physics.model import GliderModel
 from glider.studies.coefficients import (
     COEFFICIENTS,
     basis_values,
     coefficient_data,
     corrected_coefficients,
-    learn_residuals,
     residual_basis,
 )
+from glider.studies.residual_study import learn_residuals
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
@@ -37,66 +30,6 @@ from glider.systems.plant import GliderPlant
 from tests.helpers.campaigns import campaign_path
 
 FINE_CAPTURE = MotionCapture(position=1e-5, pitch=1e-4, elevator=1e-4)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A dozen flights of the sample campaign."""
-    campaign = load_campaign(campaign_path("attached_lift"))
-    few = dataclasses.replace(campaign, flights=campaign.flights[:12])
-    path = tmp_path_factory.mktemp("few") / "attached_lift"
-    save_campaign(path, few)
-    return path
-
-
-@pytest.fixture(scope="module")
-def told(folder):
-    """What the example writes with --json, and the folder that it writes to."""
-    out = folder.parent
-    files = {name: out / name for name in ("c.json", "c.png", "glider.yaml")}
-    options = ["--json", "--figure", "--model"]
-    arguments = [str(folder), "--headless"]
-    for option, file in zip(options, files.values(), strict=True):
-        arguments += [option, str(file)]
-    main(arguments)
-    assert files["c.png"].stat().st_size > 10_000
-    return json.loads(files["c.json"].read_text()), files["glider.yaml"]
-
-
-def test_the_residual_pays_on_held_out_flights(told):
-    models = told[0]["models"]
-    assert list(models) == ["plate", "26", "126"]
-    plate, small, large = models.values()
-    assert small["c_lift"] < 0.9 * plate["c_lift"]
-    for learned in (small, large):
-        assert learned["equation"]["normal"] < 0.7 * plate["equation"]["normal"]
-        before, after = (m["rollout"]["position_rms_m"] for m in (plate, learned))
-        assert after < 0.6 * before
-
-
-def test_rows_of_fitted_and_of_held_out_flights_are_counted(told, folder):
-    campaign = load_campaign(folder)
-    rows = sum(len(flight.time) - 6 for flight in campaign.flights)
-    assert sum(told[0]["rows"].values()) == rows
-    assert told[0]["rows"]["fitted"] > told[0]["rows"]["held_out"]
-
-
-def test_the_model_written_flies_with_its_residual(told):
-    model = load_model(told[1])
-    assert model.field is not None and model.field.kind == "rbf_residual"
-    for name in COEFFICIENTS:
-        assert len(model.field.weights[name]) == 26
-    state = np.array([0.0, 0.0, -0.3, 0.1, 6.0, -0.5, 0.0])
-    alpha = np.array([np.arctan2(0.5, 6.0) + 0.3])
-    variables = {"alpha": alpha, "elevator": state[3:4]}
-    weights = np.array([model.field.weights[name] for name in COEFFICIENTS]).T
-    plate = GliderModel(parameters=model.parameters)
-    with_field, without = (
-        coefficients_of(GliderPlant(m), state) for m in (model, plate)
-    )
-    added = (basis_values(model.field, variables) @ weights)[0]
-    assert np.abs(added[0]) > 0.05
-    np.testing.assert_allclose(with_field - without, added, atol=1e-6)
 
 
 def coefficients_of(plant, state):
@@ -193,10 +126,8 @@ def test_speeds_must_increase():
         residual_basis((8.0, 8.0))
 
 
-def test_a_vehicle_without_a_drawing_is_one_sentence(folder, tmp_path, capsys):
-    campaign = load_campaign(folder)
+def test_a_vehicle_without_a_drawing_is_refused():
+    campaign = load_campaign(campaign_path("attached_lift"), flights=["flight_000"])
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
-    save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
-    assert run(lambda: main([str(tmp_path / "c"), "--headless"])) == 2
-    error = capsys.readouterr().err
-    assert "need the whole drawing" in error and "Traceback" not in error
+    with pytest.raises(InputError, match="need the whole drawing"):
+        learn_residuals(dataclasses.replace(campaign, vehicle=vehicle))

@@ -1,13 +1,10 @@
 """The loop of learning: what flies, what is logged, what is learned, what it buys."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from diagrams.showing import run
-from examples import learn_residual
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import (
@@ -41,8 +38,8 @@ from glider.studies.learning import (
     learning_settings,
     log,
     trace_effects,
-    weight_changes,
 )
+from glider.studies.learning_study import weight_changes
 from glider.studies.low_reynolds import (
     low_reynolds_coefficients,
     low_reynolds_field,
@@ -248,34 +245,3 @@ def test_the_tracer_waits_for_three_flights_and_a_loop_for_one(planned):
     assert fit_weights(HEAVY, [logged]).effects == ("rbf_residual",)
     with pytest.raises(InputError, match="0 rounds of 3 launches"):
         learn(HEAVY, fit_weights, 0, np.random.default_rng(0))
-
-
-@pytest.mark.slow
-def test_learning_reaches_a_planner_that_knows_the_truth(tmp_path, capsys):
-    out, figure = tmp_path / "l.json", tmp_path / "l.png"
-    learn_residual.main(
-        [
-            *("--truth", "head_wind", "--weights", "2", "--traced", "2"),
-            *("--launches", "3", "--headless"),
-            *("--json", str(out), "--figure", str(figure)),
-        ]
-    )
-    figures = json.loads(out.read_text())
-    rbf, traced, oracle = (figures[k] for k in ("rbf", "traced", "oracle_miss_m"))
-    assert [len(rbf[k]) for k in ("terminal_cost", "weight_change", "miss_m")] == [
-        *(2, 1, 2)
-    ]
-    assert rbf["miss_m"][0] == traced["miss_m"][0] > 5.0 * oracle
-    assert traced["effects"] == [[], ["wind"]]
-    assert traced["miss_m"][1] < max(1.5 * oracle, 0.01)
-    assert min(rbf["miss_m"][1:]) < 0.5 * rbf["miss_m"][0]
-    assert traced["terminal_cost"][1] < 0.2 * traced["terminal_cost"][0]
-    assert all(change > 0.0 for change in rbf["weight_change"])
-    assert "traced to wind" in capsys.readouterr().out
-    assert figure.stat().st_size > 10_000
-
-
-def test_a_folder_that_is_not_there_is_one_sentence_before_the_work(tmp_path, capsys):
-    args = ["--json", str(tmp_path / "nowhere" / "l.json"), "--headless"]
-    assert run(lambda: learn_residual.main(args)) == 2
-    assert capsys.readouterr().err.count("\n") == 1

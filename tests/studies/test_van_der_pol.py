@@ -1,14 +1,11 @@
 """Regions of attraction: proved ones are true ones, and a false proof is refused."""
 
 import dataclasses
-import json
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from diagrams.showing import run
-from examples import van_der_pol as example
 from glider.studies.planar import (
     Squares,
     gradient,
@@ -156,23 +153,3 @@ def test_a_region_beyond_the_limit_cycle_is_refused(ellipse):
         ellipse[1], polynomial=V, multiplier=L, decrease=decrease, half=2
     )
     assert not is_proved(claimed)
-
-
-# --------------------------------------------------------------------- the example
-
-
-def test_the_example_tells_its_numbers(tmp_path, capsys):
-    out, figure = tmp_path / "v.json", tmp_path / "v.png"
-    example.main(["--rounds", "1", "--json", str(out), "--figure", str(figure)])
-    figures = json.loads(out.read_text())
-    assert figures["rho"] == pytest.approx(2.3045, abs=0.0005)
-    shares = figures["degree"]
-    assert 0.47 < shares["2"] < shares["4"] < 1.0
-    assert shares["2"] < shares["6"] < 1.0
-    assert figure.stat().st_size > 10_000
-    assert "the level is 2.3045" in capsys.readouterr().out
-
-
-def test_a_folder_that_is_not_there_is_one_sentence(capsys):
-    assert run(lambda: example.main(["--json", "nowhere/v.json"])) == 2
-    assert capsys.readouterr().err.count("\n") == 1

@@ -1,6 +1,7 @@
 """The identification exercise as logs, for the tracer to look at."""
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import (
     Campaign,
@@ -16,6 +17,17 @@ from glider.studies.basis.basis_features import angle_sign
 from glider.studies.basis.basis_model import SampledFlights
 from glider.sysid.fit.simulate import (
     FINE,
+)
+from glider.sysid.pipeline import (
+    Progress,
+    close_the_loop,
+)
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.result import Result
+from glider.sysid.search.signs import (
+    Signs,
+    find_signs,
 )
 
 
@@ -62,6 +74,20 @@ def filmed_campaign(
     )
     noise = MotionCapture().draw(rng, *flights.states.shape[:2])
     return _campaign(exercise, flights, angles, noise)
+
+
+def find_exercise_signs(exercise: Exercise, angles: str) -> Signs:
+    """Returns which signs are wrong in the log of `exercise_campaign`."""
+    log = exercise_campaign(exercise, angles)
+    with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
+        return find_signs(log, log.flights, measure_noise(log), make_vehicle(log))
+
+
+def trace_filmed(
+    exercise: Exercise, angles: str, rng: np.random.Generator, progress: Progress
+) -> Result:
+    """Returns what the tracer finds in the logs of `filmed_campaign`."""
+    return close_the_loop(filmed_campaign(exercise, angles, rng), progress=progress)
 
 
 def _campaign(

@@ -47,6 +47,11 @@ class SampledFlights:
         """(ẍ, z̈, θ̈) at the start of each step, (B, N, 3) [m/s², rad/s²]."""
         return np.diff(self.states[:, :, 4:], axis=1) / self.step
 
+    @property
+    def times(self) -> np.ndarray:
+        """(N + 1,) of the states [s]."""
+        return self.step * np.arange(self.states.shape[1])
+
     def pick(self, flights: list[int]) -> "SampledFlights":
         """Returns some of the flights."""
         return dataclasses.replace(

@@ -1,6 +1,9 @@
 """The exercise's answers: its configurations and its best subsets, fitted and flown."""
 
+import dataclasses
 from collections.abc import Mapping
+
+import numpy as np
 
 from glider.studies.basis.basis_choice import (
     candidates_of,
@@ -16,15 +19,77 @@ from glider.studies.basis.basis_model import (
     BasisFit,
     best_numbers,
     fit_basis,
+    fly_again,
 )
 from glider.studies.basis.basis_refinement import (
     RolloutError,
     refine,
     rollout_error,
 )
+from glider.sysid.result import Result
+from glider.sysid.search.signs import Signs
 
 SIGNS = {"published_signs": "nose_up", "consistent_signs": "nose_down"}
 """What the formulas take the flights' angles for; they are nose down."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BasisFits:
+    """Models of a few features each, fitted."""
+
+    configurations: dict[str, dict[str, BasisFit]]
+    """Fits of the exercise's configurations, by SIGNS and name."""
+
+    subsets: dict[str, BasisFit]
+    """Fits of the best subsets, by name."""
+
+    @property
+    def models(self) -> dict[str, BasisDynamics]:
+        """Configuration 6, the best of them, with either signs; then the subsets."""
+        models = {
+            f"configuration 6 {signs.replace('_', ' ')}": fits["6"].model
+            for signs, fits in self.configurations.items()
+        }
+        return models | {n.replace("_", " "): f.model for n, f in self.subsets.items()}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BasisStudy:
+    """All answers to the exercise."""
+
+    exercise: Exercise
+    """Flights that were given."""
+
+    fits: BasisFits
+    """Models of their accelerations."""
+
+    choice: dict[str, dict[str, float]]
+    """Errors of candidates on flights left out, by SIGNS and name."""
+
+    signs: Signs
+    """Signs in the exercise's own numbers as a log."""
+
+    traced: Result
+    """Findings of the tracer in its flights filmed."""
+
+    rollouts: dict[str, dict[str, RolloutError]]
+    """Errors on the held-out flight "before" and "after" refinement, by model."""
+
+    @property
+    def flown(self) -> dict[str, np.ndarray]:
+        """States (N + 1, 7) of the held-out flight, by the model that flies it."""
+        return {
+            name: fly_again(model, self.exercise.held_out)[0]
+            for name, model in self.fits.models.items()
+        }
+
+
+def fit_all(exercise: Exercise, ridge: float = 0.0) -> BasisFits:
+    """Fits the configurations and the best subsets."""
+    return BasisFits(
+        configurations=fit_configurations(exercise, ridge),
+        subsets=fit_subsets(exercise, ridge),
+    )
 
 
 def fit_configurations(

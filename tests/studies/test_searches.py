@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from diagrams.studies.sampled import search_plans, spread
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import load_problem
 from glider.planning.sampling import SequenceCost, cem, mppi
+from glider.studies.searches import search_plans, spread
 
 SHOWN = (1, 5)
 

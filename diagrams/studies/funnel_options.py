@@ -1,0 +1,70 @@
+"""The options of the funnels' example, and the files that they name."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from diagrams.showing import (
+    add_count,
+    add_truth,
+    check_files,
+    make_parser,
+    read_options,
+)
+from diagrams.studies.funnel_figures import beside
+from diagrams.studies.funnel_study import FunnelTrials
+from glider.verification.funnel.settings import FunnelSettings
+
+
+def read_funnel_options(
+    words: str | None, arguments: Sequence[str] | None
+) -> argparse.Namespace:
+    """Reads the options, and checks the files to write.
+
+    Args:
+        words: of the help.
+        arguments: of the command line; None for those of the process.
+
+    Returns:
+        What they say: `trials` is how to try funnels, `load` and `save` are the files
+        of the drawn and the corrected one, none where not asked for.
+
+    Raises:
+        InputError: a file cannot be written, or there are no such trials.
+    """
+    parser = make_parser(words)
+    add_truth(parser, "head_wind")
+    add_count(parser, "--samples", 8000, "flights", least=8)
+    add_count(parser, "--every", 1, "exact checks")
+    add_count(parser, "--flights", 20, "that are traced", least=3)
+    parser.add_argument(
+        "--remainder", type=float, default=0.0, help="times the largest found"
+    )
+    prove = "prove the remainder; takes minutes"
+    parser.add_argument("--prove", action="store_true", help=prove)
+    add_count(parser, "--seed", 0, "of flights", least=0)
+    parser.add_argument("--load", metavar="DIR", type=Path, help="funnels saved there")
+    parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")
+    noisy = "flights on an estimate at each noise, drawn beside --figure"
+    add_count(parser, "--estimate", None, noisy, metavar="N")
+    args = read_options(parser, arguments, figure="tubes, as PNG")
+    if args.prove and not (args.remainder or args.load):
+        parser.error("--prove: there is nothing to prove without --remainder.")
+    args.load, args.save = (_files(at, args.truth) for at in (args.load, args.save))
+    args.trials = FunnelTrials(
+        settings=FunnelSettings(remainder=args.remainder),
+        samples=args.samples,
+        every=args.every,
+        prove=args.prove,
+    )
+    check_files(*args.save)
+    if args.figure and args.estimate:
+        check_files(figure=beside(args.figure))
+    return args
+
+
+def _files(folder: Path | None, truth: str) -> tuple[Path, ...]:
+    """Returns the files of both funnels in a folder; none without a folder."""
+    if folder is None:
+        return ()
+    return folder / "drawn.npz", folder / f"{Path(truth).stem}.npz"

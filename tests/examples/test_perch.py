@@ -1,0 +1,69 @@
+"""A perch: planned, replayed, and flown from launches that err."""
+
+import numpy as np
+import pytest
+
+from examples import perch
+from tests.helpers.examples import tell
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return perch.fly(launches=4)
+
+
+@pytest.fixture(scope="module")
+def told(flown, tmp_path_factory):
+    return tell(perch, flown, tmp_path_factory.mktemp("perch"), "--launches=4")
+
+
+def test_the_plan_is_the_articles(flown):
+    assert flown.plan.cost == pytest.approx(194.05, abs=0.1)
+    assert flown.plan.duration == pytest.approx(0.8795, abs=1e-3)
+    assert len(flown.plan.times) == 41
+    assert flown.plan.max_defect < 1e-5
+
+
+def test_feedback_brings_launches_to_the_wire_that_a_replay_misses(flown):
+    assert flown.replayed.miss < 0.001
+    assert len(flown.blind) == len(flown.flights) == flown.perched == 4
+    assert np.median(flown.misses) < 0.1 * np.median([f.miss for f in flown.blind])
+    assert flown.worst.miss == max(flown.misses)
+
+
+def test_both_fly_the_same_launches(flown):
+    starts = [
+        [flight.states[0] for flight in flights]
+        for flights in (flown.blind, flown.flights)
+    ]
+    np.testing.assert_array_equal(*starts)
+    again = perch.fly(launches=1, seed=1).flights[0]
+    assert not np.allclose(again.states[0], starts[0][0])
+
+
+def test_it_is_told_as_it_is(told, flown):
+    figures = told.figures
+    assert figures["closed_loop_miss_m"] == [flight.miss for flight in flown.flights]
+    blind = figures["open_loop_from_launches_miss_m"]
+    assert blind == [flight.miss for flight in flown.blind]
+    assert figures["open_loop_miss_m"] == flown.replayed.miss
+    assert (figures["launches"], figures["perched"], figures["seed"]) == (4, 4, 0)
+    assert (figures["knots"], figures["cost"]) == (41, flown.plan.cost)
+    assert figures["duration"] == flown.plan.duration
+    assert figures["max_defect"] == flown.plan.max_defect < figures["path_defect"]
+    assert figures["plan_seconds"] > 0.0
+    assert "194.05" in told.words
+    assert "With feedback 4 of 4 perch" in told.words
+
+
+def test_it_is_drawn_and_animated(told):
+    assert told.size == (1425, 840)
+    assert told.ink > 0.02
+    for words in ("Perch", "worst launch", "plan"):
+        assert f">{words}<" in told.page
+
+
+def test_the_options_reach_the_story(flown, tmp_path):
+    told = tell(perch, flown, tmp_path, "--launches=7", "--seed=3")
+    assert told.asked.call_args.args[:2] == (7, 3)
+    assert told.figures["seed"] == 3

@@ -1,0 +1,174 @@
+"""Certified perches of the drawn and the corrected glider, loaded and tried."""
+
+import functools
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from diagrams.showing import run
+from diagrams.studies.funnel_study import FunnelTrials
+from diagrams.studies.rehearsal import load_truth
+from examples import perching_funnel
+from glider.paths import models_path
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.trials.estimated import study_estimates
+from tests.helpers.examples import tell
+
+PROVEN = models_path("funnels", "proven")
+OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=100")
+
+
+@pytest.fixture(scope="module")
+def found():
+    few = functools.partial(study_estimates, noises=[0.001], unknown=[0.1, 1.0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(perching_funnel, "study_estimates", few)
+        return perching_funnel.run(
+            load_truth("head_wind"),
+            FunnelTrials(samples=80, every=100, prove=True),
+            load=(PROVEN / "drawn.npz", PROVEN / "head_wind.npz"),
+            estimate=1,
+        )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("funnels")
+
+
+@pytest.fixture(scope="module")
+def told(found, folder):
+    arguments = (*OPTIONS, "--estimate=1", f"--save={folder}")
+    return tell(perching_funnel, found, folder, *arguments)
+
+
+def test_certificates_hold_and_no_flight_leaves(found):
+    for study in found.studies.values():
+        assert study.verdict.holds
+        assert study.proof is not None
+        assert study.falsification.samples >= 80
+        assert study.falsification.escapes == 0
+        assert study.funnel.half_widths()[1] > 0.05
+        levels = study.funnel.level(study.funnel.nominal.times, study.flights)
+        assert np.all(levels <= 1.0)
+
+
+def test_the_true_glider_stays_in_the_funnel_of_what_was_found(found):
+    drawn, corrected = found.drawn.on_truth, found.corrected.on_truth
+    assert drawn.escapes > 0.5 * drawn.samples
+    assert corrected.escapes == 0
+    effects = found.corrected.funnel.nominal.model.effects
+    assert [effect.kind.kind for effect in effects] == ["wind"]
+    assert found.drawn.funnel.nominal.model.effects == ()
+
+
+def test_the_drawn_feedback_flies_on_an_estimate(found):
+    assert [level.unknown for level in found.estimated] == [0.1, 1.0]
+    assert [len(level.miss) for level in found.estimated] == [1, 1]
+
+
+def test_it_is_told_as_it_is(told, found):
+    figures = told.figures
+    for part, study in (
+        (figures, found.drawn),
+        (figures["corrected"], found.corrected),
+    ):
+        widths = study.funnel.half_widths()
+        assert part["inlet"] == {
+            "x_m": widths[0],
+            "z_m": widths[1],
+            "pitch_deg": np.degrees(widths[2]),
+            "xdot": widths[4],
+            "zdot": widths[5],
+        }
+        assert part["certificate_checked"] is True
+        assert part["checked_times"] == study.verdict.times
+        assert part["faults"] == []
+        assert (part["samples"], part["escapes"]) == (study.falsification.samples, 0)
+        assert part["largest_end"] == study.falsification.ends.max() <= 1.0
+        assert part["remainder"].startswith("rigorous until t=0.")
+        assert part["remainder_proof"]
+        assert part["remainder_inflation"] == study.funnel.settings.remainder
+        assert part["solver"] == study.funnel.solver
+        assert part["seconds"] == study.funnel.seconds
+        assert part["states"] == list(study.funnel.nominal.state_names)
+        assert part["goal"] == list(study.funnel.settings.goal)
+    assert figures["effects"] == []
+    assert figures["corrected"]["effects"] == ["wind"]
+    for name, study in found.studies.items():
+        assert figures[f"{name}_on_truth_escapes"] == study.on_truth.escapes
+        assert figures[f"{name}_on_truth_samples"] == study.on_truth.samples
+    assert figures["estimate"]["flights"] == 1
+    assert [row["unknown"] for row in figures["estimate"]["bears"]] == [0.1, 1.0]
+    assert (figures["truth"], figures["seed"]) == ("head_wind", 0)
+    assert "Flown by head_wind, 0 of" in told.words
+    assert "drawn, on an estimate:" in told.words
+
+
+def test_it_is_drawn_and_animated(told, folder):
+    assert told.size == (1200, 1056)
+    assert told.ink > 0.05
+    beside = matplotlib.image.imread(folder / "told_estimate.png")
+    assert beside.shape[:2] == (432, 1080)
+    assert np.mean(np.min(beside[..., :3], axis=-1) < 0.95) > 0.01
+    for words in ("A certified perch: head_wind", "nominal", "flight 1", "flight 3"):
+        assert f">{words}<" in told.page
+
+
+def test_funnels_are_saved(told, found, folder):
+    for name, study in (
+        ("drawn.npz", found.drawn),
+        ("head_wind.npz", found.corrected),
+    ):
+        saved = load_funnel(folder / name)
+        np.testing.assert_array_equal(saved.S, study.funnel.S)
+        assert saved.nominal.model == study.funnel.nominal.model
+
+
+def test_the_options_reach_the_story(told):
+    truth, trials, seed = told.asked.call_args.args
+    assert truth == load_truth("head_wind")
+    assert trials == FunnelTrials(samples=80, every=100, prove=True)
+    assert seed == 0
+    options = told.asked.call_args.kwargs
+    assert options["load"] == (PROVEN / "drawn.npz", PROVEN / "head_wind.npz")
+    assert (options["flights"], options["estimate"]) == (20, 1)
+
+
+def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_path):
+    """As where a servo's lag was found and the true glider has none."""
+    lost = dict(vars(found.corrected), on_truth=None)
+    study = type(found.corrected)(**lost)
+    other = type(found)(drawn=found.drawn, corrected=study, estimated=[])
+    told = tell(perching_funnel, other, tmp_path, *OPTIONS)
+    assert told.figures["corrected_on_truth_escapes"] is None
+    assert told.figures["corrected_on_truth_samples"] is None
+    assert "estimate" not in told.figures
+    assert "it has no meaning: their states differ" in told.words
+    assert not (tmp_path / "told_estimate.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--json", "{folder}/none/f.json"], "does not exist"),
+        (["--save", "{folder}/none"], "does not exist"),
+        (["--remainder", "-1"], "remainder"),
+        (["--load", "{folder}"], "not a funnel"),
+        (["--truth", "gremlins"], "gremlins"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, words, tmp_path, capsys):
+    filled = [a.format(folder=tmp_path) for a in arguments]
+    assert run(lambda: perching_funnel.main([*filled, "--headless"])) == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message.startswith("error: ")
+    assert words in message
+
+
+def test_there_is_nothing_to_prove_without_a_remainder(capsys):
+    with pytest.raises(SystemExit) as end:
+        perching_funnel.main(["--prove", "--headless"])
+    assert end.value.code == 2
+    assert "nothing to prove without --remainder" in capsys.readouterr().err

@@ -1,0 +1,113 @@
+"""What all examples have in common: a story, a short main, help, and faults told."""
+
+import dataclasses
+import importlib
+import inspect
+import typing
+from pathlib import Path
+
+import pytest
+
+from diagrams import showing
+from glider.paths import models_path
+from tests.helpers.examples import known_story, story_name
+
+FOLDER = Path(__file__).parents[2] / "examples"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.py"))
+LEAST, MOST = 40, 80
+"""Lines of an example."""
+
+GIVEN = {"watch_log": [str(models_path("campaigns", "attached_lift")), "flight_003"]}
+"""What must be on the command line."""
+
+SHOWN = {"--json", "--html", "--figure"}
+WRITES = {name: SHOWN for name in NAMES} | {
+    "close_the_loop": {"--json", "--model"},
+    "residual_coefficients": {*SHOWN, "--model"},
+    "van_der_pol": {"--json", "--figure"},
+    "watch_log": {"--json", "--html"},
+}
+"""The files that an example writes."""
+
+TRUTHS = ["learn_residual", "perch_corrected", "perching_funnel", "sample_plans"]
+"""Examples that fly a glider of the user's choice."""
+
+
+def load(name):
+    return importlib.import_module(f"examples.{name}")
+
+
+@pytest.fixture(params=NAMES)
+def example(request):
+    return load(request.param)
+
+
+def name_of(example):
+    return example.__name__.rpartition(".")[2]
+
+
+def help_of(example, capsys):
+    with pytest.raises(SystemExit) as end:
+        example.main(["--help"])
+    assert end.value.code == 0
+    return capsys.readouterr().out
+
+
+def fail(example, arguments, capsys):
+    """Returns what is said of a fault of the user's, which keeps the story untold."""
+    with known_story(example, None) as asked:
+        code = showing.run(
+            lambda: example.main([*GIVEN.get(name_of(example), []), *arguments])
+        )
+    assert code == 2
+    assert not asked.called
+    told = capsys.readouterr()
+    assert told.out == ""
+    return told.err
+
+
+def test_an_example_is_short(example):
+    lines = Path(example.__file__).read_text(encoding="utf-8").splitlines()
+    assert LEAST <= len(lines) <= MOST
+
+
+def test_a_story_returns_a_frozen_dataclass(example):
+    story = getattr(example, story_name(example))
+    result = typing.get_type_hints(story)["return"]
+    assert dataclasses.is_dataclass(result)
+    assert result.__dataclass_params__.frozen
+
+
+def test_the_help_is_the_docstring_with_a_usage(example, capsys):
+    told = help_of(example, capsys)
+    assert inspect.cleandoc(example.__doc__) in told
+    assert f"python examples/{name_of(example)}.py" in told
+    options = {option for option in SHOWN if f"  {option} " in told}
+    assert options == WRITES[name_of(example)] & SHOWN
+
+
+@pytest.mark.parametrize(
+    ("name", "option"),
+    [(name, option) for name in NAMES for option in sorted(WRITES[name])],
+)
+def test_a_file_without_a_folder_is_refused_before_the_work(
+    name, option, tmp_path, capsys
+):
+    said = fail(load(name), [option, str(tmp_path / "absent" / "a.png")], capsys)
+    assert "absent does not exist" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if "--figure" in WRITES[n]])
+def test_a_figure_in_a_format_that_is_none_is_refused_before_the_work(name, capsys):
+    said = fail(load(name), ["--figure", "f.txt"], capsys)
+    assert "no format of pictures" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize("truth", ["tail_wind", "nowhere.yaml"])
+def test_a_truth_that_is_not_there_is_one_sentence(name, truth, capsys):
+    said = fail(load(name), ["--truth", truth], capsys)
+    assert truth in said
+    assert said.count("\n") == 1
