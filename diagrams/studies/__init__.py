@@ -1,0 +1,6 @@
+"""What the examples fly in diagrams, and the figures and words that they make of it.
+
+perch_study: a plan, replayed and defended. rehearsal: plan with one glider, fly
+another. sampled: a controller that samples. funnel_*: funnels, made, flown in and
+shown. filter_report: filters. figures: pictures of paths.
+"""

@@ -267,14 +267,12 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 def slope_of_actuators(t, node, y, data, rate):
     """Writes the rates of the elevator's angle and of the actuators' own states."""
     command, c, x = data
-    own = y.shape[0] - 1
     x[3] = y[0]
-    for i in range(own):
-        x[7 + i] = y[1 + i]
-    rate[0] = actuator_terms(command, x, c)
-    rates = actuator_rates(command, x, c)
-    for i in range(own):
-        rate[1 + i] = rates[i]
+    for i in range(1, y.shape[0]):
+        x[6 + i] = y[i]
+    rates = (actuator_terms(command, x, c), *actuator_rates(command, x, c))
+    for i in range(len(rates)):
+        rate[i] = rates[i]
 
 
 def log_actuator(times, commands, c, limits, states):

@@ -3,5 +3,5 @@
 ekf: the filter as numbers. running: beliefs, and the filter along whole flights.
 system: the same as a Drake System. flights: noisy flights for a filter to watch.
 consistency: NEES and NIS. perching: the filter that perches. knowledge: what a flight
-could tell about a number. cruising, study: the article's study of two of them.
+could tell about a number.
 """

@@ -1,0 +1,6 @@
+"""The glider as numbers, and the one text of its physics. No Drake System, no loop.
+
+state: axes and signs. parameters, numbers: what the formulas take. chain: the forces,
+link by link. effects: what may be added to a link. compose: joins the two. model:
+`GliderModel`, and its file. servo: limits of the elevator.
+"""

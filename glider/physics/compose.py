@@ -102,7 +102,8 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     derivatives_of: list[str] = []
     for effect in actuators:
         i = effects.index(effect)
-        derivatives_of += _unpack(rates, call("rate", i, "rate"), effect, i)
+        if effect.states:
+            derivatives_of += _unpack(rates, call("rate", i, "rate"), effect, i)
         step = f"    rate = {call('formula', i, 'rate')}"
         lines.append(step)
         rates.append(step)

@@ -1,0 +1,5 @@
+"""Flights by compiled code: `fly(model, policy, starts)` returns `Flights`.
+
+fly: one way to fly. flights: what became of them. miss: how far from the wire.
+monte_carlo: many launches, and sweeps over cases.
+"""

@@ -52,7 +52,7 @@ def close_the_loop(
         seed: of the split into fitted and held-out flights.
         effects: names of the kinds to try; by default the whole library and
             `own_effects`.
-        own_effects: kinds that the library lacks, of any stage but the actuator.
+        own_effects: kinds that the library lacks, of any stage but the log.
             They are traced, weighed and carried by the model like the library's.
         progress: called with a line of text as the work goes on.
 

@@ -226,6 +226,39 @@ def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
     np.testing.assert_allclose(*free, atol=1e-5)
 
 
+def test_an_own_actuator_needs_no_state():
+    weak = dataclasses.replace(
+        STICKY,
+        kind="weak",
+        coefficients=STICKY.coefficients[:1],
+        formula=weak_servo,
+        states=(),
+        state_rate=None,
+        steady_state=None,
+    )
+    check_own_effects((weak,))
+    model = GliderModel(effects=(weak(gain=0.25),))
+    assert model.num_states == 7
+    x = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
+    slow, whole = (
+        m.chain.derivatives(0.0, x, u, 0.0, 0.0, m.numbers)
+        for m, u in ((model, 8.0), (GliderModel(), 6.0))
+    )
+    assert slow == whole
+    switches, query = np.array([0.0, 0.02, 0.05, 0.11]), np.linspace(-0.05, 0.2, 30)
+    commands = np.array([5.0, -8.0, 3.0, 0.0])
+    replay = Replay(actuators=((weak, (0.25,)),))
+    turned = replayed_path(replay, switches, commands, query)
+    expected = replayed_path(Replay(), switches, 0.75 * commands, query)
+    # The exact path has a lag of 1 ns.
+    np.testing.assert_allclose(turned, expected, atol=1e-7)
+    assert np.ptp(expected) > 0.1
+
+
+def weak_servo(rate, gain):
+    return (1.0 - gain) * rate
+
+
 def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
     bad = dataclasses.replace(STICKY, formula=lambda rate, s, gain, tau: rate + 1.0)
     with pytest.raises(InputError, match="returns 2, not 1; defaults that do nothing"):

@@ -1,0 +1,1 @@
+"""Figures of the studies: arrays and an `ax` in, or a path to save to."""
