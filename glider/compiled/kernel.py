@@ -70,6 +70,10 @@ INLINED = ("advance", "slope")
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 
+OUTLINED = ("log_step",)
+"""Functions that stay calls: they are long and called from many places, which would
+each take the compiler seconds."""
+
 _COMPILING = threading.RLock()
 
 tell_compiler(register_jitable)
@@ -215,7 +219,7 @@ def _wrap(
                 error_model="numpy",
                 fastmath=FAST,
                 cache=cache and name in entries,
-                forceinline=name not in entries,
+                forceinline=name not in entries and name not in OUTLINED,
                 inline="always" if name.startswith(INLINED) else "never",
             )
 
