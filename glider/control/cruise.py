@@ -135,7 +135,7 @@ def cruise_regulator(
     """
     weights = CruiseWeights() if weights is None else weights
     n = len(trim.state)
-    plant = GliderPlant(model)
+    plant = GliderPlant(model, fast=False)  # Differentiated once: not worth compiling.
     context = plant.CreateDefaultContext()
     context.SetContinuousState(trim.state)
     port = plant.GetInputPort("elevator_rate")
