@@ -32,7 +32,8 @@ demo: setup
 	$(BIN)/python -m glider close-the-loop models/campaigns/attached_lift --out out/demo
 
 test: setup
-	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile \
+		--no-loadscope-reorder $(PYTEST_ARGS)
 
 quick: setup
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 $$($(BIN)/python tests/changed.py) $(PYTEST_ARGS)

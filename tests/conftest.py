@@ -23,6 +23,15 @@ def article_plan() -> Plan:
     return plan(GliderModel(), PerchingProblem())
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Runs the quick tests first, then the slow ones."""
-    items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
+    """Runs the quick tests first; in several processes, the files with slow ones.
+
+    There a long file that comes last would keep one process busy and the others idle.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: item.path not in slow)
+    else:
+        items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
