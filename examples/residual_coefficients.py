@@ -42,7 +42,7 @@ class Result:
 
 def fly(campaign: Campaign, seed: int = 0) -> Result:
     """Learns from a campaign, and flies one of the flights left out again."""
-    study, drawing = learn_residuals(campaign, seed=seed), refly.drawing_of(campaign)
+    study, drawing = learn_residuals(campaign, seed=seed), refly.nominal_parameters(campaign)
     models = {
         WORDS[name]: GliderModel(parameters=drawing, field=learned.field)
         for name, learned in study.models.items()
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     flown = found.motions.items()
     tracks = [path_track(n, m.time, m.poses, colors.get(n)) for n, m in flown]
     title = f"{campaign.name}, {found.study.unseen[0].name}"
-    drawing = refly.drawing_of(campaign)
+    drawing = refly.nominal_parameters(campaign)
     showing.show(args, tracks, title, parameters=drawing, has_wire=False)
 
 

@@ -43,7 +43,7 @@ def fly(
     progress: showing.Progress = showing.silent,
 ) -> Result:
     """Flies a logged flight again, with the drawing and with a corrected model."""
-    flight, drawn = refly.find_flight(campaign, name), refly.drawn_model(campaign)
+    flight, drawn = refly.find_flight(campaign, name), refly.nominal_model(campaign)
     models = {} if drawn is None else {"as drawn": drawn}
     if model:
         models["corrected"] = load_model(model)
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     showing.write_json(args, told)
     colors = {"as drawn": RED, "corrected": GREEN}
     tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
-    title, drawing = f"{campaign.name}, {name}", refly.drawing_of(campaign)
+    title, drawing = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)
     showing.show(args, tracks, title, parameters=drawing, has_wire=False)
 
 

@@ -97,7 +97,7 @@ def replanning_cost(
 ) -> SequenceCost:
     """Returns the cost that a controller plans with.
 
-    The servo's limits hold, and the end is free: a glider that a model foretells
+    The servo's limits hold, and the end is free: a glider that a model predicts
     wrongly comes early or late.
 
     Args:

@@ -1,4 +1,4 @@
-"""Which basis model? The one that foretells flights left out of its fit."""
+"""Which basis model? The one that predicts flights left out of its fit."""
 
 from collections.abc import Callable, Iterable, Mapping
 

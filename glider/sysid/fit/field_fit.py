@@ -33,7 +33,7 @@ from glider.sysid.replay.signals import (
 )
 
 FORMS = {"air": ("wind_x", "wind_z"), "forces": ("c_lift", "c_drag", "c_moment")}
-"""What a field may be: terms that it has."""
+"""Forms that a field may have, and the terms of each."""
 
 WEIGHT_SPREAD = 2.0
 """Spread of the weights before data: the ridge [m/s or -]."""

@@ -32,16 +32,16 @@ FINE = 10
 
 @dataclasses.dataclass(kw_only=True)
 class CampaignPlan:
-    """How to fly and measure a simulated campaign."""
+    """Plan of a simulated campaign: how to fly and how to measure."""
 
     flights: int = 40
     """Number of launches."""
 
     duration: float = 0.86
-    """Of each flight [s]."""
+    """Duration of each flight [s]."""
 
     capture: MotionCapture = MotionCapture()
-    """What measures."""
+    """Motion capture that measures."""
 
     command_rate: float = 50.0
     """Elevator-rate commands [Hz]."""
@@ -76,7 +76,7 @@ def simulate_campaign(
 ) -> Campaign:
     """Flies and logs a campaign of a glider whose truth is `model`.
 
-    The campaign's vehicle is the model's drawing: its effects stay undeclared.
+    The campaign's vehicle has the model's parameters: its effects stay undeclared.
     """
     flights = tuple(
         _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
