@@ -6,7 +6,7 @@ from matplotlib.patches import FancyBboxPatch
 from pydrake.systems.framework import Diagram
 
 WIDTH, HEIGHT = 1.7, 0.55
-"""Of a box; columns are 2.6 apart and rows 1.1."""
+"""Size of a box; columns are 2.6 apart and rows 1.1."""
 
 COLUMN, ROW = 2.6, 1.1
 

@@ -1,4 +1,4 @@
-"""From one CSV file to a flight, once it is sure that it can be one.
+"""Makes a flight of one CSV file, once it is sure that it can be one.
 
 What cannot be SI, or cannot be a flight, is refused; a fault that an effect of
 the library models (a turned sign, an offset, a delay) must pass.

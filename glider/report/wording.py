@@ -1,4 +1,4 @@
-"""What was found, in sentences and phrases."""
+"""Sentences and phrases about what was found."""
 
 import math
 from typing import Any

@@ -14,7 +14,7 @@ something is left. Set by hand: with it, `bench_tracing alarms` finds no effect 
 twenty campaigns that have none."""
 
 MODELS = ("as_drawn", "refitted", "corrected")
-"""Nominal model; flat plate with its own parameters refitted; model with the effects."""
+"""Nominal model; flat plate with its own parameters refitted; with the effects."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

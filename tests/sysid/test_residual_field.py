@@ -37,7 +37,7 @@ VENT = FieldData(
 
 
 def make_problem(field, seed, flights):
-    """Flights through a field, and the drawing."""
+    """Flights through a field, and the nominal model."""
     model, rng = GliderModel(field=field), np.random.default_rng(seed)
     campaign = simulate_campaign(model, CampaignPlan(flights=flights), rng)
     noise = measure_noise(campaign)

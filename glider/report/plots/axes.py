@@ -1,4 +1,4 @@
-"""What axes show: limits, ticks, and which of many points."""
+"""Limits, ticks and points of axes: what they show."""
 
 from collections.abc import Callable
 

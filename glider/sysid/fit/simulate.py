@@ -15,6 +15,7 @@ from glider.campaign.logs import (
 )
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
+from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import LIBRARY
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
@@ -157,7 +158,6 @@ def _fly(
     )
     pose = pose + rng.normal(size=pose.shape) * plan.capture.std[:3]
     measured = path(time) + rng.normal(size=rows) * plan.capture.elevator
-    latest = np.searchsorted(switches, time + 1e-9, side="right") - 1
-    command = commands[latest]
+    command = commands[latest_command(switches, time)]
     flight = Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
     return turn(flight, signs_of(model))

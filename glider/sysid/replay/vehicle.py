@@ -84,11 +84,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     for name in _CONVENTIONAL:
         if name not in known:
             notes.append(f"'{name}' is not told: {assumed[name]:g} is assumed.")
-    if campaign.elevator_limits is not None:
-        assumed["elevator_limits"] = list(campaign.elevator_limits)
-    if campaign.elevator_rate_limit is not None:
-        assumed["elevator_rate_limit"] = campaign.elevator_rate_limit
-    parameters = GliderParameters(**{**assumed, **known})
+    parameters = GliderParameters(**{**assumed, **_servo_of(campaign), **known})
 
     unknown = [name for name in OWN if name not in known]
     if "mass" not in known and has_scale:
@@ -128,12 +124,17 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
     """Returns theta's parameters as a vehicle's, with the campaign's limits."""
+    values: dict[str, Any] = {
+        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
+    }
+    return GliderParameters(**values, **_servo_of(campaign))
+
+
+def _servo_of(campaign: Campaign) -> dict[str, Any]:
+    """Returns the limits of the servo that the campaign tells, as parameters."""
     limits: dict[str, Any] = {}
     if campaign.elevator_limits is not None:
         limits["elevator_limits"] = list(campaign.elevator_limits)
     if campaign.elevator_rate_limit is not None:
         limits["elevator_rate_limit"] = campaign.elevator_rate_limit
-    values: dict[str, Any] = {
-        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
-    }
-    return GliderParameters(**values, **limits)
+    return limits
