@@ -28,7 +28,7 @@ MAX_ANGLE = 2 * math.pi
 class Flight:
     """One flight as it was logged, n rows."""
 
-    name: str  # Of the file, e.g. "flight_003.csv".
+    name: str  # Name of the file, e.g. "flight_003.csv".
     time: np.ndarray  # (n,) as logged, strictly increasing [s].
     pose: np.ndarray  # (n, 3) x [m], z [m], pitch [rad].
     elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
@@ -39,7 +39,7 @@ class Flight:
 class Campaign:
     """The flights of one glider and what is known of it."""
 
-    name: str  # Of the folder.
+    name: str  # Name of the folder.
     path: Path
     vehicle: dict[str, float]  # Those of PARAMETER_NAMES that are known.
     elevator: str  # "servo", "fixed" (one unknown angle) or "fixed_per_flight".

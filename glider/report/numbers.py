@@ -11,7 +11,7 @@ DIVERGED = 1e5
 """An error above this [SI] only says that the model left all bounds."""
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Returns a number as a float, or None where JSON has none."""
     number = float(value)
     return number if math.isfinite(number) else None

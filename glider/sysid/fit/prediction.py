@@ -1,4 +1,4 @@
-"""How well does a model predict flights that it has not seen?
+"""Prediction of flights that a model has not seen, and its errors.
 
 The launch state of each flight is fitted on its beginning only; then the model
 flies on alone to the end.

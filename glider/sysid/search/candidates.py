@@ -1,4 +1,4 @@
-"""What a search for effects is about: candidates, sets fitted together, evidence."""
+"""Candidates of a search for effects: sets fitted together, and evidence."""
 
 import dataclasses
 import itertools
@@ -84,7 +84,7 @@ class Weighed:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Search:
-    """What to search and from where.
+    """Task of a search: what to search and from where.
 
     Attributes:
         problem: the flights to fit.
