@@ -1,9 +1,8 @@
 """Learning while perching: plan, execute with feedback, identify, plan again.
 
-The true glider is not what its nominal model says. Each round plans a perch by iLQR
-with the model of the day, flies it (launch speeds between 6.5 and 7.5 m/s are drawn,
-and measured before the plan) and identifies the model from all flights so far, in two
-ways:
+The true glider is not its nominal model. Each round plans a perch by iLQR with the
+model of the day, flies it (launch speeds between 6.5 and 7.5 m/s are drawn, and
+measured before the plan) and identifies the model from all flights so far, in two ways:
 
     weights   the article's: noisy states are differenced, and ridge regression finds
               26 weights each for what C_L, C_D and C_M lack, starting from zero
@@ -72,9 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tracks = [
         flight_track("traced - last round", found.traced[-1].flights[0]),
         flight_track("weights - last round", found.weights[-1].flights[0], GREY),
-        flight_track(
-            "planned with the nominal model", found.weights[0].flights[0], RED
-        ),
+        flight_track("nominal - first round", found.weights[0].flights[0], RED),
     ]
     showing.show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 

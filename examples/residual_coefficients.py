@@ -42,10 +42,8 @@ class Result:
 
 def fly(campaign: Campaign, seed: int = 0) -> Result:
     """Learns from a campaign, and flies one of the flights left out again."""
-    study, parameters = (
-        learn_residuals(campaign, seed=seed),
-        refly.nominal_parameters(campaign),
-    )
+    study = learn_residuals(campaign, seed=seed)
+    parameters = refly.nominal_parameters(campaign)
     models = {
         WORDS[name]: GliderModel(parameters=parameters, field=learned.field)
         for name, learned in study.models.items()

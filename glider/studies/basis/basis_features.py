@@ -1,7 +1,7 @@
 """The features of the basis exercise: what an acceleration may be proportional to.
 
 The formulas count angles nose up; `angles` says how the given states count them.
-That the two differ unnoticed is the third fault of reference-facts.
+That the two differ unnoticed is the third of the faults that the README names.
 """
 
 from collections.abc import Callable
