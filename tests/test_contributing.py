@@ -17,8 +17,6 @@ from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.planning.problem import goal_problem
 from glider.simulation.fly import fly
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
-from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.own_effects import check_own_effects
 from tests.test_floors import FLOORS
 
@@ -154,22 +152,6 @@ def test_the_effects_of_the_recipe_can_be_used(effects):
     x = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     rates = model.chain.derivatives(0.0, x, 5.0, 0.0, 0.0, model.numbers)
     assert rates[3] == 4.0
-
-
-@pytest.mark.slow
-def test_the_effects_of_the_recipe_are_found(effects):
-    for kind in effects:
-        size = kind.coefficients[0].scale
-        truth = kind(**{kind.coefficients[0].name: size})
-        flown = GliderModel(effects=(truth, *(k() for k in effects if k is not kind)))
-        plan = CampaignPlan(flights=6)
-        campaign = simulate_campaign(flown, plan, np.random.default_rng(3))
-        tried = [*(k.kind for k in effects), "profile_drag", "servo_lag", "wind"]
-        result = close_the_loop(campaign, own_effects=effects, effects=tried)
-        [found] = result.effects
-        assert found.kind == kind.kind
-        [estimate] = found.coefficients.values()
-        assert abs(estimate.value - size) < 5.0 * estimate.std < 0.05 * size
 
 
 def test_the_planner_of_the_recipe_plans():
