@@ -27,18 +27,18 @@ from glider.planning.problem import PerchingProblem
 
 def make_examples() -> dict[str, Diagram]:
     """Returns the diagrams to draw, by the names of their files."""
-    drawing, lag = GliderModel(), GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
+    nominal, lag = GliderModel(), GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
     problem = PerchingProblem()
 
     def fly(model: GliderModel, **options: Any) -> Diagram:
         plan = dircol.plan(model, problem)
         regulator = tracking_regulator(model, plan)
-        return closed_loop(drawing, regulator, planned=model, **options)
+        return closed_loop(nominal, regulator, planned=model, **options)
 
-    plan = dircol.plan(drawing, problem)
+    plan = dircol.plan(nominal, problem)
     return {
-        "open_loop": open_loop(drawing, plan),
-        "closed_loop": fly(drawing),
+        "open_loop": open_loop(nominal, plan),
+        "closed_loop": fly(nominal),
         "closed_loop_sampled": fly(
             lag, command_rate=50.0, feedback_noise=True, motion_capture=120.0
         ),
@@ -57,9 +57,9 @@ def save_pictures(diagrams: dict[str, Diagram], folder: Path) -> list[Path]:
             make_picture(diagram).savefig(picture, metadata={"Date": None})
         files += [dot, picture]
         if program := shutil.which("dot"):
-            drawn = folder / f"{name}.graphviz.svg"
-            subprocess.run([program, "-Tsvg", str(dot), "-o", str(drawn)], check=True)
-            files.append(drawn)
+            picture = folder / f"{name}.graphviz.svg"
+            subprocess.run([program, "-Tsvg", str(dot), "-o", str(picture)], check=True)
+            files.append(picture)
     return files
 
 

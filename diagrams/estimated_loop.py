@@ -36,7 +36,7 @@ from glider.simulation.fly import AFTER
 from glider.systems.servo import ElevatorServo
 
 CAPTURED = ("x", "z", "pitch", "elevator")
-"""What motion capture measures, in its order."""
+"""States that motion capture measures, in its order."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -22,13 +22,13 @@ ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""
 
 _ARROW_RADIUS = 0.006
-"""Of the shaft [m]."""
+"""Radius of an arrow's shaft [m]."""
 
 _TRAIL_RADIUS = 0.004
-"""[m]."""
+"""Radius of the trail [m]."""
 
 _TRAIL_STEP = 0.03
-"""Between two pieces of the trail [m]."""
+"""Distance between two pieces of the trail [m]."""
 
 _INK = Rgba(0.45, 0.15, 0.6)
 
@@ -145,7 +145,7 @@ def AddMarks(
         color: of the trail; grey if None.
         forces: port of the wing's and the elevator's force along their normals [N]
             and anything after them, such as GliderPlant's "forces".
-        parameters: the drawing, which says where the forces act.
+        parameters: of the vehicle, which say where the forces act.
     """
     trail = color if color is not None else Rgba(0.3, 0.33, 0.38)
     width = 2 if forces is None else forces.size()
@@ -155,8 +155,8 @@ def AddMarks(
     if forces is None:
         return
     builder.Connect(forces, marks.GetInputPort("forces"))
-    drawing = parameters if parameters is not None else GliderParameters()
-    places = drawing.wing_offset, -drawing.elevator_offset
+    parameters = GliderParameters() if parameters is None else parameters
+    places = parameters.wing_offset, -parameters.elevator_offset
     arrow = Mesh(str(models_path("glider", "arrow.obj")))
     for path, place in zip(arrow_paths(name), places, strict=True):
         meshcat.SetObject(path, arrow, _INK)

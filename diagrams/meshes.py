@@ -1,7 +1,7 @@
-"""What a glider looks like: meshes of unit size, and a URDF that gives them one.
+"""Looks of a glider: meshes of unit size, and a URDF that gives them one.
 
 The meshes are in models/glider and do not depend on the vehicle. `make_urdf`
-stretches them to a drawing; models/glider/glider.urdf is the default drawing's.
+stretches them to a vehicle; models/glider/glider.urdf is the default one's.
 `write_files` makes both anew.
 """
 
@@ -15,10 +15,10 @@ import numpy as np
 from glider.physics.parameters import GliderParameters
 
 ASPECT_RATIO = 4.0
-"""Span over chord of the wing; a drawing tells only its area."""
+"""Span over chord of the wing; the parameters tell only its area."""
 
 DIHEDRAL = math.radians(7.0)
-"""Of the wing [rad], for the eye: the dynamics are planar."""
+"""Dihedral of the wing [rad], for the eye: the dynamics are planar."""
 
 COLORS: dict[str, tuple[float, ...]] = {
     "wing": (0.13, 0.38, 0.70, 1.0),
@@ -28,10 +28,10 @@ COLORS: dict[str, tuple[float, ...]] = {
 """Red, green, blue and opacity of the parts; they read well on white."""
 
 _NOSE = 0.09
-"""From the wing's leading edge to the nose [m]."""
+"""Distance from the wing's leading edge to the nose [m]."""
 
 _ELEVATOR_ASPECT_RATIO = 7.0
-"""Of an elevator whose drawing gives it no chord."""
+"""Span over chord of an elevator whose parameters give it no chord."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -193,14 +193,14 @@ _URDF = """\
 def make_urdf(
     parameters: GliderParameters, color: Sequence[float] | None = None
 ) -> str:
-    """Returns a drawing as the text of a URDF with the positions x, z, pitch, elevator.
+    """Returns a vehicle as the text of a URDF with the positions x, z, pitch, elevator.
 
-    Wing (but for its tips) and elevator have the drawing's areas; the hinge is
-    where the drawing has it, and so is the elevator's center: its chord is
+    Wing (but for its tips) and elevator have the vehicle's areas; the hinge is
+    where the vehicle has it, and so is the elevator's center: its chord is
     2 elevator_offset.
 
     Args:
-        parameters: the drawing.
+        parameters: of the vehicle.
         color: of all parts, (red, green, blue, opacity) from 0 to 1; the boom is
             darker. COLORS if None.
     """
@@ -236,7 +236,7 @@ def make_urdf(
 
 
 def write_files(folder: Path) -> None:
-    """Writes the meshes and the default drawing's URDF, as in models/glider."""
+    """Writes the meshes and the default vehicle's URDF, as in models/glider."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, mesh in make_meshes().items():
         (folder / f"{name}.obj").write_text(to_obj(mesh), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the diagrams share: a glider with its servo, and its logs."""
+"""Parts that the diagrams share: a glider with its servo, and its logs."""
 
 import math
 
@@ -22,7 +22,7 @@ from glider.systems.plant import GliderPlant
 from glider.systems.servo import ElevatorServo
 
 LONGEST = 3.0
-"""Of a flight with noise [s]: how long its tapes are."""
+"""Duration of the longest flight with noise [s]: how long its tapes are."""
 
 
 def add_glider(builder: DiagramBuilder, model: GliderModel) -> tuple[System, System]:

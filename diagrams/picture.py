@@ -6,12 +6,13 @@ from matplotlib.patches import FancyBboxPatch
 from pydrake.systems.framework import Diagram
 
 WIDTH, HEIGHT = 1.7, 0.55
-"""Of a box; columns are 2.6 apart and rows 1.1."""
+"""Size of a box."""
 
 COLUMN, ROW = 2.6, 1.1
+"""Distances from column to column and from row to row."""
 
 Edge = tuple[str, str, str]
-"""From, to, and the name of the output port."""
+"""Names of the source, of the target and of the output port."""
 
 
 def names_of(diagram: Diagram) -> list[str]:

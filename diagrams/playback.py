@@ -115,7 +115,7 @@ def MakePlayback(
         meshcat: where to draw.
         rate: seconds of flight in one second of the diagram's time, which counts
             from the earliest start; 0.2 is five times slower than real.
-        parameters: the drawing, which gives the sizes.
+        parameters: of the vehicle, which give the sizes.
         stage: what to set round them; from the first track if None.
 
     Returns:

@@ -37,16 +37,17 @@ from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 
 FRAMES_PER_SECOND = 64.0
-"""Of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
+"""Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
 
 NUM_POSITIONS = 4
-"""x, z, pitch, elevator: the first of the states, and all that is drawn."""
+"""Number of positions, x, z, pitch, elevator: the first of the states, and all that is
+drawn."""
 
 
 @TemplateSystem.define("GliderGeometry_", T_list=[float, AutoDiffXd])
 def GliderGeometry_(T):
     class Impl(LeafSystem_[T]):
-        """Where the glider's parts are, by the joints of its URDF.
+        """Poses of the glider's parts, by the joints of its URDF.
 
         state -> [ GliderGeometry ] -> geometry_pose
 
@@ -90,16 +91,16 @@ GliderGeometry = GliderGeometry_[None]  # The float instantiation.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Stage:
-    """What stands round the glider, and what is in view."""
+    """Stage round the glider, and what is in view."""
 
     wire: tuple[float, float] | None = (0.0, 0.0)
     """The perch, (x, z) [m]; None for no perch."""
 
     x_limits: tuple[float, float] = (-3.7, 0.7)
-    """In view [m]."""
+    """Bounds of x in view [m]."""
 
     z_limits: tuple[float, float] = (-0.7, 0.9)
-    """In view; the floor is at the lower one [m]."""
+    """Bounds of z in view; the floor is at the lower one [m]."""
 
 
 def AddScene(
@@ -126,17 +127,17 @@ def AddScene(
         meshcat: where to draw.
         name: of the glider in Meshcat.
         color: of the whole glider; the model's own if None.
-        parameters: the drawing, which gives the sizes.
+        parameters: of the vehicle, which give the sizes.
         stage: what to set round it; None for the article's flight to the wire.
         frames_per_second: of simulated time; more where it is to run slowly.
     """
-    drawing = parameters if parameters is not None else GliderParameters()
+    parameters = GliderParameters() if parameters is None else parameters
     SetStage(meshcat, stage if stage is not None else Stage())
     meshcat.Delete(f"/drake/{name}")
     scene_graph = builder.AddNamedSystem(f"{name}_scene_graph", SceneGraph())
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    ParseGlider(plant, drawing, color)
+    ParseGlider(plant, parameters, color)
     geometry = builder.AddNamedSystem(
         f"{name}_geometry", GliderGeometry(plant, state.size())
     )
@@ -169,13 +170,14 @@ def ParseGlider(
 
 
 _WIRE_SPAN = 1.2
-"""Between the posts [m]; twice the wing's span."""
+"""Distance between the posts [m]; twice the wing's span."""
 
 _FIELD_OF_VIEW = 20.0
-"""Vertical, of the camera [deg]: narrow, to look square at the plane of flight."""
+"""Vertical field of view of the camera [deg]: narrow, to look square at the plane of
+flight."""
 
 _WIDTH_PER_HEIGHT = 1.5
-"""Of a window in which the whole stage is in view."""
+"""Width over height of a window in which the whole stage is in view."""
 
 
 def SetStage(meshcat: Meshcat, stage: Stage) -> None:
@@ -209,7 +211,7 @@ def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
 
 
 _SQUARE = 0.5
-"""Of the floor's grid [m]."""
+"""Side of a square of the floor's grid [m]."""
 
 
 def _set_floor(meshcat: Meshcat, stage: Stage) -> None:

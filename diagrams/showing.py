@@ -1,4 +1,4 @@
-"""What all examples do alike: options, progress, key figures, a page to look at.
+"""Steps that all examples take: options, progress, key figures, a page to look at.
 
 def main(arguments=None):
     parser = make_parser(__doc__)

@@ -1,6 +1,6 @@
 """Learning while perching: plan, execute with feedback, identify, plan again.
 
-The true glider is not what its drawing says. Each round plans a perch by iLQR with the
+The true glider is not its nominal model. Each round plans a perch by iLQR with the
 model of the day, flies it (launch speeds between 6.5 and 7.5 m/s are drawn, and
 measured before the plan) and identifies the model from all flights so far, in two ways:
 
@@ -18,7 +18,7 @@ article's mismatch: 126 weights a coefficient, over airspeed too, which 26 canno
 --json: {"rbf": {"terminal_cost", "weight_change", "miss_m"}, "traced":
 {"terminal_cost", "miss_m", "effects"}, "oracle_miss_m", ..}, a number for each round.
 The entry k is of the model that k rounds, of "launches" flights each, had taught: the
-first is of the drawing. The cost is of the round's first flight, ½ (x - goal)ᵀ Qf
+first is of the nominal model. The cost is of the round's first flight, ½ (x - goal)ᵀ Qf
 (x - goal) at the plan's end; the miss is the median over five launches, the same in
 each round.
 """
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tracks = [
         flight_track("traced - last round", found.traced[-1].flights[0]),
         flight_track("weights - last round", found.weights[-1].flights[0], GREY),
-        flight_track("planned with the drawing", found.weights[0].flights[0], RED),
+        flight_track("nominal - first round", found.weights[0].flights[0], RED),
     ]
     showing.show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 

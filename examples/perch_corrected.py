@@ -1,7 +1,7 @@
-"""What closing the loop buys: the perch miss with the drawn and the corrected model.
+"""What closing the loop buys: the perch miss with the nominal and the corrected model.
 
-The true glider has an effect that its drawing lacks, and the planner is not told.
-With the drawing it plans, flies and logs; the logs are traced; with the corrected
+The true glider has an effect that its nominal model lacks, and the planner is not told.
+With the nominal model it plans, flies and logs; the logs are traced; with the corrected
 model it plans and flies again. Launches err as in `perch.py`; commands come at 50 Hz.
 
     python examples/perch_corrected.py --truth head_wind
@@ -30,7 +30,7 @@ def fly(
     seed: int = 0,
     progress: showing.Progress = showing.silent,
 ) -> Correction:
-    """Flies with the drawing, traces the logs, and flies with what they show."""
+    """Flies with the nominal model, traces the logs, and flies with what they show."""
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
 
     def fly_with(model: GliderModel) -> Rehearsal:
@@ -57,8 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     showing.write_figure(args, save_rehearsals_figure, flown.before, flown.after)
     tracks = [
         flight_track("planned corrected", flown.after.flights[0]),
-        flight_track("planned as drawn", flown.before.flights[0], RED),
-        plan_track("plan of the drawing", flown.before.plan, GREY),
+        flight_track("planned nominal", flown.before.flights[0], RED),
+        plan_track("plan of the nominal model", flown.before.plan, GREY),
     ]
     showing.show(args, tracks, f"Before and after: {args.truth}")
 

@@ -1,4 +1,4 @@
-"""Certifies a perch: how far may a launch err, for the drawn and the corrected glider?
+"""Certifies a perch: how far may a launch err, for the nominal and the corrected model?
 
 A funnel is a tube of states about the plan that the closed loop never leaves and that
 ends at the wire. Sums of squares prove it for the third-order dynamics, the servo's
@@ -6,11 +6,11 @@ rate and travel limits inside; every proof is then checked in whole numbers. Fli
 the full dynamics from its boundary try to break it. With --remainder the funnel bears
 what the polynomials leave out, and with --prove that is proven to be all of it.
 
-The true glider has an effect that its drawing lacks. It flies with the drawing's plan,
-its logs are traced, and a second funnel is made with the model that was found. Does the
-true glider stay in the drawing's funnel, and in the second? With --estimate the drawn
-glider's feedback gets a filter's estimate instead of the state, from ever noisier
-motion capture: how much error is borne?
+The true glider has an effect that its nominal model lacks. It flies with that one's
+plan, its logs are traced, and a second funnel is made with the model that was found.
+Does the true glider stay in the first funnel, and in the second? With --estimate the
+nominal model's feedback gets a filter's estimate instead of the state, from ever
+noisier motion capture: how much error is borne?
 
     python examples/perching_funnel.py
     python examples/perching_funnel.py --truth slow_servo --figure funnels.png
@@ -46,14 +46,16 @@ def run(
     estimate: int | None = None,
     progress: showing.Progress = showing.silent,
 ) -> FunnelComparison:
-    """Certifies perches with the drawing and with what its logs show; tries both."""
-    drawing, rng = GliderModel(parameters=truth.parameters), np.random.default_rng(seed)
-    sources = load or (drawing, trace_model(truth, flights, rng, progress))
-    drawn, corrected = (study_funnel(s, truth, trials, rng, progress) for s in sources)
+    """Certifies perches with the nominal and with the traced model; tries both."""
+    nominal, rng = GliderModel(parameters=truth.parameters), np.random.default_rng(seed)
+    sources = load or (nominal, trace_model(truth, flights, rng, progress))
+    nominal, corrected = (
+        study_funnel(s, truth, trials, rng, progress) for s in sources
+    )
     estimated = []
     if estimate:
-        estimated = study_estimates(drawn.funnel, estimate, rng, progress=progress)
-    return FunnelComparison(drawn=drawn, corrected=corrected, estimated=estimated)
+        estimated = study_estimates(nominal.funnel, estimate, rng, progress=progress)
+    return FunnelComparison(nominal=nominal, corrected=corrected, estimated=estimated)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -42,9 +42,10 @@ class Result:
 
 def fly(campaign: Campaign, seed: int = 0) -> Result:
     """Learns from a campaign, and flies one of the flights left out again."""
-    study, drawing = learn_residuals(campaign, seed=seed), refly.drawing_of(campaign)
+    study = learn_residuals(campaign, seed=seed)
+    parameters = refly.nominal_parameters(campaign)
     models = {
-        WORDS[name]: GliderModel(parameters=drawing, field=learned.field)
+        WORDS[name]: GliderModel(parameters=parameters, field=learned.field)
         for name, learned in study.models.items()
     }
     motions = refly.refly(campaign, study.unseen[0], models)
@@ -71,8 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     flown = found.motions.items()
     tracks = [path_track(n, m.time, m.poses, colors.get(n)) for n, m in flown]
     title = f"{campaign.name}, {found.study.unseen[0].name}"
-    drawing = refly.drawing_of(campaign)
-    showing.show(args, tracks, title, parameters=drawing, has_wire=False)
+    parameters = refly.nominal_parameters(campaign)
+    showing.show(args, tracks, title, parameters=parameters, has_wire=False)
 
 
 if __name__ == "__main__":

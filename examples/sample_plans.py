@@ -4,9 +4,9 @@ The cross-entropy method (CEM) fits a normal distribution to the cheapest third 
 sequences; MPPI moves its mean by all of them, weighted by exp(-cost / temperature).
 Both get 100 iterations at the article's problem, from several seeds.
 
-Then canonical MPPI flies: 50 times a second it plans anew from the measured state,
-with the drawn glider for its model. The glider that flies has an effect which the
-drawing lacks; the same plan replayed, and LQR along it, show what planning anew buys.
+Then canonical MPPI flies: 50 times a second it plans anew from the measured state, with
+the nominal model. The glider that flies has an effect which the nominal model lacks;
+the same plan replayed, and LQR along it, show what planning anew buys.
 
     python examples/sample_plans.py
     python examples/sample_plans.py --truth attached_flow --headless --figure s.png
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tracks = [
         flight_track("planned anew", found.flown.worst),
         flight_track("replayed", found.flown.replayed[0], RED),
-        plan_track("plan of the drawing", found.flown.plan, GREY),
+        plan_track("plan of the nominal model", found.flown.plan, GREY),
     ]
     showing.show(args, tracks, f"MPPI: {args.truth}")
 

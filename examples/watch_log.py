@@ -1,7 +1,7 @@
 """Shows a logged flight in Meshcat, with the flights that two models make of it.
 
 The measured glider is solid; arrows show the forces of wing and elevator that the
-corrected model sees along its way. Its ghosts are the drawing (red) and the
+corrected model sees along its way. Its ghosts are the nominal model (red) and the
 corrected model (green), both launched as the flight was and then left alone.
 
     python examples/watch_log.py models/campaigns/attached_lift flight_003
@@ -25,7 +25,7 @@ from glider.sysid.pipeline import close_the_loop
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result:
-    """A flight "measured", "as drawn" where a drawing is known, and "corrected"."""
+    """A flight "measured", "as drawn" where that model is known, and "corrected"."""
 
     flight: Flight
     motions: dict[str, refly.Motion]
@@ -42,9 +42,9 @@ def fly(
     model: Path | None = None,
     progress: showing.Progress = showing.silent,
 ) -> Result:
-    """Flies a logged flight again, with the drawing and with a corrected model."""
-    flight, drawn = refly.find_flight(campaign, name), refly.drawn_model(campaign)
-    models = {} if drawn is None else {"as drawn": drawn}
+    """Flies a logged flight again, with the nominal and with a corrected model."""
+    flight, nominal = refly.find_flight(campaign, name), refly.nominal_model(campaign)
+    models = {} if nominal is None else {"as drawn": nominal}
     if model:
         models["corrected"] = load_model(model)
     else:
@@ -72,8 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     showing.write_json(args, told)
     colors = {"as drawn": RED, "corrected": GREEN}
     tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
-    title, drawing = f"{campaign.name}, {name}", refly.drawing_of(campaign)
-    showing.show(args, tracks, title, parameters=drawing, has_wire=False)
+    title, parameters = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)
+    showing.show(args, tracks, title, parameters=parameters, has_wire=False)
 
 
 if __name__ == "__main__":

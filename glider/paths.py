@@ -1,4 +1,4 @@
-"""Where the project's data is: vehicles, geometry, scenarios, sample campaigns."""
+"""Paths of the project's data: vehicles, geometry, scenarios, sample campaigns."""
 
 from pathlib import Path
 

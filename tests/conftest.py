@@ -19,7 +19,7 @@ hypothesis.settings.load_profile("glider")
 
 @pytest.fixture(scope="session")
 def article_plan() -> Plan:
-    """The article's problem, solved cold for the drawn glider."""
+    """The article's problem, solved cold for the nominal model."""
     return plan(GliderModel(), PerchingProblem())
 
 

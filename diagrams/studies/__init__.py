@@ -1,4 +1,4 @@
-"""What the examples fly in diagrams, and the figures and words that they make of it.
+"""Studies in diagrams: what the examples fly, and the figures and words made of it.
 
 perch_study: a plan, replayed and defended. rehearsal: plan with one glider, fly
 another. sampled: a controller that samples. funnel_*: funnels, made, flown in and

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from diagrams.studies.perch_study import PerchStudy
 from diagrams.studies.rehearsal import Rehearsal
 from diagrams.studies.sampled import Comparison
-from glider.physics.state import STATE_NAMES
+from glider.physics.state import ELEVATOR
 from glider.report.plots.style import STYLE
 from glider.simulation.flights import FlownFlight
 from glider.studies.basis.basis_report import scores_of
@@ -33,8 +33,6 @@ from glider.studies.residual_study import (
 )
 from glider.studies.searches import Searches
 
-_ELEVATOR = STATE_NAMES.index("elevator")
-
 
 def save_perch_figure(path: Path, study: PerchStudy) -> None:
     """Saves the paths and the elevator of a plan and its flights."""
@@ -49,7 +47,7 @@ def save_perch_figure(path: Path, study: PerchStudy) -> None:
             [flight.states for flight in study.blind],
         )
         elevators = [_elevator(flight) for flight in flights]
-        plot_commands(bottom, plan.times, plan.states[:, _ELEVATOR], elevators)
+        plot_commands(bottom, plan.times, plan.states[:, ELEVATOR], elevators)
         figure.savefig(path, dpi=150)
 
 
@@ -59,12 +57,12 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
         figure = Figure(figsize=(9.5, 7.0), layout="constrained")
         axes = figure.subplots(3, 1)
         for ax, rehearsal, name, color in (
-            (axes[0], before, "as drawn", BEFORE),
+            (axes[0], before, "nominal", BEFORE),
             (axes[1], after, "corrected", AFTER),
         ):
             paths = [flight.states for flight in rehearsal.flights]
             plot_perches(ax, rehearsal.plan.states, paths, color=color)
-            ax.set_title(f"planned with the glider {name}", loc="left")
+            ax.set_title(f"planned with the {name} model", loc="left")
             plot_misses(axes[2], rehearsal.misses, f"planned {name}", color)
         axes[2].legend(loc="best")
         figure.savefig(path, dpi=150)
@@ -110,4 +108,4 @@ def save_basis_figure(path: Path, study: BasisStudy) -> None:
 
 
 def _elevator(flight: FlownFlight) -> np.ndarray:
-    return np.column_stack([flight.times, flight.states[:, _ELEVATOR]])
+    return np.column_stack([flight.times, flight.states[:, ELEVATOR]])

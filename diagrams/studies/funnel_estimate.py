@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from glider.report.plots.style import STYLE
+from glider.report.plots.style import BLUE, GREEN, ORANGE, RED, STYLE
 from glider.verification.trials.estimated import EstimatedFlights
 
-_COLORS = ("#0072B2", "#009E73", "#E08A00", "#D55E00")
+_COLORS = (BLUE, GREEN, ORANGE, RED)
 
 
 def estimate_figures(found: Sequence[EstimatedFlights]) -> dict:

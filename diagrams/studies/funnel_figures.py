@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from diagrams.studies.funnel_estimate import save_estimate_figure
 from diagrams.studies.funnel_scene import tube_radii
 from diagrams.studies.funnel_study import (
+    WORDS,
     FunnelComparison,
     FunnelStudy,
 )
@@ -37,7 +38,8 @@ def save_funnel_figures(path: Path, found: FunnelComparison) -> None:
         path: of the first; the second is saved at `beside` it.
         found: what to draw.
     """
-    save_funnel_figure(path, found.studies)
+    studies = {WORDS[name]: study for name, study in found.studies.items()}
+    save_funnel_figure(path, studies)
     if found.estimated:
         save_estimate_figure(beside(path), found.estimated)
 

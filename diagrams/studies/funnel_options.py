@@ -27,7 +27,7 @@ def read_funnel_options(
 
     Returns:
         What they say: `trials` is how to try funnels, `load` and `save` are the files
-        of the drawn and the corrected one, none where not asked for.
+        of the nominal model and the corrected one, none where not asked for.
 
     Raises:
         InputError: a file cannot be written, or there are no such trials.

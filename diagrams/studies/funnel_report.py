@@ -7,6 +7,7 @@ from diagrams.studies.funnel_estimate import (
     estimate_figures,
 )
 from diagrams.studies.funnel_study import (
+    WORDS,
     FunnelComparison,
     FunnelStudy,
 )
@@ -18,12 +19,12 @@ from glider.verification.proof.remainder_proof import (
 
 
 def key_figures(found: FunnelComparison) -> dict[str, object]:
-    """Returns the drawing's figures, those of the corrected model, and of the flights.
+    """Returns the figures of the nominal and the corrected model, and of the flights.
 
     The keys are read by other programs. Escapes of the true glider are null where its
     states are not the funnel's.
     """
-    figures = figures_of(found.drawn)
+    figures = figures_of(found.nominal)
     figures["corrected"] = figures_of(found.corrected)
     for name, study in found.studies.items():
         flown = study.on_truth
@@ -77,11 +78,13 @@ def describe(found: FunnelComparison, truth: str) -> str:
         truth: what the true glider is called.
     """
     lines = [
-        f"{_describe(name, study)}\n  Flown by {truth}, {_words(study)}."
+        f"{_describe(WORDS[name], study)}\n  Flown by {truth}, {_words(study)}."
         for name, study in found.studies.items()
     ]
     if found.estimated:
-        lines.append(f"drawn, on an estimate:\n{describe_estimates(found.estimated)}")
+        lines.append(
+            f"{WORDS['drawn']}, on an estimate:\n{describe_estimates(found.estimated)}"
+        )
     return "\n".join(lines)
 
 

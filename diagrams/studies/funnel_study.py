@@ -35,13 +35,16 @@ from glider.verification.trials.falsify import (
 )
 from glider.verification.trials.flights import fly_inside
 
+WORDS = {"drawn": "nominal model", "corrected": "corrected model"}
+"""Name of a funnel in files to that for people."""
+
 SHOWN = 40
 """Number of flights from inside that are kept to look at."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelTrials:
-    """How funnels are made and tried."""
+    """Settings by which funnels are made and tried."""
 
     settings: FunnelSettings = FunnelSettings()
     """Settings of a funnel that is made."""
@@ -81,10 +84,10 @@ class FunnelStudy:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelComparison:
-    """The funnel of a drawing, and that of the model which its flights' logs show."""
+    """Funnels of a nominal model, and of the model which its flights' logs show."""
 
-    drawn: FunnelStudy
-    """Funnel of the drawing."""
+    nominal: FunnelStudy
+    """Funnel of the nominal model."""
 
     corrected: FunnelStudy
     """Funnel of the model that was found."""
@@ -94,8 +97,8 @@ class FunnelComparison:
 
     @property
     def studies(self) -> dict[str, FunnelStudy]:
-        """Both studies, by name."""
-        return {"drawn": self.drawn, "corrected": self.corrected}
+        """Both studies, by their names in files."""
+        return {"drawn": self.nominal, "corrected": self.corrected}
 
 
 def certify_perch(

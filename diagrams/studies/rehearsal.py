@@ -37,10 +37,10 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 
 COMMAND_RATE = 50.0
-"""Of the feedback's commands, held between [Hz]."""
+"""Rate of the feedback's commands, held between [Hz]."""
 
 CAPTURE = MotionCapture()
-"""What films the flights."""
+"""Motion capture that films the flights."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,13 +48,13 @@ class Rehearsal:
     """Flights of a glider under the plan and the feedback of a model."""
 
     plan: Plan
-    """Made with the model, as is the feedback."""
+    """Plan made with the model, as is the feedback."""
 
     flights: list[FlownFlight]
-    """Of the true glider."""
+    """Flights of the true glider."""
 
     campaign: Campaign
-    """Their logs, as motion capture has them."""
+    """Logs of the flights, as motion capture has them."""
 
     @property
     def misses(self) -> list[float]:
@@ -63,7 +63,7 @@ class Rehearsal:
 
     @property
     def perched(self) -> int:
-        """How many flights came within reach of the wire."""
+        """Number of flights that came within reach of the wire."""
         return sum(flight.perched for flight in self.flights)
 
     def key_figures(self) -> dict[str, object]:
@@ -80,13 +80,13 @@ class Rehearsal:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Correction:
-    """What closing the loop is worth: rehearsals before and after."""
+    """Worth of closing the loop: rehearsals before and after."""
 
     truth: GliderModel
     """Glider that flies."""
 
     before: Rehearsal
-    """Rehearsal with its drawing for a model."""
+    """Rehearsal with its nominal model."""
 
     found: Result
     """Findings in the logs of those flights."""
@@ -108,7 +108,7 @@ class Correction:
         """Returns what was found, and how launches ended before and after."""
         return (
             f"{headline(self.found)}\n"
-            f"planned as drawn: {self.before.describe()}\n"
+            f"planned nominal: {self.before.describe()}\n"
             f"planned corrected: {self.after.describe()}"
         )
 
@@ -193,7 +193,7 @@ def trace_model(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> GliderModel:
-    """Returns what the logs of perches planned with the drawing tell of a glider.
+    """Returns what the logs of perches planned with the nominal model tell of a glider.
 
     Args:
         truth: the glider that flies.
@@ -201,9 +201,9 @@ def trace_model(
         rng: of the launches and of the noise of motion capture.
         progress: told what is being done.
     """
-    problem, drawing = PerchingProblem(), GliderModel(parameters=truth.parameters)
+    problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
     starts = draw_launches(problem, LaunchSpread(), flights, rng)
-    flown = rehearse(truth, drawing, problem, starts, rng, progress)
+    flown = rehearse(truth, nominal, problem, starts, rng, progress)
     return close_the_loop(
         flown.campaign, progress=progress or (lambda text: None)
     ).model

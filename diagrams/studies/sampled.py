@@ -29,7 +29,7 @@ from glider.planning.problem import (
 from glider.simulation.flights import FlownFlight
 
 AFTER = 0.2
-"""How long a flight goes on after the plan's end [s]: who plans anew may come later
+"""Time that a flight goes on after the plan's end [s]: who plans anew may come later
 than the plan."""
 
 
@@ -38,7 +38,7 @@ class Comparison:
     """The same launches of one glider under three policies."""
 
     plan: Plan
-    """By collocation, for the glider that is believed in."""
+    """Plan by collocation, for the glider that is believed in."""
 
     replayed: list[FlownFlight]
     """The plan's commands without feedback."""
@@ -55,7 +55,7 @@ class Comparison:
 
     @property
     def policies(self) -> dict[str, list[FlownFlight]]:
-        """What was flown, in words, and its flights."""
+        """Name of each policy for people, and its flights."""
         return {
             "the plan replayed": self.replayed,
             "LQR along the plan": self.tracked,
@@ -116,7 +116,7 @@ def compare(
         truth: the glider that flies.
         problem: of the plan.
         starts: (B, 7) launch states.
-        model: what is believed of the glider; None for its drawing.
+        model: what is believed of the glider; None for its nominal model.
         replanning: whose goal and weights MPPI uses; None for replanning.yaml of the
             models.
         seed: of MPPI; every flight meets the same random numbers.

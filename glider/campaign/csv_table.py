@@ -16,9 +16,10 @@ class Table:
 
     path: Path
     columns: dict[str, list[str]]
-    lines: list[int]  # Of each row in the file; the header is line 1.
+    lines: list[int]  # Number of each row's line in the file; the header is line 1.
 
     def texts(self, name: str) -> list[str]:
+        """Returns the cells of a column; raises InputError where it is missing."""
         if name not in self.columns:
             raise InputError(
                 f"{self.path}: column '{name}' is missing; "
@@ -27,6 +28,7 @@ class Table:
         return self.columns[name]
 
     def numbers(self, name: str) -> np.ndarray:
+        """Returns a column (n,); raises InputError where a cell is no finite number."""
         values = np.array([_to_float(text) for text in self.texts(name)])
         self.refuse(~np.isfinite(values), name, "a finite number is needed.")
         return values
@@ -41,6 +43,7 @@ class Table:
 
 
 def read_text(file: Path) -> str:
+    """Returns the text of a file; raises InputError where there is none in UTF-8."""
     try:
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -50,6 +53,11 @@ def read_text(file: Path) -> str:
 
 
 def read_table(file: Path) -> Table:
+    """Reads a CSV file with a header; blank lines are left out.
+
+    Raises:
+        InputError: it is no such file, or its rows are not as long as the header.
+    """
     lines = read_text(file).split("\n")
     cells: list[list[str]] = []
     for line in lines:  # One by one, lest a lone quote swallow the rest.
@@ -90,5 +98,6 @@ def _to_float(text: str) -> float:
 
 
 def show(value: object, width: int = 80) -> str:
+    """Returns what was found, for a message, cut off after `width` characters."""
     text = repr(value)
     return text if len(text) <= width else text[:width] + "..."

@@ -1,4 +1,4 @@
-"""From one CSV file to a flight, once it is sure that it can be one.
+"""Makes a flight of one CSV file, once it is sure that it can be one.
 
 What cannot be SI, or cannot be a flight, is refused; a fault that an effect of
 the library models (a turned sign, an offset, a delay) must pass.
@@ -20,14 +20,19 @@ from glider.campaign.logs import (
 from glider.errors import InputError
 
 _MIN_ROWS = 20
-_MIN_SPAN = 0.15  # [s]
-_MAX_STEP = 1.0  # Of a pose log [s].
+_MIN_SPAN = 0.15  # Duration of a flight [s].
+_MAX_STEP = 1.0  # Median step of a pose log [s].
 _MAX_SPEED = 60.0  # Median over a flight [m/s].
-_MAX_POSITION = 1000.0  # [m]
-_MAX_ELEVATOR_RATE = 100.0  # Where the limit is not known [rad/s].
+_MAX_POSITION = 1000.0  # Distance from the origin along x or z [m].
+_MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is not known [rad/s].
 
 
 def make_flight(table: Table, campaign: Campaign) -> Flight:
+    """Returns the flight of a table.
+
+    Raises:
+        InputError: the cells cannot be a flight in SI.
+    """
     wanted = POSE_COLUMNS
     if campaign.elevator == "servo":
         wanted += SERVO_COLUMNS
@@ -83,6 +88,7 @@ def _check_units(
 
 
 def check_step(file: Path, time: np.ndarray, rate: float) -> None:
+    """Raises InputError unless times (n,) [s] step about as a pose rate [Hz] says."""
     step = np.median(np.diff(time))
     if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
         slow = step >= _MAX_STEP or step * rate > 20

@@ -1,4 +1,4 @@
-"""What a campaign's logs hold, and their split by whole flights.
+"""Flights and campaigns of them in memory, and their split by whole flights.
 
 A campaign is a folder with `campaign.yaml` and `flight_*.csv`, in SI units and the
 frame of `glider.physics.state`; `reader` reads it, `writer` writes it.
@@ -21,14 +21,14 @@ POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 
 MAX_ANGLE = 2 * math.pi
-"""Of an angle in a log: more would be degrees [rad]."""
+"""Largest angle in a log [rad]: more would be degrees."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flight:
     """One flight as it was logged, n rows."""
 
-    name: str  # Of the file, e.g. "flight_003.csv".
+    name: str  # Name of the file, e.g. "flight_003.csv".
     time: np.ndarray  # (n,) as logged, strictly increasing [s].
     pose: np.ndarray  # (n, 3) x [m], z [m], pitch [rad].
     elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
@@ -39,7 +39,7 @@ class Flight:
 class Campaign:
     """The flights of one glider and what is known of it."""
 
-    name: str  # Of the folder.
+    name: str  # Name of the folder.
     path: Path
     vehicle: dict[str, float]  # Those of PARAMETER_NAMES that are known.
     elevator: str  # "servo", "fixed" (one unknown angle) or "fixed_per_flight".
@@ -52,28 +52,28 @@ class Campaign:
 
 def campaign_of(
     name: str,
-    drawing: GliderParameters,
+    parameters: GliderParameters,
     flights: Sequence[Flight],
     pose_rate: float,
     command_rate: float,
 ) -> Campaign:
-    """Returns flights of a glider with a servo as a campaign that knows its drawing.
+    """Returns flights of a glider with a servo as a campaign that knows its parameters.
 
     Args:
         name: of the campaign.
-        drawing: of the glider; what it lacks stays undeclared.
+        parameters: of the glider; its effects stay undeclared.
         flights: in the order of their names.
         pose_rate: of the logs [Hz].
         command_rate: of the commands [Hz].
     """
-    low, high = drawing.elevator_limits
+    low, high = parameters.elevator_limits
     return Campaign(
         name=name,
         path=Path(name),
-        vehicle={field: getattr(drawing, field) for field in PARAMETER_NAMES},
+        vehicle={field: getattr(parameters, field) for field in PARAMETER_NAMES},
         elevator="servo",
         elevator_limits=(low, high),
-        elevator_rate_limit=drawing.elevator_rate_limit,
+        elevator_rate_limit=parameters.elevator_rate_limit,
         pose_rate=pose_rate,
         command_rate=command_rate,
         flights=tuple(flights),

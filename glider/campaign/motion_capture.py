@@ -8,12 +8,12 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Flight
 from glider.errors import InputError
+from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
-from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
+from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES
 
-_ELEVATOR = STATE_NAMES.index("elevator")
 _POSE = slice(0, len(POSE_NAMES))
-_POSE_RATES = slice(_ELEVATOR + 1, NUM_STATES)
+_POSE_RATES = slice(ELEVATOR + 1, NUM_STATES)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,11 +88,10 @@ class MotionCapture:
         shown = model.chain.measure(seen.T, model.numbers)
         noise = self.draw(rng, len(time))
         begins, rates = commands
-        latest = np.searchsorted(begins, time + 1e-9, side="right") - 1
         return Flight(
             name=name,
             time=time,
             pose=np.stack(shown, axis=1) + noise[:, _POSE],
-            elevator=seen[:, _ELEVATOR] + noise[:, -1],
-            command=rates[latest],
+            elevator=seen[:, ELEVATOR] + noise[:, -1],
+            command=rates[latest_command(begins, time)],
         )

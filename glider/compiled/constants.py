@@ -7,4 +7,4 @@ TINY = 1e-30
 """Length of the complex steps."""
 
 BLOCK = 32
-"""Gliders that fly side by side, so that one instruction serves several."""
+"""Number of gliders that fly side by side, so that one instruction serves several."""

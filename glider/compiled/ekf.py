@@ -83,7 +83,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
 
 
 def ekf_measure(z, estimated, field, value, slopes):
-    """What is measured of x̄, with derivatives: the pose, then x[3:].
+    """Writes what is measured of x̄, with derivatives: the pose, then x[3:].
 
     Args:
         z, estimated, field: as in `ekf_advance`.
@@ -342,7 +342,7 @@ LOOPS = Family(
 
 
 class Estimated(NamedTuple):
-    """Which of a glider's numbers a filter estimates, and where they stand in z."""
+    """Numbers of a glider that a filter estimates, and their places in z."""
 
     n: int
     """Number of states."""
@@ -351,7 +351,7 @@ class Estimated(NamedTuple):
     """(N,) indices into z of x̄."""
 
     decay: np.ndarray
-    """(m,) of the slow states [1/s]."""
+    """(m,) decay rates of the slow states [1/s]."""
 
     acting: np.ndarray
     """Indices into x̄ of what the motion depends on, at least one; by the others the
@@ -365,7 +365,7 @@ class Estimated(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """How a filter steps from sample to sample."""
+    """Steps of a filter from sample to sample."""
 
     step: float
     """Runge-Kutta step [s]."""

@@ -213,7 +213,7 @@ LOOPS = Family(
 )
 
 BACKWARD = Family((ilqr_backward,), (ilqr_backward,))
-"""No physics in it: one serves all gliders."""
+"""Family of the backward pass: no physics in it, so that one serves all gliders."""
 
 
 class GoalCosts(NamedTuple):
@@ -229,7 +229,7 @@ class GoalCosts(NamedTuple):
     """(n,) F of the distance at the end."""
 
     goal: np.ndarray
-    """(n,)."""
+    """(n,) state that the costs count from."""
 
 
 def roll(

@@ -55,7 +55,7 @@ _SOURCES = {
         trigonometry,
     )
 }
-"""Read now: the files may be edited while this process runs."""
+"""Sources, read now: the files may be edited while this process runs."""
 
 _STEP = inspect.getsource(runge_kutta)
 
@@ -66,7 +66,7 @@ from glider.physics.servo import limited_rate, rate_bounds
 """
 
 INLINED = ("advance", "slope")
-"""How the names of functions begin whose text takes the place of their call: the
+"""Prefixes of the names of functions whose text takes the place of their call: the
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 

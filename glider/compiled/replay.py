@@ -86,7 +86,7 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
 
 
 def log_translation(times, start, pitch, elevator, rate, numbers, field, states):
-    """As `log_rollout`, with the pitch and its rate prescribed as well.
+    """Flies as `log_rollout` does, with the pitch and its rate prescribed as well.
 
     Args:
         pitch: (K, 3, 2) as in `log_step`.
@@ -200,7 +200,7 @@ def log_propagate(by_x, inputs, states):
 
 
 def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
-    """What the sensors show of each node, with derivatives.
+    """Writes the pose that the sensors show of each node, with derivatives.
 
     Args:
         nodes: (K, n) states.
@@ -237,7 +237,7 @@ def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
 
 
 def log_flow(times, nodes, elevator, rate, numbers, field, values):
-    """Flow and acceleration at each node of a log.
+    """Writes flow and acceleration at each node of a log.
 
     Args:
         elevator: (K,) at the nodes.

@@ -88,7 +88,7 @@ LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,
 
 
 class FlightCost(NamedTuple):
-    """What a flight under a sequence of commands costs, see `sampled_costs`."""
+    """Cost of a flight under a sequence of commands, see `sampled_costs`."""
 
     goal: np.ndarray
     """(7,) state to end in."""

@@ -18,7 +18,7 @@ from glider.physics.trigonometry import cos, sin
 _PI = (3.1415926534682512, 1.2154201012607932e-10, 4.0445324975919012e-21)
 
 _TAYLOR = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(11))
-"""Of sin r / r in r²; at π/2 the next term is 1e-18."""
+"""Coefficients of sin r / r in r²; at π/2 the next term is 1e-18."""
 
 
 @numba.njit(error_model="numpy", fastmath={"contract"})

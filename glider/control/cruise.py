@@ -17,7 +17,8 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.systems.plant import GliderPlant
 
-_TOLERANCE = 1e-8  # Accelerations of a trim [m/s², rad/s²].
+_LARGEST_ACCELERATION = 1e-8
+"""Largest acceleration of a trim [m/s², rad/s²]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class Trim:
 
     @property
     def speed(self) -> float:
-        """Over ground [m/s]."""
+        """Speed over ground [m/s]."""
         return math.hypot(*self.state[4:6])
 
     @property
@@ -40,14 +41,14 @@ class Trim:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CruiseWeights:
-    """What the cruise regulator weighs; the effects' own states weigh nothing."""
+    """Weights of the cruise regulator; the effects' own states weigh nothing."""
 
     state: tuple[float, ...] = (10.0, 10.0, 1.0, 1.0, 1.0, 1.0)
-    """Of the distance from the line [m], then of pitch, elevator, xdot, zdot and
-    pitchdot."""
+    """Weights of the distance from the line [m], then of pitch, elevator, xdot, zdot
+    and pitchdot."""
 
     rate: float = 0.1
-    """Of the elevator-rate command."""
+    """Weight of the elevator-rate command."""
 
     def __post_init__(self):
         """Raises InputError where Riccati's equation would have no solution."""
@@ -104,7 +105,7 @@ def find_trim(model: GliderModel, speed: float | None = None) -> Trim:
     state = state_of(found.x)
     worst = float(np.max(np.abs(accelerations(found.x))))
     travel = p.elevator_limits
-    if worst > _TOLERANCE or not travel[0] <= state[3] <= travel[1]:
+    if worst > _LARGEST_ACCELERATION or not travel[0] <= state[3] <= travel[1]:
         what = "level flight" if speed is None else f"flight at {speed:g} m/s"
         raise InputError(
             f"No steady {what} was found: the best has an acceleration of "
@@ -145,7 +146,7 @@ def cruise_regulator(
     )
     A, B = linear.A(), linear.B()
     cosine, sine = math.cos(trim.slope), math.sin(trim.slope)
-    if np.max(np.abs(A[:, :2] @ [cosine, sine])) > _TOLERANCE:
+    if np.max(np.abs(A[:, :2] @ [cosine, sine])) > _LARGEST_ACCELERATION:
         raise InputError(
             "The glider's dynamics change along the line; no cruise is steady there."
         )

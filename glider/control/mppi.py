@@ -17,15 +17,15 @@ from glider.planning.sampling import (
 )
 
 COMMAND_RATE = 50.0
-"""Of updates [Hz]."""
+"""Rate of the updates [Hz]."""
 
 HORIZON = 40
-"""Commands in a sequence: 0.8 s."""
+"""Number of commands in a sequence: 0.8 s."""
 
 SETTINGS = MppiSettings(
     samples=1024, temperature=0.1, deviation=4.0, likelihood_ratio=True
 )
-"""Found by trying on perches; with models/problems/replanning.yaml."""
+"""Settings found by trying on perches, with models/problems/replanning.yaml."""
 
 
 class MppiController(LeafSystem):
@@ -97,7 +97,7 @@ def replanning_cost(
 ) -> SequenceCost:
     """Returns the cost that a controller plans with.
 
-    The servo's limits hold, and the end is free: a glider that a model foretells
+    The servo's limits hold, and the end is free: a glider that a model predicts
     wrongly comes early or late.
 
     Args:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from glider.errors import InputError
+from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
@@ -14,20 +15,20 @@ from glider.planning.plan import Plan
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TrackingWeights:
-    """What to weigh in following a plan; the defaults are the article's.
+    """Weights of following a plan; the defaults are the article's.
 
     minimize   ∫ (x̃ᵀ diag(state) x̃ + rate ũ²) dt + x̃(T)ᵀ diag(final) x̃(T)
     with x̃, ũ the departures from the plan. The effects' own states weigh nothing.
     """
 
     state: tuple[float, ...] = (10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0)
-    """In the order of STATE_NAMES."""
+    """Weights of the states, in the order of STATE_NAMES."""
 
     rate: float = 0.1
-    """Of the elevator-rate command."""
+    """Weight of the elevator-rate command."""
 
     final: tuple[float, ...] = (400.0, 400.0, 1 / 9, 1 / 9, 1.0, 1.0, 1 / 9)
-    """At the end of the plan, in the order of STATE_NAMES."""
+    """Weights of the states at the plan's end, in the order of STATE_NAMES."""
 
     def __post_init__(self):
         """Raises InputError where Riccati's equation would have no solution."""
@@ -58,7 +59,7 @@ class TrackingPolicy:
     """
 
     plan: Plan
-    """x₀ and u₀."""
+    """Plan, x₀ and u₀."""
 
     times: np.ndarray
     """(M + 1,) from 0 to the end of the plan [s]."""
@@ -140,7 +141,7 @@ class HeldPolicy:
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns u = offset - gain x at times (J,): (J,) [rad/s] and (J, 7)."""
         offset, gain = np.zeros(len(times)), np.zeros((len(times), NUM_STATES))
-        knot = np.searchsorted(self.plan.times, times + 1e-9, side="right") - 1
+        knot = latest_command(self.plan.times, times)
         flown = np.flatnonzero(knot < len(self.plan.inputs))
         knot = knot[flown]
         if self.plan.gains is not None:

@@ -28,11 +28,11 @@ from glider.planning.plan import Plan
 from glider.systems.plant import GliderPlant
 
 SCHEME, ACCURACY = "runge_kutta5", 1e-6
-"""Of Drake's backward pass: gains to 1e-6 of their largest. The default scheme,
-of order three, takes over twice the time to be as good."""
+"""Scheme and accuracy of Drake's backward pass: gains to 1e-6 of their largest. The
+default scheme, of order three, takes over twice the time to be as good."""
 
 TABLE_STEP = 0.001
-"""Between the rows of a table made of Drake's gains [s]."""
+"""Time between the rows of a table made of Drake's gains [s]."""
 
 
 def tracking_gains(

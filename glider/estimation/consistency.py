@@ -28,7 +28,7 @@ class Consistency:
     """(K,) normalized innovation squared; NaN where no flight was measured."""
 
     nees_band: tuple[float, float]
-    """Where 95 % of `nees` would lie."""
+    """Band in which 95 % of `nees` would lie."""
 
     nis_bands: np.ndarray
     """(K, 2) the same of `nis`, of as many flights as were measured."""

@@ -49,7 +49,7 @@ class SlowState:
     """Variance that it gains per second."""
 
     decay: float = 0.0
-    """Its expectation falls as exp(-decay t) [1/s]."""
+    """Rate at which its expectation falls, as exp(-decay t) [1/s]."""
 
     mean: float | None = None
     """Estimate before any measurement; None: what the model has."""
@@ -95,7 +95,7 @@ class Ekf:
 
     @property
     def measured_names(self) -> tuple[str, ...]:
-        """What is measured: the pose, then the states from the elevator on."""
+        """Names of what is measured: the pose, then the states from the elevator on."""
         return (*POSE_NAMES, *self.names[len(POSE_NAMES) : len(self.noise)])
 
 

@@ -1,4 +1,4 @@
-"""What a flight could tell: the Fisher information on slow states, as deviations.
+"""Knowledge that a flight could give of slow states, by Fisher information.
 
 Without process noise a flight is a function of its start and its slow states, and
 the inverse of prior plus Fisher information, J₀ + Σ Gᵀ R⁻¹ G with the sensitivities

@@ -29,27 +29,29 @@ from glider.estimation.running import (
 from glider.physics.model import GliderModel
 
 CAPTURE = MotionCapture(position=0.001)
-"""What the filter is told of motion capture."""
+"""Motion capture as the filter is told of it."""
 
 PROCESS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-2)
 """Variances that the states gain per second: gusts of some cm/s, no more."""
 
 LAUNCH_STD = (0.005, 0.04, 0.02, 0.01, 0.1, 0.05, 0.05)
-"""Of a launch about the planned one, in the order of STATE_NAMES."""
+"""Standard deviations of a launch about the planned one, in the order of
+STATE_NAMES."""
 
-DRAWN = (
+UNCERTAIN = (
     SlowState(name="wing_offset", std=0.005, walk=1e-6),
     SlowState(name="elevator_area", std=0.0015, walk=1e-7),
 )
-"""How well a drawing is believed: 5 mm, and a tenth of the elevator."""
+"""Parameters that are estimated, and how well the nominal ones are believed: 5 mm, and
+a tenth of the elevator."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WatchedPerches:
-    """How consistent a filter was on some perches, and how it ended."""
+    """Consistency of a filter on some perches, and how it ended."""
 
     consistency: Consistency
-    """Of all flights."""
+    """Consistency over all flights."""
 
     std: np.ndarray
     """(N,) last standard deviations of x̄, mean over the flights."""
@@ -77,7 +79,7 @@ def watch_perches(
     """Filters perches whose launches, gusts and parameters are as it believes.
 
     Args:
-        model: the glider of the filter; each flight's has its own DRAWN.
+        model: the glider of the filter; each flight's has its own UNCERTAIN.
         policy: that tracks the plan with the true state.
         flights: their number.
         rng: draws everything.
@@ -86,7 +88,7 @@ def watch_perches(
         InputError: the effects' own states, of which a launch is certain, leave the
             filter none of its errors to compare; or the policy is another glider's.
     """
-    ekf = perching_ekf(model, DRAWN)
+    ekf = perching_ekf(model, UNCERTAIN)
     prior = launch_prior(ekf, policy.plan.states[0])
     samples = round(policy.duration * CAPTURE.rate)
     offset, gain = policy.sample(np.arange(samples) / CAPTURE.rate)

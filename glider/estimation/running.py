@@ -25,7 +25,7 @@ class Belief:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What a filter makes of B flights of K samples."""
+    """Estimates that a filter makes of B flights of K samples."""
 
     means: np.ndarray
     """(B, K + 1, N) of x̄: before the first sample, then behind each."""

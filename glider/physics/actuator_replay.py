@@ -10,6 +10,18 @@ servo rests before the first command, and the elevator stops at its travel.
 import numpy as np
 
 
+def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Returns the index of the command that is held at each time, (m,).
+
+    A command that begins at a time is held there, whatever the rounding.
+
+    Args:
+        begins: (k,) when each command begins [s], increasing.
+        times: (m,) [s]; before the first command the index is -1.
+    """
+    return np.searchsorted(begins, times + 1e-9, side="right") - 1
+
+
 def elevator_path(
     switch_times: np.ndarray,
     commands: np.ndarray,

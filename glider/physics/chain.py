@@ -4,9 +4,9 @@
             -> [wrench] -> [inertia] -> acceleration;  state -> [sensor] -> pose
 
 The functions named `*_terms` and `*_rates` are the places where effects enter.
-Here, on the drawing, they are zero; `glider.physics.compose.compose` puts in their
-place the sums over given effects, and `glider.compiled.kernel` compiles the same text.
-Frames and signs: `glider.physics.state`.
+Here, on the nominal model, they are zero; `glider.physics.compose.compose` puts in
+their place the sums over given effects, and `glider.compiled.kernel` compiles the same
+text. Frames and signs: `glider.physics.state`.
 """
 
 from glider.physics.aerodynamics import (

@@ -159,7 +159,7 @@ def source(
     """Returns the text of the chain with these effects joined in.
 
     The functions that `hooks_source` defines come last and so replace those of
-    the drawing.
+    the nominal model.
     """
     parts = [_CHAIN, hooks_source(effects, skip_absent)]
     if has_field:
@@ -182,7 +182,7 @@ def compose(
         A namespace with `derivatives`, `measure`, `meet_air`, `wrench` and the
         other functions of the chain, for these effects.
     """
-    tag = "-".join(e.kind for e in effects) or "drawing"
+    tag = "-".join(e.kind for e in effects) or "nominal"
     tag += "-field" * has_field
     filename, text = f"<dynamics of {tag}>", source(effects, has_field)
     linecache.cache[filename] = (len(text), None, text.splitlines(True), filename)

@@ -1,4 +1,4 @@
-"""A glider model as a file: the drawing, the effects, the residual field.
+"""A glider model as a file: the parameters, the effects, the residual field.
 
 parameters: {mass: 0.08, ...}
 effects:

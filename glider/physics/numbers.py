@@ -12,7 +12,7 @@ class Theta(NamedTuple):
     """All numbers of a glider's dynamics."""
 
     p: Parameters
-    """Of the flat-plate glider."""
+    """Parameters of the flat-plate glider."""
 
     c: np.ndarray
     """Coefficients of the acting effects, one effect after the other."""

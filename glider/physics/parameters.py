@@ -1,4 +1,4 @@
-"""The numbers on the glider's drawing, and how they are read and checked."""
+"""The nominal parameters of a glider, and how they are read and checked."""
 
 import dataclasses
 import math
@@ -41,31 +41,31 @@ class GliderParameters:
     """
 
     mass: float = 0.08
-    """Whole glider [kg]."""
+    """Mass of the whole glider [kg]."""
 
     pitch_inertia: float = 0.0015
-    """About +y through the center of mass [kg m²]."""
+    """Moment of inertia about +y through the center of mass [kg m²]."""
 
     wing_area: float = 0.0885
-    """[m²]."""
+    """Area of the wing [m²]."""
 
     elevator_area: float = 0.0147
-    """[m²]."""
+    """Area of the elevator [m²]."""
 
     wing_offset: float = 0.0
-    """Wing center of pressure ahead of the center of mass [m]."""
+    """Distance of the wing's center of pressure ahead of the center of mass [m]."""
 
     hinge_offset: float = 0.27
-    """Elevator hinge behind the center of mass [m]."""
+    """Distance of the elevator's hinge behind the center of mass [m]."""
 
     elevator_offset: float = 0.022
-    """Elevator center of pressure behind its hinge [m]."""
+    """Distance of the elevator's center of pressure behind its hinge [m]."""
 
     air_density: float = 1.204
-    """[kg/m³]."""
+    """Density of the air [kg/m³]."""
 
     gravity: float = 9.81
-    """[m/s²]."""
+    """Acceleration of gravity [m/s²]."""
 
     elevator_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-0.4463, 0.9473]
@@ -73,7 +73,7 @@ class GliderParameters:
     """Travel of the elevator: trailing edge down, up [rad]."""
 
     elevator_rate_limit: float = 13.0
-    """Of the servo [rad/s]."""
+    """Largest rate of the servo, either way [rad/s]."""
 
     def __post_init__(self):
         """Raises InputError where a value is not physical."""

@@ -1,4 +1,4 @@
-"""What a servo makes of a rate command at its rate limit and near its stops.
+"""The rate that a servo makes of a command at its rate limit and near its stops.
 
 One formula for the diagram's ElevatorServo, the compiled closed loop and the planners
 that hold a command for a step.

@@ -11,6 +11,15 @@ STATE_NAMES = ("x", "z", "pitch", "elevator", "xdot", "zdot", "pitchdot")
 rate is the input."""
 
 POSE_NAMES = ("x", "z", "pitch")
-"""What motion capture measures [m, m, rad]."""
+"""States that motion capture measures [m, m, rad]."""
 
 NUM_STATES = len(STATE_NAMES)
+
+ELEVATOR = STATE_NAMES.index("elevator")
+"""Index of the elevator's angle."""
+
+POSITION = [STATE_NAMES.index("x"), STATE_NAMES.index("z")]
+"""Indices of the position."""
+
+VELOCITY = [STATE_NAMES.index("xdot"), STATE_NAMES.index("zdot")]
+"""Indices of the velocity."""

@@ -15,7 +15,7 @@ from glider.errors import InputError
 T = TypeVar("T")
 
 _MISPLACED = (RuntimeError, ValueError, TypeError, AssertionError, AttributeError)
-"""What Drake's reader raises where a file's values are not the schema's."""
+"""Errors that Drake's reader raises where a file's values are not the schema's."""
 
 
 def load_typed(schema: type[T], path: Path | str, what: str) -> T:

@@ -1,4 +1,4 @@
-"""How far a collocated path is from a flight, between its knots too."""
+"""Distance of a collocated path from a flight, between its knots too."""
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial

@@ -45,13 +45,13 @@ from glider.planning.transcription import (
 )
 
 TOLERANCE = 1e-6
-"""Of constraints and optimality, as the solvers scale them."""
+"""Tolerance of constraints and optimality, as the solvers scale them."""
 
 LOOSE = 1e-3
 """Tolerance of an attempt whose result is only a better guess."""
 
 ELASTIC_WEIGHT = 100.0
-"""Of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
+"""Weight of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
 times as many iterations of this problem."""
 
 Progress = Callable[[str], None]

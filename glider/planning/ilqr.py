@@ -21,16 +21,16 @@ from glider.planning.plan import Plan, held_plan
 from glider.planning.problem import PerchingProblem
 
 ITERATIONS = 500
-"""A plan that still improves after so many has not converged."""
+"""Number of iterations after which a plan that still improves has not converged."""
 
 SHARES = tuple(0.5**k for k in range(10))
-"""Of the feed-forward, tried in turn."""
+"""Shares of the feed-forward, tried in turn."""
 
-ENOUGH = 1e-4
+LEAST_SHARE = 1e-4
 """Share of the promised improvement that a flight must bring."""
 
 LEAST_DAMPING, MOST_DAMPING = 1e-6, 1e6
-"""Between which the damping goes up and down by tens; below, there is none."""
+"""Bounds between which the damping goes up and down by tens; below, there is none."""
 
 
 class DivergedError(InputError):
@@ -39,7 +39,7 @@ class DivergedError(InputError):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IlqrSettings:
-    """What iterative LQR makes of a problem: N steps of equal length.
+    """Settings with which iterative LQR takes a problem: N steps of equal length.
 
     minimize   Σ_k ((x_k - goal)ᵀ diag(state_weights) (x_k - goal)
                     + rate_cost u_k² step)
@@ -210,7 +210,7 @@ class _Sweep:
         for share in SHARES:
             states, inputs, cost, hold = self._roll(share)
             promised = -share * (first + share * second)
-            if self.cost - cost - hold >= max(ENOUGH * promised, 0.0):
+            if self.cost - cost - hold >= max(LEAST_SHARE * promised, 0.0):
                 change = self.cost - cost
                 self._accept(states, inputs, cost)
                 self._damping *= 0.1 if self._damping > LEAST_DAMPING else 0.0

@@ -31,10 +31,10 @@ class Minimum:
     """A local minimum of a planning problem."""
 
     plan: Plan
-    """As found first."""
+    """Plan that was found first."""
 
     guesses: tuple[str, ...]
-    """Those that led to it."""
+    """Names of the guesses that led to it."""
 
 
 def find_minima(

@@ -53,7 +53,7 @@ class Plan:
     """STATE_NAMES, then the effects' own states."""
 
     cost: float
-    """What the planner minimized."""
+    """Cost that the planner minimized."""
 
     gains: np.ndarray | None = None
     """(N - 1, n) of the planner's own feedback, where it has one:
@@ -76,7 +76,7 @@ class Plan:
     """Largest |x_k+1 - flight from x_k| over the segments, over all states."""
 
     attempts: tuple[Attempt, ...] = ()
-    """What the planner tried, the last one with success."""
+    """Calls of a solver, the last one with success."""
 
     search_seconds: float = 0.0
     """Time of a planner that does not make attempts [s]."""

@@ -1,4 +1,4 @@
-"""What a perch asks for, apart from whoever solves it."""
+"""The problem of a perch, apart from whoever solves it."""
 
 import dataclasses
 import math
@@ -32,26 +32,26 @@ class PerchingProblem:
     """State at release, in the order of STATE_NAMES [m, rad, m/s, rad/s]."""
 
     wire: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
-    """Where the center of mass must end, (x, z) [m]."""
+    """Place where the center of mass must end, (x, z) [m]."""
 
     x_limits: list[float] = dataclasses.field(default_factory=lambda: [-3.5, 1.0])
-    """Of the whole flight [m]."""
+    """Bounds of x over the whole flight [m]."""
 
     z_limits: list[float] = dataclasses.field(default_factory=lambda: [-1.0, 1.0])
-    """Of the whole flight [m]."""
+    """Bounds of z over the whole flight [m]."""
 
     pitch_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-math.pi / 2, math.pi / 2]
     )
-    """Of the whole flight [rad]."""
+    """Bounds of the pitch over the whole flight [rad]."""
 
     final_pitch_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-1.0, -math.pi / 6]
     )
-    """At the wire [rad]."""
+    """Bounds of the pitch at the wire [rad]."""
 
     final_speed_limit: float = 2.0
-    """Of |ẋ| and |ż| at the wire [m/s]."""
+    """Bound of |ẋ| and of |ż| at the wire [m/s]."""
 
     rate_cost: float = 100.0
     """Weight of the elevator's squared rate [1/(rad²/s)]."""
@@ -67,7 +67,7 @@ class PerchingProblem:
     """Diagonal of the final cost's weight."""
 
     duration_limits: list[float] = dataclasses.field(default_factory=lambda: [0.5, 2.0])
-    """The step between knots lies between these over the number of knots [s]."""
+    """Bounds of the step between knots, times the number of knots [s]."""
 
     def __post_init__(self):
         """Raises InputError where the problem makes no sense."""

@@ -26,7 +26,7 @@ WORST = 1e300
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CemSettings:
-    """Of the cross-entropy method; the defaults are the article's."""
+    """Settings of the cross-entropy method; the defaults are the article's."""
 
     samples: int = 30
     """Sequences in an iteration."""
@@ -35,10 +35,10 @@ class CemSettings:
     """The cheapest of them, which mean and variance are taken from."""
 
     variance: float = 0.1
-    """At the start, of each command [rad²/s²]."""
+    """Variance of each command at the start [rad²/s²]."""
 
     variance_floor: float = 0.01
-    """Of each command [rad²/s²], so that the search goes on."""
+    """Least variance of each command [rad²/s²], so that the search goes on."""
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
@@ -52,7 +52,7 @@ class CemSettings:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MppiSettings:
-    """Of model-predictive path-integral control; the defaults are the article's."""
+    """Settings of model-predictive path-integral control, by default the article's."""
 
     samples: int = 30
     """Sequences in an iteration."""
@@ -90,12 +90,12 @@ def _check_positive(settings: CemSettings | MppiSettings) -> None:
 
 
 Watch = Callable[[int, np.ndarray], None]
-"""Told the number of an iteration, from 1, and the sequences (B, N) drawn in it
-[rad/s]."""
+"""Callback, told the number of an iteration, from 1, and the sequences (B, N) drawn in
+it [rad/s]."""
 
 
 class SequenceCost:
-    """What a problem's cost says of sequences of commands, each held for a step.
+    """Cost that a problem gives sequences of commands, each held for a step.
 
     rate_cost Σ u² step + (x_N - goal)ᵀ diag(goal_weights) (x_N - goal)
 

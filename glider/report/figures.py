@@ -224,7 +224,7 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "held_out": _draw_held_out,
     "coefficients": _draw_coefficients,
 }
-"""By file name."""
+"""Function that makes each figure, by file name."""
 
 
 def _legend(figure: Figure, *axes: Axes) -> None:

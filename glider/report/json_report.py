@@ -1,8 +1,8 @@
 """report.json: what other programs read."""
 
-import math
 from typing import Any
 
+from glider.report.numbers import finite_or_none
 from glider.sysid.result import (
     MODELS,
     Errors,
@@ -24,14 +24,14 @@ def to_json(result: Result) -> dict[str, Any]:
                 "kind": e.kind,
                 "coefficients": {
                     name: {
-                        "value": _finite(c.value),
-                        "std": _finite(c.std),
+                        "value": finite_or_none(c.value),
+                        "std": finite_or_none(c.std),
                         "unit": c.unit,
                     }
                     for name, c in e.coefficients.items()
                 },
-                "evidence": _finite(e.evidence),
-                "share_of_residual": _finite(e.share),
+                "evidence": finite_or_none(e.evidence),
+                "share_of_residual": finite_or_none(e.share),
                 "indistinguishable_from": list(e.indistinguishable_from),
                 "depends_on": list(e.depends_on),
             }
@@ -39,17 +39,12 @@ def to_json(result: Result) -> dict[str, Any]:
         ],
         "errors": {model: _errors_json(result.errors.get(model)) for model in MODELS},
         "noise": {
-            "position_m": _finite(result.noise_position_m),
-            "pitch_rad": _finite(result.noise_pitch_rad),
+            "position_m": finite_or_none(result.noise_position_m),
+            "pitch_rad": finite_or_none(result.noise_pitch_rad),
         },
-        "seconds": {stage: _finite(s) for stage, s in result.seconds.items()},
+        "seconds": {stage: finite_or_none(s) for stage, s in result.seconds.items()},
         "version": result.version,
     }
-
-
-def _finite(value: float) -> float | None:
-    number = float(value)
-    return number if math.isfinite(number) else None
 
 
 def _errors_json(errors: Errors | None) -> dict[str, Any] | None:
@@ -57,16 +52,16 @@ def _errors_json(errors: Errors | None) -> dict[str, Any] | None:
         return None
     return {
         "equation": {
-            "tangential": _finite(errors.tangential),
-            "normal": _finite(errors.normal),
-            "pitch": _finite(errors.pitch),
+            "tangential": finite_or_none(errors.tangential),
+            "normal": finite_or_none(errors.normal),
+            "pitch": finite_or_none(errors.pitch),
         },
         "rollout": {
-            "position_rms_m": _finite(errors.position_rms_m),
-            "position_end_m": _finite(errors.position_end_m),
-            "pitch_rms_rad": _finite(errors.pitch_rms_rad),
+            "position_rms_m": finite_or_none(errors.position_rms_m),
+            "position_end_m": finite_or_none(errors.position_end_m),
+            "pitch_rms_rad": finite_or_none(errors.pitch_rms_rad),
         },
         "rollout_measured_pitch": {
-            "position_rms_m": _finite(errors.measured_pitch_position_rms_m)
+            "position_rms_m": finite_or_none(errors.measured_pitch_position_rms_m)
         },
     }

@@ -11,6 +11,12 @@ DIVERGED = 1e5
 """An error above this [SI] only says that the model left all bounds."""
 
 
+def finite_or_none(value: float) -> float | None:
+    """Returns a number as a float, or None where JSON has none."""
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
 def format_estimate(c: Estimate) -> str:
     """Returns "-0.600 ± 0.001 m/s": as many digits as the standard error allows."""
     unit = "" if c.unit in ("", "-") else f" {c.unit}"

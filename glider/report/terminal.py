@@ -1,4 +1,4 @@
-"""What the command prints: the verdict, the errors and the effects."""
+"""The summary that the command prints: the verdict, the errors and the effects."""
 
 from rich import box
 from rich.console import Console

@@ -1,4 +1,4 @@
-"""What was found, in sentences and phrases."""
+"""Sentences and phrases about what was found."""
 
 import math
 from typing import Any
@@ -13,12 +13,10 @@ from glider.report.numbers import (
     in_degrees,
 )
 from glider.sysid.result import (
+    Z_SIGNIFICANT,
     FoundEffect,
     Result,
 )
-
-NOTHING_LEFT = 4.0
-"""What a model leaves is noise below this many standard deviations of noise."""
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
@@ -31,10 +29,10 @@ def headline(result: Result) -> str:
     is_unexplained = bool(unnamed) or result.verdict == "unexplained"
     if result.verdict == "no_effect":
         before = baseline(result)
-        model = "drawing" if before == "as_drawn" else "refitted flat plate"
+        model = "nominal model" if before == "as_drawn" else "refitted flat plate"
         errors = result.errors.get(before)
         text = f"The flights show no effect that the {model} lacks"
-        if result.left_z >= NOTHING_LEFT:
+        if result.left_z >= Z_SIGNIFICANT:
             text = (
                 f"The {model} is not all that the flights show, but no effect "
                 "of the library earns its place"
@@ -63,7 +61,7 @@ def remarks(result: Result) -> list[str]:
                 [_words_of(k, result) for k in e.indistinguishable_from], " or "
             )
             said.append(f"From these flights, {e.words} could also be {others}.")
-    if result.left_z >= NOTHING_LEFT:
+    if result.left_z >= Z_SIGNIFICANT:
         said.append(left_words(result))
     return said
 
@@ -90,12 +88,12 @@ def left_words(result: Result) -> str:
     model = "model" if result.verdict == "no_effect" else "corrected model"
     if not math.isfinite(z):
         return ""
-    if z < NOTHING_LEFT:
+    if z < Z_SIGNIFICANT:
         return f"The {model} leaves nothing but noise ({z:.1f} σ)."
     size = f"{z:.1f}" if z < 100.0 else f"{z:,.0f}"
     return (
         f"The {model} still leaves more than noise ({size} σ; "
-        f"below {NOTHING_LEFT:g} is noise)."
+        f"below {Z_SIGNIFICANT:g} is noise)."
     )
 
 

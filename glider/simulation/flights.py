@@ -1,10 +1,11 @@
-"""What became of simulated flights."""
+"""Simulated flights, and what became of them."""
 
 import dataclasses
 
 import numpy as np
 
 from glider.campaign.logs import Flight
+from glider.physics.actuator_replay import latest_command
 from glider.simulation.miss import PERCH_RADIUS
 
 
@@ -28,7 +29,7 @@ class FlownFlight:
     """(K, 2) of wing and elevator along their normals [N], if they were asked for."""
 
     log: Flight | None = None
-    """What motion capture and the commands' log hold, where there is one."""
+    """Log of motion capture and of the commands, where there is one."""
 
     @property
     def perched(self) -> bool:
@@ -67,7 +68,7 @@ class Flights:
         """Returns one of them; the paths must be there, and commands that were held."""
         if self.paths is None or self.commands is None or self.command_times is None:
             raise ValueError("flights with paths and held commands are needed")
-        latest = np.searchsorted(self.command_times, self.times + 1e-9, "right") - 1
+        latest = latest_command(self.command_times, self.times)
         return FlownFlight(
             times=self.times,
             states=self.paths[b],

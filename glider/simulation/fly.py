@@ -11,21 +11,19 @@ from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import InputError
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import Servo, limited_rate
-from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.physics.state import ELEVATOR, NUM_STATES
 from glider.simulation.flights import Flights
 
 STEP = 0.002
 """Longest Runge-Kutta step [s]."""
 
 AFTER = 0.1
-"""How long a flight goes on after the plan's end [s]: a glider that comes late
+"""Time that a flight goes on after the plan's end [s]: a glider that comes late
 passes the wire later. The plan ends at 0.9 m/s forward and 2 m/s down."""
-
-_ELEVATOR = STATE_NAMES.index("elevator")
 
 
 class Policy(Protocol):
-    """What tells the elevator's rate from the time and the state."""
+    """Law that tells the elevator's rate from the time and the state."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -47,17 +45,17 @@ class Clock:
     """The steps of a flight and how many of them a command is held."""
 
     step: float
-    """[s]."""
+    """Length of a step [s]."""
 
     steps: int
-    """Their number."""
+    """Number of steps."""
 
     hold: int
-    """Steps to a command; 0 where the command follows the state at once."""
+    """Number of steps to a command; 0 where the command follows the state at once."""
 
     @property
     def commands(self) -> int:
-        """How many commands are given, 0 without a hold."""
+        """Number of commands that are given, 0 without a hold."""
         return math.ceil(self.steps / self.hold) if self.hold else 0
 
 
@@ -167,7 +165,7 @@ def fly(
         begins = states[:, : -1 : clock.hold]
         seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
         wanted = offset - np.sum(gain * seen, axis=2)
-        commands = _limited(wanted, begins[:, :, _ELEVATOR], model.parameters.servo)
+        commands = _limited(wanted, begins[:, :, ELEVATOR], model.parameters.servo)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=miss,

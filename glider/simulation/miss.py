@@ -1,18 +1,15 @@
-"""How far a flight passes from the wire."""
+"""Distance at which a flight passes the wire."""
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.physics.state import STATE_NAMES
+from glider.physics.state import POSITION, VELOCITY
 
 PERCH_RADIUS = 0.05
-"""A glider whose center of mass passes this close to the wire has perched [m]."""
+"""Distance from the wire within which a center of mass that passes has perched [m]."""
 
 REFINEMENT = 16
 """Segments that each step of a simulator's log is divided into."""
-
-_POSITION = [STATE_NAMES.index("x"), STATE_NAMES.index("z")]
-_VELOCITY = [STATE_NAMES.index("xdot"), STATE_NAMES.index("zdot")]
 
 
 def least_distance(points: np.ndarray, wire: np.ndarray) -> float:
@@ -45,8 +42,8 @@ def path_miss(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> float:
     kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
     times, states = times[kept], states[kept]
     if len(times) < 2:
-        return least_distance(states[:, _POSITION], wire)
-    path = CubicHermiteSpline(times, states[:, _POSITION], states[:, _VELOCITY])
+        return least_distance(states[:, POSITION], wire)
+    path = CubicHermiteSpline(times, states[:, POSITION], states[:, VELOCITY])
     steps = np.diff(times)[:, None] * np.arange(REFINEMENT) / REFINEMENT
     fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
     return least_distance(path(fine), wire)

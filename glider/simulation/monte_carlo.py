@@ -19,6 +19,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
+    VELOCITY,
 )
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Flights
@@ -31,10 +32,9 @@ from glider.simulation.fly import (
 )
 
 CHUNK = 2500
-"""Flights in one task of a sweep. Another number means other random draws."""
+"""Number of flights in one task of a sweep. Another number means other random draws."""
 
 _Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
-_VELOCITY = [STATE_NAMES.index("xdot"), STATE_NAMES.index("zdot")]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,13 +42,13 @@ class LaunchSpread:
     """One standard deviation of what a launcher gets wrong; normal distributions."""
 
     height: float = 0.04
-    """[m]."""
+    """Deviation of the height [m]."""
 
     speed: float = 0.1
-    """Along the launch velocity [m/s]."""
+    """Deviation of the speed along the launch velocity [m/s]."""
 
     pitch: float = 0.02
-    """[rad]."""
+    """Deviation of the pitch [rad]."""
 
     def __post_init__(self):
         """Raises InputError where a deviation cannot be."""
@@ -65,7 +65,7 @@ class Case:
     """One row of a sweep: a glider, its feedback and how it is launched."""
 
     name: str
-    """To tell it from the others."""
+    """Name to tell it from the others by."""
 
     model: GliderModel
     """The glider that is flown."""
@@ -77,19 +77,19 @@ class Case:
     """Launch and wire."""
 
     spread: LaunchSpread = LaunchSpread()
-    """Of the launches."""
+    """Spread of the launches."""
 
     command_rate: float | None = None
-    """As in `fly` [Hz]."""
+    """Rate of held commands as in `fly` [Hz]."""
 
     feedback_noise: tuple[float, ...] = (0.0,) * NUM_STATES
     """Standard deviation of the measured STATE_NAMES; needs a command rate."""
 
     step: float = STEP
-    """As in `fly` [s]."""
+    """Longest step as in `fly` [s]."""
 
     after: float = AFTER
-    """As in `fly` [s]."""
+    """Time flown after the plan as in `fly` [s]."""
 
 
 def draw_launches(
@@ -103,10 +103,10 @@ def draw_launches(
         raise InputError(f"draw_launches: {count} launches; at least 1 is needed.")
     errors = rng.normal(size=(count, 3)) * [spread.height, spread.speed, spread.pitch]
     starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
-    velocity = starts[:, _VELOCITY]
+    velocity = starts[:, VELOCITY]
     along = velocity / np.linalg.norm(velocity[0])
     starts[:, _Z] += errors[:, 0]
-    starts[:, _VELOCITY] += errors[:, 1:2] * along
+    starts[:, VELOCITY] += errors[:, 1:2] * along
     starts[:, _PITCH] += errors[:, 2]
     return starts
 

@@ -1,4 +1,4 @@
-"""How is the flat plate wrong? Its coefficients corrected by a learned residual.
+"""Coefficients of the flat plate, corrected by a learned residual.
 
 The article's second model: C(ξ) = C_plate + ψ(ξ)ᵀ w with Gaussian basis functions ψ
 of the angle of attack and the elevator, and perhaps of the airspeed, and weights by
@@ -15,27 +15,27 @@ from glider.errors import InputError
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.effects import FIELD_VARIABLES
 from glider.physics.effects.field import (
+    COEFFICIENTS,
     FieldData,
+    gaussians,
     make_field,
 )
+from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.fit.regression import least_squares
 from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.residual import make_table
 
-COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
-"""Referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
-
 VARIABLES = ("alpha", "elevator", "V", "alphadot", "pitchdot")
-"""What the coefficients stand beside [rad, rad, m/s, rad/s, rad/s]."""
+"""Variables that the coefficients stand beside [rad, rad, m/s, rad/s, rad/s]."""
 
 RIDGE = 0.1
-"""γ of the article."""
+"""Ridge γ of the article."""
 
 _WIDTH = math.sqrt(0.1)
-"""Of the article's Gaussians in α and elevator [rad]."""
+"""Width of the article's Gaussians in α and elevator [rad]."""
 
 _COUNT = 5
-"""Centers along each variable."""
+"""Number of centers along each variable."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class CoefficientData:
     Attributes:
         variables: each of VARIABLES, (N,).
         measured: (N, 3) of COEFFICIENTS.
-        plate: (N, 3) the drawing's at the same conditions.
+        plate: (N, 3) the nominal model's at the same conditions.
     """
 
     variables: dict[str, np.ndarray]
@@ -62,7 +62,7 @@ def coefficient_data(problem: Problem, theta: np.ndarray) -> CoefficientData:
 
     Args:
         problem: the flights; their field does not count.
-        theta: the drawing.
+        theta: the nominal model.
     """
     table = make_table(problem.records, theta, [0.0] * len(problem.records))
     variables = {name: table.variables[name] for name in VARIABLES}
@@ -116,9 +116,7 @@ def basis_values(basis: FieldData, variables: dict[str, np.ndarray]) -> np.ndarr
     field = make_field(dataclasses.replace(basis, weights={}))
     columns = [FIELD_VARIABLES.index(name) for name in basis.variables]
     values = np.stack([variables[name] for name in basis.variables], axis=1)
-    scaled = values[:, None, :] - field.centers[None][:, :, columns]
-    scaled = scaled * field.inverse_widths[None][:, :, columns]
-    return np.exp(-0.5 * np.sum(scaled**2, axis=2))
+    return gaussians(field, columns, values)
 
 
 def fit_residual(
@@ -133,13 +131,7 @@ def fit_residual(
     """
     columns = basis_values(basis, data.variables)
     solved = least_squares(columns, data.measured - data.plate, ridge)
-    return with_weights(basis, solved.coefficients)
-
-
-def with_weights(basis: FieldData, weights: np.ndarray) -> FieldData:
-    """Returns the field of a basis with weights (M, 3) of COEFFICIENTS."""
-    named = dict(zip(COEFFICIENTS, weights.T.tolist(), strict=True))
-    return dataclasses.replace(basis, weights=named)
+    return with_weights(basis, "forces", solved.coefficients)
 
 
 def corrected_coefficients(

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import fsolve
 
+from glider.compiled.constants import TINY
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import (
@@ -18,8 +19,6 @@ from glider.physics.numbers import Theta
 from glider.physics.parameters import (
     GliderParameters,
 )
-
-_TINY = 1e-30
 
 
 def level_flight(parameters: GliderParameters, speed: float) -> np.ndarray:
@@ -53,8 +52,8 @@ def cruise_gain(parameters: GliderParameters, trim: np.ndarray) -> np.ndarray:
     slopes = np.empty((7, 9))
     for k in range(9):  # State, thrust, elevator rate.
         y = np.append(trim, 0.0).astype(complex)
-        y[k] += 1j * _TINY
-        slopes[:, k] = _motion(parameters, y[:8], y[8]).imag / _TINY
+        y[k] += 1j * TINY
+        slopes[:, k] = _motion(parameters, y[:8], y[8]).imag / TINY
     A, B = slopes[1:, 1:7], slopes[1:, [8, 7]]
     Q, R = np.diag([1000.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 0.1 * np.eye(2)
     gain = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))

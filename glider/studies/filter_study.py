@@ -52,31 +52,31 @@ from glider.studies.cruising import (
 )
 
 RATE = 100.0
-"""Of samples, commands and wind [Hz]."""
+"""Rate of samples, commands and wind [Hz]."""
 
 SLOW = ("wing_offset", "elevator_area")
-"""What is estimated [m, m²]."""
+"""Parameters that are estimated [m, m²]."""
 
 SYMBOLS = ("l_w", "S_e")
-"""Of SLOW, in the article."""
+"""Symbols of SLOW in the article."""
 
 PERCH_GUESS = (0.02, 0.0)
 """Estimate of SLOW before the perch, whose glider's wing offset is zero."""
 
 CRUISE_START = (-3.5, 0.5, 0.0, 0.0, 7.0, 0.0, 0.0)
-"""The article's launch."""
+"""Launch of the article's cruise, in the order of STATE_NAMES."""
 
 CRUISE_SPEED = 9.0
-"""Over ground [m/s]."""
+"""Speed of the cruise over ground [m/s]."""
 
 CRUISE_WIND = (-1.0, 0.5)
-"""At the start, (x, z) [m/s]."""
+"""Wind at the start of the cruise, (x, z) [m/s]."""
 
 STILL = (0.0, 0.0)
-"""Where the wind of the other flights starts to drift from."""
+"""Wind at the start of the other flights, (x, z) [m/s]; it drifts from there."""
 
 CRUISE_DURATION = 4.0
-"""[s]."""
+"""Duration of the cruise [s]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,23 +84,23 @@ class StudyNoise:
     """Variances that the filter believes in; the defaults are the article's."""
 
     prior: float = 0.1
-    """Of each state before the first sample."""
+    """Variance of each state before the first sample."""
 
     slow_prior: tuple[float, float] = (0.1, 0.1)
-    """Of SLOW before the first sample."""
+    """Variances of SLOW before the first sample."""
 
     measurement: float = 0.01
-    """Of each measured state."""
+    """Variance of each measured state."""
 
     state: float = 0.01
-    """That each state gains per second."""
+    """Variance that each state gains per second."""
 
     slow: float = 0.001
-    """That each slow state gains per second."""
+    """Variance that each slow state gains per second."""
 
 
 CONSTANTS = StudyNoise(prior=0.01, slow_prior=(0.03**2, 0.015**2), slow=0.0)
-"""The filter takes the numbers for constants, known to their own size before.
+"""Noise of a filter that takes the numbers for constants, of their own size before.
 
 Over 80 flights with different noise `slow_nees` is in the end 0.95 for the cruise and
 1.37 for the perch: a little too sure, and once in 80 wrong by five deviations. With
@@ -119,7 +119,7 @@ class Watched:
     """One flight; x̄ ends with the true slow states."""
 
     estimates: Estimates
-    """Of the filter."""
+    """Estimates of the filter."""
 
     bound: np.ndarray
     """(K + 1, 2) least standard deviations of SLOW by Fisher information."""
@@ -136,7 +136,7 @@ class Watched:
         return np.sqrt(diagonal[:, -len(SLOW) :])
 
     def numbers(self, sample: int = -1) -> dict[str, list[float]]:
-        """[estimate, standard deviation, truth] of each behind a sample, by symbol."""
+        """Returns [estimate, deviation, truth] of SLOW behind a sample, by symbol."""
         rows = np.column_stack([self.slow[sample], self.std[sample], self.truth])
         return dict(zip(SYMBOLS, rows.tolist(), strict=True))
 

@@ -17,13 +17,13 @@ from glider.physics.effects import (
     Field,
 )
 from glider.physics.effects.field import (
+    COEFFICIENTS,
     FieldData,
     field_variables,
 )
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     RIDGE,
     basis_values,
 )
@@ -33,7 +33,7 @@ _ACCELERATIONS = slice(4, NUM_STATES)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WeightEquations:
-    """What flights say of a field's weights: the normal equations of them all.
+    """Normal equations of a field's weights: what flights say of them.
 
     Attributes:
         information: Φᵀ Φ, (p, p), the weights of the basis functions first, then the
@@ -53,7 +53,7 @@ class WeightEquations:
 
 
 def weight_equations(
-    drawing: GliderModel,
+    nominal: GliderModel,
     basis: FieldData,
     states: np.ndarray,
     inputs: np.ndarray,
@@ -65,7 +65,7 @@ def weight_equations(
     (ẍ, z̈, θ̈) and G w is what the weights add.
 
     Args:
-        drawing: f, a glider without a field and without states beyond the rigid
+        nominal: f, a glider without a field and without states beyond the rigid
             body's.
         basis: of the field.
         states: (N + 1, 7) as measured.
@@ -75,7 +75,7 @@ def weight_equations(
     Raises:
         InputError: the model cannot be corrected so, or the sizes do not match.
     """
-    if drawing.field is not None or any(e.kind.states for e in drawing.effects):
+    if nominal.field is not None or any(e.kind.states for e in nominal.effects):
         raise InputError(
             "weight_equations: a model without a field and without effects that have "
             "states is needed."
@@ -85,7 +85,7 @@ def weight_equations(
             f"weight_equations: the states have shape {states.shape} and there are "
             f"{len(inputs)} inputs; ({len(inputs) + 1}, {NUM_STATES}) is needed."
         )
-    chain, theta = compose(drawing.kinds, True), drawing.numbers
+    chain, theta = compose(nominal.kinds, True), nominal.numbers
     now = states[:-1].T
 
     def accelerations(field: Field) -> np.ndarray:

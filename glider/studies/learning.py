@@ -2,9 +2,9 @@
 
     plan -> execute with feedback -> log -> identify the model -> plan ...
 
-What identifies is a function from the drawing and the flights so far to a model: the
-article's ridge regression for 26 weights a coefficient, or the tracer of
-`glider.sysid`. The glider that flies has an effect that its drawing lacks.
+What identifies is a function from the nominal model and the flights so far to a model:
+the article's ridge regression for 26 weights a coefficient, or the tracer of
+`glider.sysid`. The glider that flies has an effect that its nominal model lacks.
 """
 
 import dataclasses
@@ -38,31 +38,31 @@ from glider.simulation.fly import fly
 from glider.studies.coefficients import (
     RIDGE,
     residual_basis,
-    with_weights,
 )
 from glider.studies.flight_weights import (
     solve_weights,
     weight_equations,
 )
+from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.pipeline import close_the_loop
 
 SPEEDS = (6.5, 7.5)
-"""Between which the launch speed is drawn [m/s]."""
+"""Bounds between which the launch speed is drawn [m/s]."""
 
 STATE_NOISE = 0.01
 """Standard deviation of the states that are differenced, in SI units and radians."""
 
 TEST_SPEEDS = (6.6, 6.8, 7.0, 7.2, 7.4)
-"""Of the launches that a model is judged by, the same for all [m/s]."""
+"""Speeds of the launches that a model is judged by, the same for all [m/s]."""
 
 LEAST_FLIGHTS = 3
-"""What the tracer needs: two flights to fit and one to judge by."""
+"""Number of flights that the tracer needs: two to fit and one to judge by."""
 
 RATE_COST = 0.5
 """Cost of the commands in `learning_problem` [1/(rad²/s)]."""
 
 CAPTURE = MotionCapture()
-"""What films the flights."""
+"""Motion capture that films the flights."""
 
 _SPEED = STATE_NAMES.index("xdot")
 
@@ -71,7 +71,7 @@ Progress = Callable[[str], None]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LoggedFlight:
-    """What is known of an executed flight."""
+    """Log of an executed flight: all that is known of it."""
 
     states: np.ndarray
     """(N + 1, 7) with noise, when the commands begin and when the last ends."""
@@ -80,22 +80,22 @@ class LoggedFlight:
     """(N,) elevator-rate commands after the servo's limits [rad/s]."""
 
     step: float
-    """Of the commands [s]."""
+    """Time that each command is held [s]."""
 
     capture: Flight
-    """What motion capture saw."""
+    """Log of motion capture."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Identified:
-    """A model made of flights, and in words what it adds to the drawing."""
+    """A model made of flights, and in words what it adds to the nominal one."""
 
     model: GliderModel
     effects: tuple[str, ...] = ()
 
 
 Identify = Callable[[GliderModel, Sequence[LoggedFlight]], Identified]
-"""From the drawing and all flights so far to a model."""
+"""Function from the nominal model and all flights so far to a model."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -103,16 +103,16 @@ class Round:
     """One turn of the loop."""
 
     identified: Identified
-    """What was planned with: of the flights before this round."""
+    """Model that was planned with, of the flights before this round."""
 
     plan: Plan
-    """Of the first flight."""
+    """Plan of the first flight."""
 
     flights: list[FlownFlight]
-    """By the true glider."""
+    """Flights of the true glider."""
 
     terminal_cost: float
-    """Of the first flight, at the plan's end."""
+    """Cost of the first flight at the plan's end."""
 
     miss: float
     """Median over TEST_SPEEDS of flights planned with the same model [m]."""
@@ -157,7 +157,7 @@ def learn(
     and noise whatever identifies.
 
     Args:
-        truth: the glider that flies. Its drawing is known, its effects are not.
+        truth: the glider that flies. Its parameters are known, its effects are not.
         identify: what makes a model of flights.
         rounds: their number; the last one is not learned from.
         rng: draws launch speeds and noise.
@@ -176,9 +176,9 @@ def learn(
     problem = learning_problem() if problem is None else problem
     settings = learning_settings() if settings is None else settings
     say = progress or (lambda text: None)
-    drawing = GliderModel(parameters=truth.parameters)
-    identified = Identified(model=drawing)
-    planned = ilqr(drawing, problem, settings)
+    nominal = GliderModel(parameters=truth.parameters)
+    identified = Identified(model=nominal)
+    planned = ilqr(nominal, problem, settings)
     logs: list[LoggedFlight] = []
     results: list[Round] = []
     for k in range(rounds):
@@ -204,7 +204,7 @@ def learn(
         )
         if k + 1 < rounds:
             say(f"round {k + 1} of {rounds}: identify")
-            identified = identify(drawing, logs)
+            identified = identify(nominal, logs)
     return results
 
 
@@ -295,30 +295,30 @@ def log(
     )
 
 
-def fit_weights(drawing: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
+def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
     """Identifies as the article does: 26 weights a coefficient, by ridge regression."""
     basis = residual_basis()
     equations = [
-        weight_equations(drawing, basis, log.states, log.rates, log.step)
+        weight_equations(nominal, basis, log.states, log.rates, log.step)
         for log in logs
     ]
     weights = solve_weights(sum(equations[1:], equations[0]), RIDGE)
-    field = with_weights(basis, weights)
-    model = dataclasses.replace(drawing, field=field)
+    field = with_weights(basis, "forces", weights)
+    model = dataclasses.replace(nominal, field=field)
     return Identified(model=model, effects=(field.kind,))
 
 
-def trace_effects(drawing: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
+def trace_effects(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
     """Identifies by the tracer: which effect of the library, or a field.
 
-    It judges by flights that it has not fitted, and so keeps the drawing until there
-    are LEAST_FLIGHTS.
+    It judges by flights that it has not fitted, and so keeps the nominal model until
+    there are LEAST_FLIGHTS.
     """
     if len(logs) < LEAST_FLIGHTS:
-        return Identified(model=drawing)
+        return Identified(model=nominal)
     flights = [log.capture for log in logs]
     campaign = campaign_of(
-        "learning", drawing.parameters, flights, CAPTURE.rate, 1.0 / logs[0].step
+        "learning", nominal.parameters, flights, CAPTURE.rate, 1.0 / logs[0].step
     )
     found = close_the_loop(campaign)
     return Identified(
@@ -328,4 +328,4 @@ def trace_effects(drawing: GliderModel, logs: Sequence[LoggedFlight]) -> Identif
 
 def knowing(truth: GliderModel) -> Identify:
     """Returns what identifies the truth from any flights: the oracle."""
-    return lambda drawing, logs: Identified(model=truth)
+    return lambda nominal, logs: Identified(model=truth)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
-from glider.studies.coefficients import COEFFICIENTS
 from glider.studies.learning import (
     Identify,
     Round,

@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.paths import models_path
-from glider.physics.effects.field import FieldData
+from glider.physics.effects.field import COEFFICIENTS, FieldData
 from glider.physics.model import (
     GliderModel,
     save_model,
@@ -26,7 +26,6 @@ from glider.physics.parameters import (
     load_parameters,
 )
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     basis_values,
     residual_basis,
 )
@@ -39,7 +38,7 @@ VORTEX = 0.7
 """Normal force coefficient of the vortex over sin² α, after Polhamus 1966."""
 
 AHEAD = 0.012
-"""How far ahead of the center of mass it acts [m]."""
+"""Distance ahead of the center of mass at which it acts [m]."""
 
 FRICTION = 0.04
 """Drag coefficient of the skin."""
@@ -59,7 +58,7 @@ def low_reynolds_coefficients(
     alpha: np.ndarray,
     elevator: np.ndarray,
     speed: np.ndarray,
-    drawing: GliderParameters,
+    parameters: GliderParameters,
 ) -> np.ndarray:
     """Returns what is added to the flat plate's C_L, C_D, C_M, shape (N, 3).
 
@@ -74,7 +73,7 @@ def low_reynolds_coefficients(
         alpha: (N,) angle of attack [rad].
         elevator: (N,) φ [rad].
         speed: (N,) V [m/s].
-        drawing: areas and arms.
+        parameters: areas and arms.
     """
     sine, cosine = np.sin(alpha), np.cos(alpha)
     share = 0.5 * (1.0 + np.tanh((speed - LEAVES) / RANGE))
@@ -82,8 +81,8 @@ def low_reynolds_coefficients(
     lost = BLANKET * (1.0 - share)
     lost = lost * np.exp(-0.5 * ((alpha - BLANKET_AT) / BLANKET_WIDTH) ** 2)
     angle = alpha - elevator
-    tail = lost * 2.0 * drawing.elevator_area / drawing.wing_area * np.sin(angle)
-    arm = drawing.hinge_offset * np.cos(elevator) + drawing.elevator_offset
+    tail = lost * 2.0 * parameters.elevator_area / parameters.wing_area * np.sin(angle)
+    arm = parameters.hinge_offset * np.cos(elevator) + parameters.elevator_offset
     return np.stack(
         [
             vortex * cosine - tail * np.cos(angle),
@@ -94,7 +93,7 @@ def low_reynolds_coefficients(
     )
 
 
-def low_reynolds_field(drawing: GliderParameters) -> FieldData:
+def low_reynolds_field(parameters: GliderParameters) -> FieldData:
     """Returns the residual field, 126 weights a coefficient, fitted on a grid."""
     grid = np.meshgrid(
         *(
@@ -108,7 +107,7 @@ def low_reynolds_field(drawing: GliderParameters) -> FieldData:
     alpha, elevator, speed = (axis.ravel() for axis in grid)
     basis = residual_basis(_SPEEDS)
     columns = basis_values(basis, {"alpha": alpha, "elevator": elevator, "V": speed})
-    wanted = low_reynolds_coefficients(alpha, elevator, speed, drawing)
+    wanted = low_reynolds_coefficients(alpha, elevator, speed, parameters)
     with threadpool_limits(limits=1, user_api="blas"):  # Small: threads slow it down.
         weights = least_squares(columns, wanted, _RIDGE).coefficients
     basis.weights = {
@@ -124,8 +123,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("path", metavar="FILE", type=Path)
-    drawing = load_parameters(models_path("vehicles", "heavy.yaml"))
-    model = GliderModel(parameters=drawing, field=low_reynolds_field(drawing))
+    parameters = load_parameters(models_path("vehicles", "heavy.yaml"))
+    model = GliderModel(parameters=parameters, field=low_reynolds_field(parameters))
     save_model(parser.parse_args().path, model)
 
 

@@ -13,11 +13,11 @@ from glider.campaign.logs import (
 )
 from glider.errors import InputError
 from glider.physics.effects.field import (
+    COEFFICIENTS,
     FieldData,
     make_field,
 )
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     RIDGE,
     CoefficientData,
     coefficient_data,
@@ -41,7 +41,7 @@ WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualModel:
-    """What one model of the coefficients makes of flights that it has not seen.
+    """One model of the coefficients, and its errors on flights that it has not seen.
 
     Attributes:
         field: its residual; None for the flat plate alone.
@@ -108,18 +108,18 @@ def learn_residuals(
     either end.
 
     Args:
-        campaign: whose drawing is known, with a servo.
+        campaign: whose nominal model is known, with a servo.
         held_out: share of the flights that errors are measured on.
         seed: of the split.
         ridge: γ.
 
     Raises:
-        InputError: the drawing or the elevator is not known, or the split fails.
+        InputError: the nominal model or the elevator is not known, or the split fails.
     """
     vehicle = make_vehicle(campaign)
     if not vehicle.is_known or campaign.elevator != "servo":
         raise InputError(
-            f"{campaign.path}: coefficients need the whole drawing of the vehicle and "
+            f"{campaign.path}: coefficients need all parameters of the vehicle and "
             "a logged elevator; the campaign lacks one of them."
         )
     with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.

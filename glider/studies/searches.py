@@ -28,7 +28,7 @@ TOLD = (30, 100)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Searches:
-    """What the searches of each method found, and what the first of each drew."""
+    """Searches by each method: what all found, and what the first of each drew."""
 
     cost: SequenceCost
     """Cost that they minimize."""

@@ -37,8 +37,8 @@ from glider.verification.sos.solving import (
 )
 
 SIZE = 2.0
-"""All polynomials are of y = x / SIZE, which is about 1 on the limit cycle: the margins
-of small and of large monomials then weigh alike."""
+"""Scale of y = x / SIZE, in which all polynomials are; y is about 1 on the limit cycle:
+the margins of small and of large monomials then weigh alike."""
 
 FIELD = (np.zeros((4, 4)), np.zeros((4, 4)))
 """ẏ₁ and ẏ₂ as polynomials."""
@@ -46,10 +46,10 @@ FIELD[0][0, 1] = -1.0
 FIELD[1][1, 0], FIELD[1][0, 1], FIELD[1][2, 1] = 1.0, -1.0, SIZE**2
 
 MARGIN = 1e-5
-"""Of the Gram matrices' eigenvalues while V is looked for."""
+"""Margin of the Gram matrices' eigenvalues while V is looked for."""
 
 BITS = 40
-"""Binary places that a Gram matrix is rounded to before it is checked."""
+"""Number of binary places that a Gram matrix is rounded to before it is checked."""
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)[:-1]
 _RAYS = np.array([np.cos(_ANGLES), np.sin(_ANGLES)])
@@ -60,16 +60,16 @@ class Region:
     """{V <= 1} and what proves that it is attracted."""
 
     polynomial: np.ndarray
-    """V."""
+    """Lyapunov function V."""
 
     positive: np.ndarray
     """Entries of Gram matrices of V."""
 
     multiplier: np.ndarray
-    """Those of L."""
+    """Entries of Gram matrices of L."""
 
     decrease: np.ndarray
-    """Those of -V̇ - L (1 - V)."""
+    """Entries of Gram matrices of -V̇ - L (1 - V)."""
 
     half: int
     """Highest degree of a monomial in the squares of L."""

@@ -14,7 +14,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.sysid.fit.output_error import fit, in_parallel
 from glider.sysid.fit.prediction import (
-    Forecast,
+    Prediction,
     measure_errors,
 )
 from glider.sysid.fit.whiteness import lack_of_fit
@@ -125,7 +125,7 @@ class Analysis:
             if plate is None:
                 start = fit(fitted_before, vehicle.theta, vehicle.nuisance).theta
                 plate = fit(fitted_before, start, vehicle.own).theta
-        with self.stage("foretell"):
+        with self.stage("foretell", "predict"):  # As report.json names the stage.
             corrected = dataclasses.replace(unseen, field=found.field)
             models = {
                 "as_drawn": (before, vehicle.theta),
@@ -133,9 +133,9 @@ class Analysis:
                 "corrected": (corrected, found.theta),
             }
             errors: dict[str, Errors | None] = {}
-            forecasts: dict[str, list[Forecast]] = {}
+            predictions: dict[str, list[Prediction]] = {}
             for name, (problem, theta) in models.items():
-                errors[name], forecasts[name] = measure_errors(problem, theta)
+                errors[name], predictions[name] = measure_errors(problem, theta)
             first = "as_drawn" if vehicle.is_known else "refitted"
             if not vehicle.is_known:
                 errors["as_drawn"] = None
@@ -155,7 +155,7 @@ class Analysis:
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
             model=model_of(found, signs, campaign, layout),
-            held_out=flights_of(before, forecasts, vehicle, signs),
+            held_out=flights_of(before, predictions, vehicle, signs),
             residual_before=before_table,
             residual_after=after_table,
             seconds=self.seconds,

@@ -1,4 +1,4 @@
-"""From what was found to a result: verdict, effects, corrected model, flights."""
+"""The parts of a result: verdict, effects, corrected model, flights."""
 
 import math
 
@@ -9,7 +9,7 @@ from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
 from glider.sysid.fit.output_error import fit_covariance
 from glider.sysid.fit.prediction import (
-    Forecast,
+    Prediction,
     beginning_rows,
 )
 from glider.sysid.replay.problem import Problem
@@ -21,11 +21,11 @@ from glider.sysid.replay.vehicle import (
 )
 from glider.sysid.result import (
     MODELS,
+    Z_SIGNIFICANT,
     Estimate,
     FoundEffect,
     HeldOutFlight,
 )
-from glider.sysid.search.beam_search import SILENT
 from glider.sysid.search.explanation import Explanation
 
 
@@ -33,7 +33,7 @@ def verdict_of(found: Explanation, signs: Signs) -> str:
     """Returns "no_effect", "effect_found" or "unexplained"."""
     kinds = [w.kind for w in found.weighed]
     if not kinds and signs.are_right:
-        return "no_effect" if found.left_z < SILENT else "unexplained"
+        return "no_effect" if found.left_z < Z_SIGNIFICANT else "unexplained"
     if kinds and kinds[0] == "unexplained":
         return "unexplained"
     return "effect_found"
@@ -121,11 +121,11 @@ def model_of(
 
 def flights_of(
     problem: Problem,
-    forecasts: dict[str, list[Forecast]],
+    predictions: dict[str, list[Prediction]],
     vehicle: Vehicle,
     signs: Signs,
 ) -> tuple[HeldOutFlight, ...]:
-    """Returns the held-out flights as logged, beside what each model foretold."""
+    """Returns the held-out flights as logged, beside what each model predicted."""
     flights = []
     as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
     for i, record in enumerate(problem.records):
@@ -136,7 +136,7 @@ def flights_of(
                 time=record.time,
                 measured=record.flight.pose,
                 flown={
-                    name: forecasts[name][i].pose * as_logged.get(name, 1.0)
+                    name: predictions[name][i].pose * as_logged.get(name, 1.0)
                     for name in MODELS
                     if name != "as_drawn" or vehicle.is_known
                 },

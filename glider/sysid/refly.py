@@ -17,8 +17,8 @@ from glider.physics.parameters import (
     GliderParameters,
 )
 from glider.sysid.fit.prediction import (
-    Forecast,
-    foretell,
+    Prediction,
+    predict,
 )
 from glider.sysid.fit.simulate import (
     layout_for,
@@ -45,7 +45,7 @@ from glider.sysid.replay.vehicle import (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A flight as somebody saw it: the cameras, or a model.
+    """Flight as somebody saw it: the cameras, or a model.
 
     Attributes:
         time: (n,) from the first row of the log [s]; it ends early where a model
@@ -61,16 +61,16 @@ class Motion:
     forces: np.ndarray | None = None
 
 
-def drawn_model(campaign: Campaign) -> GliderModel | None:
-    """Returns the drawing as a model; None where the campaign does not tell it."""
+def nominal_model(campaign: Campaign) -> GliderModel | None:
+    """Returns the nominal model; None where the campaign does not tell all of it."""
     vehicle = make_vehicle(campaign)
     if not vehicle.is_known:
         return None
     return GliderModel(parameters=parameters_of(vehicle.theta, campaign))
 
 
-def drawing_of(campaign: Campaign) -> GliderParameters:
-    """Returns what is told of the vehicle; the default drawing's where nothing is."""
+def nominal_parameters(campaign: Campaign) -> GliderParameters:
+    """Returns what is told of the vehicle; the default glider's where nothing is."""
     vehicle: dict[str, Any] = dict(campaign.vehicle)
     return GliderParameters(**vehicle)
 
@@ -113,9 +113,9 @@ def refly(
     motions = {}
     for label, model in models.items():
         signs = signs_of(model)
-        record, forecast = _forecast(campaign, flight, model)
-        elevator = logged_elevator(record, theta_of(model)) + forecast.trim
-        poses = np.column_stack([forecast.pose, elevator])
+        record, predicted = _predicted(campaign, flight, model)
+        elevator = logged_elevator(record, theta_of(model)) + predicted.trim
+        poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
         rows = _rows_before_it_blows_up(poses)
         motions[label] = Motion(time=record.time[:rows], poses=poses[:rows])
@@ -125,7 +125,7 @@ def refly(
     measured = Motion(
         time=record.time,
         poses=np.column_stack([seen.pose, angle]),
-        forces=_forces(record, last, forecast.trim) if has_mass else None,
+        forces=_forces(record, last, predicted.trim) if has_mass else None,
     )
     return {"measured": measured, **motions}
 
@@ -143,18 +143,19 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
     return {name: position_error(measured, motion) for name, motion in models}
 
 
-_FAR = 100.0
-"""No flight goes as far [m]: a model that does has blown up."""
+_LARGEST_POSITION = 100.0
+"""Position that no flight reaches [m]: a model that does has blown up."""
 
 
 def _rows_before_it_blows_up(poses: np.ndarray) -> int:
-    far = ~(np.max(np.abs(poses), axis=1) < _FAR)  # So is what is not a number.
+    largest = np.max(np.abs(poses), axis=1)
+    far = ~(largest < _LARGEST_POSITION)  # So is what is not a number.
     return int(np.argmax(far)) if far.any() else len(poses)
 
 
-def _forecast(
+def _predicted(
     campaign: Campaign, flight: Flight, model: GliderModel
-) -> tuple[Record, Forecast]:
+) -> tuple[Record, Prediction]:
     signs = signs_of(model)
     turned = turn_campaign(campaign, signs)
     noise = measure_noise(turned)
@@ -166,7 +167,7 @@ def _forecast(
         field=model.residual_field,
         trim_is_known=make_vehicle(campaign).trim_is_known,
     )
-    return record, foretell(problem, theta_of(model), record)
+    return record, predict(problem, theta_of(model), record)
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What closing the loop found: inert data, as the report and the caller read it."""
+"""The result of closing the loop: inert data, as the report and the caller read it."""
 
 import dataclasses
 from pathlib import Path
@@ -8,8 +8,13 @@ import numpy as np
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 
+Z_SIGNIFICANT = 4.0
+"""Lack of fit in standard deviations of pure noise (`LackOfFit.z`) from which on
+something is left. Set by hand: with it, `bench_tracing alarms` finds no effect in
+twenty campaigns that have none."""
+
 MODELS = ("as_drawn", "refitted", "corrected")
-"""The drawing; the flat plate with its own parameters refitted; with the effects."""
+"""Nominal model; flat plate with its own parameters refitted; with the effects."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -30,7 +35,7 @@ class FoundEffect:
         words: a short phrase for people.
         coefficients: by name.
         evidence: log-likelihood gained on flights left out of the fit [nats].
-        share: of the drawing's error that it explains, 0 to 1.
+        share: of the nominal model's error that it explains, 0 to 1.
         indistinguishable_from: kinds that the data cannot tell from it.
         depends_on: variables that it varies with.
     """
@@ -109,7 +114,7 @@ class ResidualTable:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result:
-    """What `close_the_loop` returns.
+    """Result of `close_the_loop`.
 
     Attributes:
         campaign: its name.
@@ -121,14 +126,14 @@ class Result:
         errors: model name (of MODELS) to its errors; as_drawn is None where the
             vehicle is not known.
         left_z: what the corrected model leaves on held-out flights, in standard
-            deviations of pure noise (below 4: nothing).
+            deviations of pure noise (below Z_SIGNIFICANT: nothing).
         candidates: evidence of each kind when tried alone [nats].
         noise_position_m: standard deviation of the measured x and z.
         noise_pitch_rad: of the measured pitch.
         model: the corrected glider.
         held_out: held-out flights, measured and flown.
-        residual_before: of the drawing (of the refitted plate where the vehicle is
-            not known).
+        residual_before: of the nominal model (of the refitted plate where the vehicle
+            is not known).
         residual_after: of the corrected model.
         seconds: stage to wall-clock time.
         version: of this package.

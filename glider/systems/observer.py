@@ -1,4 +1,4 @@
-"""What is not measured: the states of the planner's own effects."""
+"""Observer of what is not measured: the states of the planner's own effects."""
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd

@@ -55,7 +55,7 @@ def GliderPlant_(T):
             forces: FORCE_NAMES, directly from state, elevator_rate and wind.
             pose: what the sensors show, POSE_NAMES.
 
-        Numeric parameter 0 holds the drawing in the order of PARAMETER_NAMES
+        Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES
         and numeric parameter 1 the effects' coefficients, one effect after the
         other, so that a caller can change them or differentiate by them.
         """

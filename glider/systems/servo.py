@@ -8,11 +8,9 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import limited_rate
 from glider.physics.state import (
+    ELEVATOR,
     NUM_STATES,
-    STATE_NAMES,
 )
-
-_ELEVATOR = STATE_NAMES.index("elevator")
 
 
 @TemplateSystem.define("ElevatorServo_", T_list=[float, AutoDiffXd])
@@ -55,7 +53,7 @@ def ElevatorServo_(T):
 
         def _calc_rate(self, context, output):
             command = self._command.Eval(context)[0]
-            elevator = self._state.Eval(context)[_ELEVATOR]
+            elevator = self._state.Eval(context)[ELEVATOR]
             rate = limited_rate(command, elevator, self._parameters.servo)
             # A limit alone is a float; the sum is a T.
             output.SetFromVector(np.array([rate + 0.0 * elevator]))

@@ -29,7 +29,7 @@ from glider.simulation.monte_carlo import (
     draw_launches,
 )
 from glider.systems.plant import GliderPlant
-from tests.helpers.flights import DRAWING, PROBLEM, plan_of
+from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 
 
 def best_seconds(function, rounds=5):
@@ -45,8 +45,8 @@ def best_seconds(function, rounds=5):
 
 def plain_gains(plan):
     """Computes gains as `tracking_gains` does, on the plant as it comes."""
-    plant = GliderPlant(DRAWING, fast=False)
-    given = tvlqr_drake._arguments(DRAWING, plan, None)
+    plant = GliderPlant(NOMINAL, fast=False)
+    given = tvlqr_drake._arguments(NOMINAL, plan, None)
     given |= {"system": plant, "context": plant.CreateDefaultContext()}
     return FiniteHorizonLinearQuadraticRegulator(**given)
 
@@ -57,19 +57,19 @@ def main():
 
     print("\nGains along the article's plan")
     slow_seconds = best_seconds(lambda: plain_gains(plan))
-    fast_seconds = best_seconds(lambda: tracking_gains(DRAWING, plan))
-    pass_seconds = best_seconds(lambda: compiled_policy(DRAWING, plan))
+    fast_seconds = best_seconds(lambda: tracking_gains(NOMINAL, plan))
+    pass_seconds = best_seconds(lambda: compiled_policy(NOMINAL, plan))
     print(f"  Drake, plain plant     {1e3 * slow_seconds:7.1f} ms")
     for name, seconds in (("Drake", fast_seconds), ("compiled pass", pass_seconds)):
         ratio = seconds / slow_seconds
         print(f"  {name:22s} {1e3 * seconds:7.1f} ms   {ratio:.4f} of it")
     times = np.linspace(0.0, plan.duration, 1000)
-    drake = policy_of(tracking_gains(DRAWING, plan), plan)
-    gains = [p.sample(times)[1] for p in (drake, compiled_policy(DRAWING, plan))]
+    drake = policy_of(tracking_gains(NOMINAL, plan), plan)
+    gains = [p.sample(times)[1] for p in (drake, compiled_policy(NOMINAL, plan))]
     difference = np.max(np.abs(gains[0] - gains[1])) / np.max(np.abs(gains[0]))
     print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
 
-    policy, rng = compiled_policy(DRAWING, plan), np.random.default_rng(0)
+    policy, rng = compiled_policy(NOMINAL, plan), np.random.default_rng(0)
     starts = draw_launches(PROBLEM, LaunchSpread(), 10_000, rng)
     print("\n10,000 flights, on one core")
     for name, options in (
@@ -79,12 +79,12 @@ def main():
         ("steps of 1 ms", {"step": 0.001}),
     ):
         # The options of this turn: the function is called before the next.
-        seconds = best_seconds(lambda o=options: fly(DRAWING, policy, starts, **o), 3)
+        seconds = best_seconds(lambda o=options: fly(NOMINAL, policy, starts, **o), 3)
         print(f"  {name:22s} {seconds:5.2f} s")
-    perched = fly(DRAWING, policy, starts).perched
+    perched = fly(NOMINAL, policy, starts).perched
     print(f"  perched: {np.mean(perched):.2%}")
 
-    diagram = closed_loop(DRAWING, tracking_regulator(DRAWING, plan), command_rate=50.0)
+    diagram = closed_loop(NOMINAL, tracking_regulator(NOMINAL, plan), command_rate=50.0)
     seconds = best_seconds(
         lambda: simulate_flights(diagram, starts[:10], plan.duration + AFTER), 3
     )

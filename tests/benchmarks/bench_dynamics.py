@@ -75,7 +75,7 @@ def main():
         for k in LIBRARY
         for c in k.coefficients[:1]
     )
-    for name, effects in (("drawing", ()), ("drag", drag), ("library", library)):
+    for name, effects in (("nominal", ()), ("drag", drag), ("library", library)):
         model = GliderModel(effects=effects)
         fast, plain = autodiff_seconds(model, True), autodiff_seconds(model, False)
         times = f"{1e6 * fast:.0f} / {1e6 * plain:.0f} us"
@@ -83,7 +83,7 @@ def main():
 
     print("\nFlights per second and core, 10,000 flights of 75 steps")
     lag = (SERVO_LAG(time_constant=0.03),)
-    for name, effects in (("drawing", ()), ("drag", drag), ("servo_lag", lag)):
+    for name, effects in (("nominal", ()), ("drag", drag), ("servo_lag", lag)):
         for order, method in ((1, "Euler"), (4, "Runge-Kutta")):
             ends = flights_per_second(effects, order, keep=False)
             paths = flights_per_second(effects, order, keep=True)

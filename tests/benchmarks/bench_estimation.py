@@ -17,8 +17,8 @@ from glider.estimation.flights import (
 )
 from glider.estimation.perching import (
     CAPTURE,
-    DRAWN,
     PROCESS,
+    UNCERTAIN,
     launch_prior,
     perching_ekf,
 )
@@ -31,7 +31,7 @@ from glider.simulation.monte_carlo import (
     draw_launches,
 )
 from tests.benchmarks.bench_control import best_seconds
-from tests.helpers.flights import DRAWING, PROBLEM, plan_of
+from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 
 
 def main():
@@ -39,13 +39,13 @@ def main():
     rng, samples = np.random.default_rng(0), 100
     tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
     full = make_ekf(
-        DRAWING, rate=CAPTURE.rate, process=PROCESS, noise=[1e-4] * 7, slow=DRAWN
+        NOMINAL, rate=CAPTURE.rate, process=PROCESS, noise=[1e-4] * 7, slow=UNCERTAIN
     )
     print("\nA step of the filter: prediction and correction; x̄ has N numbers")
     for name, ekf in (
         ("N 9, 7 measured", full),
-        ("N 7, 4 measured", perching_ekf(DRAWING)),
-        ("N 9, 4 measured", perching_ekf(DRAWING, DRAWN)),
+        ("N 7, 4 measured", perching_ekf(NOMINAL)),
+        ("N 9, 4 measured", perching_ekf(NOMINAL, UNCERTAIN)),
     ):
         prior = launch_prior(ekf, PROBLEM.launch)
         flight = fly_watched(ekf, draw_starts(prior, 20, rng), tape, rng)
@@ -67,7 +67,7 @@ def main():
         print(f"  {name:26s} {1e6 * seconds:6.2f} us")
 
     starts = draw_launches(PROBLEM, LaunchSpread(), 50, rng)
-    flown = fly_on_estimate(DRAWING, plan_of(), starts, rng)
+    flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)
     print("\n50 launches of the article's plan, 1 mm of noise, TVLQR")
     for name, flights in (("state", flown.on_state), ("estimate", flown.on_estimate)):
         misses = 1e3 * np.array([flight.miss for flight in flights])

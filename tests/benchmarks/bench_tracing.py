@@ -90,12 +90,12 @@ def floor_of(name: str, held_out: tuple[str, ...]) -> float:
 
 def practice() -> None:
     """Prints the practice campaigns' table."""
-    print("campaign        verdict       s   drawn  corrected  floor [mm]  effects")
+    print("campaign        verdict       s nominal  corrected  floor [mm]  effects")
     for name in PRACTICE:
         begin = time.perf_counter()
         result = close_the_loop(campaign_path(name))
         seconds = time.perf_counter() - begin
-        drawn, corrected = (
+        nominal, corrected = (
             1e3 * result.errors[m].position_rms_m for m in ("as_drawn", "corrected")
         )
         floor = 1e3 * floor_of(name, result.held_out_flights)
@@ -106,7 +106,7 @@ def practice() -> None:
         )
         found = f"{'+'.join(e.kind for e in result.effects)} {found}"
         print(
-            f"{name:14s}  {result.verdict:12s} {seconds:4.1f} {drawn:7.2f} "
+            f"{name:14s}  {result.verdict:12s} {seconds:4.1f} {nominal:7.2f} "
             f"{corrected:8.2f} {floor:8.2f}      {found}"
         )
 

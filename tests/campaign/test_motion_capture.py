@@ -181,8 +181,8 @@ def test_the_effects_own_states_are_not_shown():
 
 def test_a_log_is_a_flight_of_a_campaign(tmp_path):
     log = film(MotionCapture())
-    drawing = GliderModel().parameters
-    save_campaign(tmp_path, campaign_of("filmed", drawing, [log], 120.0, 50.0))
+    parameters = GliderModel().parameters
+    save_campaign(tmp_path, campaign_of("filmed", parameters, [log], 120.0, 50.0))
     [loaded] = load_campaign(tmp_path).flights
     assert loaded.name == log.name
     for name in ("time", "pose", "elevator", "command"):

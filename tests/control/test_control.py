@@ -42,8 +42,8 @@ from glider.planning.plan import Plan
 from glider.simulation.fly import fly
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
-    DRAWING,
     LAGGING,
+    NOMINAL,
     drake_gains,
     drake_policy,
     plan_of,
@@ -77,11 +77,11 @@ def test_the_cost_to_go_is_a_cost_and_ends_in_its_final_weight():
         assert np.linalg.eigvalsh(S).min() > 0.0
 
 
-@pytest.mark.parametrize("lagging", [False, True], ids=["drawing", "servo_lag"])
+@pytest.mark.parametrize("lagging", [False, True], ids=["nominal", "servo_lag"])
 def test_the_compiled_pass_equals_drakes(lagging):
     """To 1e-5 of the largest; with a lag, the final weight is semidefinite."""
     plan = plan_of(lagging)
-    model = LAGGING if lagging else DRAWING
+    model = LAGGING if lagging else NOMINAL
     gains = tracking_gains(model, plan) if lagging else drake_gains()
     compiled, drake = compiled_policy(model, plan), policy_of(gains, plan)
     for name in ("gains", "cost"):
@@ -117,7 +117,7 @@ def test_what_the_plan_lacks_is_corrected_as_drake_does():
 
 
 def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
-    trim = find_trim(DRAWING, 7.0)
+    trim = find_trim(NOMINAL, 7.0)
     slope = np.zeros(7)
     slope[:2] = trim.state[4:6]
     times = np.array([0.0, 40.0])
@@ -126,13 +126,13 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
         states=trim.state + times[:, None] * slope,
         slopes=np.array([slope, slope]),
         inputs=np.zeros(2),
-        state_names=DRAWING.state_names,
+        state_names=NOMINAL.state_names,
         cost=0.0,
         max_defect=0.0,
         path_defect=0.0,
         drift=0.0,
     )
-    twin = GliderPlant(DRAWING).ToAutoDiffXd()
+    twin = GliderPlant(NOMINAL).ToAutoDiffXd()
     context = twin.CreateDefaultContext()
     ad = InitializeAutoDiff(np.append(trim.state, 0.0)).ravel()
     context.SetContinuousState(ad[:7])
@@ -143,7 +143,7 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     # Without thrust nobody holds a place on the way down: x and z weigh nothing.
     weights = TrackingWeights(state=(0, 0, 10, 1, 1, 1, 1), final=(0,) * 7)
     S = solve_continuous_are(A, B, np.diag(weights.state[2:]), [[weights.rate]])
-    found = compiled_policy(DRAWING, steady, weights, step=0.01)
+    found = compiled_policy(NOMINAL, steady, weights, step=0.01)
     np.testing.assert_allclose(found.cost[0, 2:, 2:], S, rtol=1e-5, atol=1e-5)
     gain = B[:, 0] @ S / weights.rate
     np.testing.assert_allclose(found.gains[0, 2:], gain, rtol=1e-5, atol=1e-5)
@@ -154,7 +154,7 @@ def test_the_cost_to_go_is_what_a_flight_costs():
     plan, weights = plan_of(), TrackingWeights()
     start = plan.states[0] + 1e-3 * np.array([1.0, -2.0, 1.0, 1.0, 3.0, -2.0, 2.0])
     flights = fly(
-        DRAWING, policy(), start[None], after=0.0, step=0.0005, keep_paths=True
+        NOMINAL, policy(), start[None], after=0.0, step=0.0005, keep_paths=True
     )
     nominal, _, inputs = sample_plan(plan, flights.times)
     offset, gain = policy().sample(flights.times)
@@ -224,7 +224,7 @@ WINDY = GliderModel(effects=(WIND(x=-1.0, z=0.2),))
 
 @pytest.mark.parametrize(
     ("model", "speed"),
-    [(DRAWING, 7.0), (WINDY, 6.0), (POWERED, None), (POWERED_WITH_STATES, None)],
+    [(NOMINAL, 7.0), (WINDY, 6.0), (POWERED, None), (POWERED_WITH_STATES, None)],
     ids=["glide", "wind", "level", "level with states"],
 )
 def test_a_disturbed_cruise_returns_to_its_trim(model, speed):

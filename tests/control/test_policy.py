@@ -13,7 +13,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.planning.plan import held_plan
 from glider.simulation.fly import fly
-from tests.helpers.flights import DRAWING, LAGGING, PROBLEM
+from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
 
 STEP = 0.02
 INPUTS = np.array([1.0, 3.0, -2.0, 0.5, -4.0])
@@ -34,12 +34,12 @@ def fly_held(model, policy, start):
 
 
 def test_without_gains_the_commands_are_replayed_wherever_the_glider_is():
-    plan = plan_for(DRAWING)
+    plan = plan_for(NOMINAL)
     policy = HeldPolicy(plan=plan)
     assert policy.command_rate == pytest.approx(1.0 / STEP)
     assert policy.duration == pytest.approx(0.1)
     aside = plan.states[0] + [0.1, 0.2, 0.1, -0.05, -1.0, 0.5, 1.0]
-    flown, astray = (fly_held(DRAWING, policy, x) for x in (plan.states[0], aside))
+    flown, astray = (fly_held(NOMINAL, policy, x) for x in (plan.states[0], aside))
     for flights in (flown, astray):
         np.testing.assert_array_equal(flights.commands[0, :5], INPUTS)
         np.testing.assert_allclose(flights.command_times[:5], plan.times[:-1])
@@ -48,9 +48,9 @@ def test_without_gains_the_commands_are_replayed_wherever_the_glider_is():
 
 def test_after_the_plan_the_elevator_stands_still():
     """With gains too: nobody is followed any more."""
-    policy = HeldPolicy(plan=plan_for(DRAWING, gains=np.full((5, 7), 0.5)))
+    policy = HeldPolicy(plan=plan_for(NOMINAL, gains=np.full((5, 7), 0.5)))
     start = policy.plan.states[0] + 0.01
-    flights = fly_held(DRAWING, policy, start)
+    flights = fly_held(NOMINAL, policy, start)
     after = flights.times > policy.duration - 1e-9
     assert flights.times[-1] == pytest.approx(policy.duration + 0.1, abs=0.0021)
     assert np.all(flights.commands[0, :5] != 0.0)
@@ -77,7 +77,7 @@ def test_the_feedback_is_the_plans_from_the_beginning_of_each_step():
 
 
 def test_a_held_policy_survives_a_journey():
-    policy = HeldPolicy(plan=plan_for(DRAWING, gains=np.ones((5, 7))))
+    policy = HeldPolicy(plan=plan_for(NOMINAL, gains=np.ones((5, 7))))
     policy.plan.state_trajectory  # noqa: B018  Cached, and on Drake 1.51 no traveller.
     again = pickle.loads(pickle.dumps(policy))
     times = np.linspace(0.0, 0.2, 30)
@@ -86,7 +86,7 @@ def test_a_held_policy_survives_a_journey():
 
 
 def test_a_held_plan_is_sampled_without_ramps():
-    plan = plan_for(DRAWING)
+    plan = plan_for(NOMINAL)
     times = np.array([0.0, 0.019, 0.03, 0.0999, 0.1])
     states, slopes, inputs = sample_plan(plan, times)
     np.testing.assert_array_equal(inputs, INPUTS[[0, 0, 1, 4, 4]])

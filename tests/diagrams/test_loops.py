@@ -46,7 +46,7 @@ from glider.simulation.monte_carlo import (
 )
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
-from tests.helpers.flights import DRAWING, LAGGING, PROBLEM, draw_noise, plan_of, policy
+from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM, draw_noise, plan_of, policy
 
 DURATION = 0.98
 STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
@@ -62,7 +62,7 @@ CAPTURE = {
 
 def regulator(lagging=False):
     """A System fits into one diagram: each needs its own."""
-    return tracking_regulator(LAGGING if lagging else DRAWING, plan_of(lagging))
+    return tracking_regulator(LAGGING if lagging else NOMINAL, plan_of(lagging))
 
 
 def launches(count):
@@ -71,12 +71,12 @@ def launches(count):
 
 @pytest.fixture(scope="module")
 def replay():
-    return open_loop(DRAWING, plan_of())
+    return open_loop(NOMINAL, plan_of())
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return closed_loop(DRAWING, regulator())
+    return closed_loop(NOMINAL, regulator())
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_its_autodiff_twin_has_its_slopes(diagram):
 
 def test_a_meshcat_shows_the_flight():
     meshcat = Meshcat(port=0)
-    diagram = open_loop(DRAWING, plan_of(), meshcat=meshcat)
+    diagram = open_loop(NOMINAL, plan_of(), meshcat=meshcat)
     assert {"glider_scene_graph", "glider_visualizer"} <= set(names_of(diagram))
     simulate_flights(diagram, launches(1), 0.05)
     assert meshcat.HasPath("/drake/glider")
@@ -182,7 +182,7 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
         gains=0.0 * policy().gains,
         corrections=0.0 * policy().corrections,
     )
-    ours = fly(DRAWING, none, starts, step=0.0005)
+    ours = fly(NOMINAL, none, starts, step=0.0005)
     flights = simulate_flights(replay, starts, ours.times[-1], accuracy=1e-9)
     ends = [flight.states[-1] for flight in flights]
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
@@ -213,7 +213,7 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
 
 
 def test_a_compiled_flight_is_shown_without_forces():
-    flights = fly(DRAWING, policy(), launches(1), command_rate=50.0, keep_paths=True)
+    flights = fly(NOMINAL, policy(), launches(1), command_rate=50.0, keep_paths=True)
     shown = flight_track("compiled", flights.flight(0))
     assert shown.forces is None
     np.testing.assert_array_equal(shown.times, flights.times)
@@ -260,7 +260,7 @@ def test_the_observer_knows_the_lag_as_the_glider_itself(sampled):
 
 
 def test_an_observer_flies_a_glider_without_those_states():
-    diagram = closed_loop(DRAWING, regulator(lagging=True), planned=LAGGING)
+    diagram = closed_loop(NOMINAL, regulator(lagging=True), planned=LAGGING)
     assert "measured_state" not in names_of(diagram)
     [flight] = simulate_flights(diagram, launches(1), DURATION)
     assert flight.perched
@@ -279,7 +279,7 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
     [
         ({"feedback_noise": True}, "a rate is needed"),
         ({"command_rate": -1.0}, "-1.0 Hz"),
-        ({"planned": DRAWING}, "wants 8"),
+        ({"planned": NOMINAL}, "wants 8"),
         ({}, "`planned`"),
         ({"truth": STALLING}, "`planned`"),  # As many states, but others.
         ({"all_states": True}, "8 states and the glider has 7"),
@@ -290,7 +290,7 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
     ],
 )
 def test_what_does_not_fit_is_refused(options, message):
-    truth = options.get("truth", DRAWING)
+    truth = options.get("truth", NOMINAL)
     others = {name: value for name, value in options.items() if name != "truth"}
     with pytest.raises(InputError, match=message):
         closed_loop(truth, MatrixGain(np.ones((1, 8))), **others)
@@ -321,14 +321,14 @@ def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
     noise = MotionCapture().draw(rng, 2, 200)
     quiet = simulate_flights(sampled, launches(2), DURATION)
     noisy = simulate_flights(sampled, launches(2), DURATION, capture_noise=noise)
-    drawing = DRAWING.parameters
+    parameters = NOMINAL.parameters
     campaign = Campaign(
         name="flown",
         path=tmp_path,
-        vehicle={name: getattr(drawing, name) for name in PARAMETER_NAMES},
+        vehicle={name: getattr(parameters, name) for name in PARAMETER_NAMES},
         elevator="servo",
-        elevator_limits=tuple(drawing.elevator_limits),
-        elevator_rate_limit=drawing.elevator_rate_limit,
+        elevator_limits=tuple(parameters.elevator_limits),
+        elevator_rate_limit=parameters.elevator_rate_limit,
         pose_rate=120.0,
         command_rate=50.0,
         flights=tuple(flight.log for flight in noisy),

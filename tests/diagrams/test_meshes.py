@@ -1,4 +1,4 @@
-"""What the glider looks like agrees with its drawing."""
+"""What the glider looks like agrees with its parameters."""
 
 import collections
 import xml.etree.ElementTree
@@ -65,7 +65,7 @@ def planform(parameters, link):
 
 
 @pytest.mark.parametrize("vehicle", ["perching", "heavy_ekf"])
-def test_plates_have_the_areas_and_centers_of_the_drawing(vehicle):
+def test_plates_have_the_areas_and_centers_of_the_vehicle(vehicle):
     parameters = load_parameters(models_path("vehicles", f"{vehicle}.yaml"))
     wing, center = planform(parameters, "body")
     assert np.prod(wing) == pytest.approx(parameters.wing_area, rel=1e-4)
@@ -75,7 +75,7 @@ def test_plates_have_the_areas_and_centers_of_the_drawing(vehicle):
     assert center == pytest.approx(-parameters.elevator_offset)
 
 
-def test_an_elevator_without_a_chord_on_the_drawing_still_has_its_area():
+def test_an_elevator_without_a_chord_of_its_own_still_has_its_area():
     extent, _ = planform(GliderParameters(elevator_offset=0.0), "elevator")
     assert np.prod(extent) == pytest.approx(GliderParameters().elevator_area, rel=1e-4)
 

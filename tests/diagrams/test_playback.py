@@ -106,9 +106,9 @@ def test_an_arrow_is_as_long_as_its_force(tracks, meshcat):
 
 def test_an_arrow_is_where_its_force_acts(tracks):
     """From the body's frame and from the hinge; ahead is positive."""
-    drawing = GliderParameters(wing_offset=0.03, elevator_offset=0.05)
+    parameters = GliderParameters(wing_offset=0.03, elevator_offset=0.05)
     meshcat = Meshcat()
-    MakePlayback(tracks, meshcat, parameters=drawing)
+    MakePlayback(tracks, meshcat, parameters=parameters)
     wing, elevator = (place_of(meshcat, p) for p in arrow_paths("flown"))
     assert wing == pytest.approx([0.03, 0.0, 0.0])
     assert elevator == pytest.approx([-0.05, 0.0, 0.0])

@@ -31,10 +31,10 @@ from tests.helpers.physics import FIELD
 
 
 def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
-    problem, drawing = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
+    problem, nominal = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
     starts = draw_launches(problem, LaunchSpread(), 3, np.random.default_rng(0))
     first, again = (
-        rehearse(drawing, drawing, problem, starts, np.random.default_rng(1))
+        rehearse(nominal, nominal, problem, starts, np.random.default_rng(1))
         for _ in range(2)
     )
     assert first.misses == again.misses

@@ -38,8 +38,8 @@ from glider.estimation.flights import (
 from glider.estimation.knowledge import information_bound
 from glider.estimation.perching import (
     CAPTURE,
-    DRAWN,
     PROCESS,
+    UNCERTAIN,
     launch_prior,
     perching_ekf,
     watch_perches,
@@ -67,7 +67,7 @@ from glider.simulation.monte_carlo import (
 )
 from glider.sysid.fit.information import eliminate_start
 from glider.sysid.replay.sensitivity import Linearized
-from tests.helpers.flights import DRAWING, PROBLEM, plan_of, policy
+from tests.helpers.flights import NOMINAL, PROBLEM, plan_of, policy
 from tests.helpers.physics import random_states
 
 NOISE = np.square(CAPTURE.std)
@@ -75,14 +75,14 @@ LAUNCH = PROBLEM.launch
 
 
 @functools.cache
-def drawn_ekf():
-    return perching_ekf(DRAWING, DRAWN)
+def uncertain_ekf():
+    return perching_ekf(NOMINAL, UNCERTAIN)
 
 
 @functools.cache
 def flown(flights=200, samples=100):
     """Flights under a tape, whose parameters are as uncertain as the filter says."""
-    ekf, rng = drawn_ekf(), np.random.default_rng(0)
+    ekf, rng = uncertain_ekf(), np.random.default_rng(0)
     prior = launch_prior(ekf, LAUNCH)
     tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
     flight = fly_watched(ekf, draw_starts(prior, flights, rng), tape, rng)
@@ -184,8 +184,8 @@ def test_the_jacobian_is_the_derivative():
 
 
 def test_only_what_the_motion_depends_on_is_differentiated():
-    names = drawn_ekf().names
-    acting = [names[k] for k in drawn_ekf().estimated.acting]
+    names = uncertain_ekf().names
+    acting = [names[k] for k in uncertain_ekf().estimated.acting]
     assert acting == [name for name in names if name not in ("x", "z")]
     rich = rich_ekf()  # The ground is felt in z; a marker is seen, not felt.
     idle = set(range(len(rich.names))) - set(rich.estimated.acting.tolist())
@@ -247,12 +247,12 @@ def test_a_lost_measurement_only_lets_the_belief_spread():
     flight, found = flown()
     measured = flight.measured[:1].copy()
     measured[0, 40:45, 2] = np.nan
-    prior = launch_prior(drawn_ekf(), LAUNCH)
-    gap = run_ekf(drawn_ekf(), prior, flight.inputs[:1], measured)
+    prior = launch_prior(uncertain_ekf(), LAUNCH)
+    gap = run_ekf(uncertain_ekf(), prior, flight.inputs[:1], measured)
     np.testing.assert_array_equal(gap.means[0, :41], found.means[0, :41])
     assert np.all(np.isnan(gap.nis[0, 40:45]) & np.isnan(gap.innovations[0, 40:45, 0]))
     ahead, _ = predict_mean(
-        drawn_ekf(), gap.means[0, 40], flight.inputs[0, 40], drawn_ekf().period
+        uncertain_ekf(), gap.means[0, 40], flight.inputs[0, 40], uncertain_ekf().period
     )
     np.testing.assert_allclose(gap.means[0, 41], ahead, rtol=1e-12, atol=1e-15)
     assert np.all(np.isfinite(gap.means))
@@ -263,8 +263,8 @@ def test_a_lost_measurement_only_lets_the_belief_spread():
 def test_a_batch_is_its_flights_one_by_one():
     flight, found = flown()
     alone = run_ekf(
-        drawn_ekf(),
-        launch_prior(drawn_ekf(), LAUNCH),
+        uncertain_ekf(),
+        launch_prior(uncertain_ekf(), LAUNCH),
         flight.inputs[7:8],
         flight.measured[7:8],
     )
@@ -300,7 +300,11 @@ def test_it_is_as_uncertain_as_it_says():
 def test_a_filter_that_is_wrong_about_noise_is_found_out(factor):
     flight, _ = flown()
     wrong = make_ekf(
-        DRAWING, rate=CAPTURE.rate, process=PROCESS, noise=NOISE * factor, slow=DRAWN
+        NOMINAL,
+        rate=CAPTURE.rate,
+        process=PROCESS,
+        noise=NOISE * factor,
+        slow=UNCERTAIN,
     )
     prior = launch_prior(wrong, LAUNCH)
     found = run_ekf(wrong, prior, flight.inputs, flight.measured)
@@ -348,17 +352,17 @@ def test_certainty_has_no_nees_and_is_said_so():
         squared_errors(few, flight.states[:3])
 
 
-def test_perches_with_unsure_drawings_are_filtered_consistently():
-    seen = watch_perches(DRAWING, policy(), 200, np.random.default_rng(3))
+def test_perches_with_unsure_parameters_are_filtered_consistently():
+    seen = watch_perches(NOMINAL, policy(), 200, np.random.default_rng(3))
     assert seen.consistency.nees_inside > 0.85
     assert seen.consistency.nis_inside > 0.85
-    prior = [slow.std for slow in DRAWN]
+    prior = [slow.std for slow in UNCERTAIN]
     assert np.all(seen.std[-2:] < 0.4 * np.array(prior))  # It learnt.
 
 
 def test_the_bound_is_the_inverse_of_the_information():
     """Sensitivities chained along the flight, launch eliminated, prior added."""
-    ekf = drawn_ekf()
+    ekf = uncertain_ekf()
     prior = launch_prior(ekf, LAUNCH)
     inputs = flown()[0].inputs[0, :40]
     bound = information_bound(ekf, prior, inputs)
@@ -468,17 +472,17 @@ def test_feedback_of_the_estimate_perches():
     """Half a centimetre of the wire, as with the true state, at 1 mm of noise."""
     rng = np.random.default_rng(0)
     starts = draw_launches(PROBLEM, LaunchSpread(), 3, rng)
-    flown = fly_on_estimate(DRAWING, plan_of(), starts, rng)
+    flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)
     assert max(flight.miss for flight in flown.on_estimate) < 0.005
     assert max(flight.miss for flight in flown.on_state) < 0.005
 
 
 def test_the_pose_alone_is_enough_to_perch():
-    ekf = perching_ekf(DRAWING, elevator=False)
+    ekf = perching_ekf(NOMINAL, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
     regulator = tracking_regulator(GliderModel(), plan_of())
     prior = launch_prior(ekf, LAUNCH)
-    loop = estimated_loop(DRAWING, regulator, ekf, prior, command_rate=50.0)
+    loop = estimated_loop(NOMINAL, regulator, ekf, prior, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.
     context = loop.CreateDefaultContext()
     glider, regulator, believed = (
@@ -510,25 +514,25 @@ def test_the_pose_alone_is_enough_to_perch():
         ({"noise": [1e-6, 1e-6, 0.0]}, "positive"),
         ({"noise": [[1.0, 2.0], [2.0, 1.0]]}, "M from 3 to 7"),
         ({"known": ("gust",)}, "no 'gust'"),
-        ({"known": ("wing_offset",), "slow": DRAWN}, "only, and once"),
+        ({"known": ("wing_offset",), "slow": UNCERTAIN}, "only, and once"),
         ({"slow": (SlowState(name="mass", std=-1.0),)}, "'mass' has std -1.0"),
     ],
 )
 def test_a_filter_that_makes_no_sense_is_refused(options, message):
     given = {"rate": 120.0, "process": PROCESS, "noise": NOISE} | options
     with pytest.raises(InputError, match=message):
-        make_ekf(DRAWING, **given)
+        make_ekf(NOMINAL, **given)
 
 
 @pytest.mark.parametrize("shape", [(5, 1, 8), (4, 1, 7), (5, 2, 7), (5, 7)])
 def test_a_gain_that_does_not_fit_reaches_no_compiled_code(shape):
-    prior = launch_prior(drawn_ekf(), LAUNCH)
+    prior = launch_prior(uncertain_ekf(), LAUNCH)
     with pytest.raises(InputError, match=r"\(5, f, 7\) with f at most 1"):
-        fly_watched(drawn_ekf(), prior.mean, np.zeros((5, 1)), gain=np.zeros(shape))
+        fly_watched(uncertain_ekf(), prior.mean, np.zeros((5, 1)), gain=np.zeros(shape))
 
 
 def test_what_does_not_fit_the_filter_is_refused():
-    ekf = drawn_ekf()
+    ekf = uncertain_ekf()
     prior = launch_prior(ekf, LAUNCH)
     with pytest.raises(InputError, match=r"\(B, K, 1\) and \(B, K, 4\)"):
         run_ekf(ekf, prior, np.zeros((1, 5, 1)), np.zeros((1, 4, 4)))
@@ -549,9 +553,9 @@ def test_what_does_not_fit_the_filter_is_refused():
         make_prior(ekf, LAUNCH, [1.0] * 3)
     with pytest.raises(InputError, match=r"shapes \(7,\)"):
         ExtendedKalmanFilter(ekf, Belief(mean=np.zeros(7), covariance=np.eye(7)))
-    full = make_ekf(DRAWING, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
+    full = make_ekf(NOMINAL, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
     gain = MatrixGain(np.zeros((1, 7)))
     with pytest.raises(InputError, match="motion capture"):
-        estimated_loop(DRAWING, gain, full, make_prior(full, LAUNCH, [0.1] * 7))
+        estimated_loop(NOMINAL, gain, full, make_prior(full, LAUNCH, [0.1] * 7))
     with pytest.raises(InputError, match="wants 8 states"):
-        estimated_loop(DRAWING, MatrixGain(np.zeros((1, 8))), ekf, prior)
+        estimated_loop(NOMINAL, MatrixGain(np.zeros((1, 8))), ekf, prior)

@@ -55,7 +55,7 @@ def test_it_is_drawn_and_animated(told):
     assert ">Learning: head_wind<" in told.page
     for words in ("traced - last round", "weights - last round"):
         assert f">{words}<" in told.page
-    assert ">planned with the drawing<" in told.page
+    assert ">nominal - first round<" in told.page
 
 
 def test_the_options_reach_the_story(found, tmp_path):

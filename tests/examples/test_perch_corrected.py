@@ -1,4 +1,4 @@
-"""What closing the loop buys: a truth that the drawing lacks, before and after."""
+"""What closing the loop buys: an effect that the model lacks, before and after."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def told(flown, tmp_path_factory):
     return tell(perch_corrected, flown, folder, "--launches=10", "--seed=3")
 
 
-def test_the_corrected_model_perches_where_the_drawn_one_misses(flown):
+def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert [effect.kind for effect in flown.found.effects] == ["wind"]
     assert flown.before.perched <= 2
     assert flown.after.perched == len(flown.after.flights) == 10
@@ -45,5 +45,5 @@ def test_it_is_drawn_and_animated(told):
     assert told.size == (1425, 1050)
     assert told.ink > 0.02
     assert ">Before and after: head_wind<" in told.page
-    for words in ("planned corrected", "planned as drawn", "plan of the drawing"):
+    for words in ("planned corrected", "planned nominal", "plan of the nominal model"):
         assert f">{words}<" in told.page

@@ -1,4 +1,4 @@
-"""Certified perches of the drawn and the corrected glider, loaded and tried."""
+"""Certified perches with the nominal and the corrected model, loaded and tried."""
 
 import functools
 
@@ -55,15 +55,15 @@ def test_certificates_hold_and_no_flight_leaves(found):
 
 
 def test_the_true_glider_stays_in_the_funnel_of_what_was_found(found):
-    drawn, corrected = found.drawn.on_truth, found.corrected.on_truth
-    assert drawn.escapes > 0.5 * drawn.samples
+    nominal, corrected = found.nominal.on_truth, found.corrected.on_truth
+    assert nominal.escapes > 0.5 * nominal.samples
     assert corrected.escapes == 0
     effects = found.corrected.funnel.nominal.model.effects
     assert [effect.kind.kind for effect in effects] == ["wind"]
-    assert found.drawn.funnel.nominal.model.effects == ()
+    assert found.nominal.funnel.nominal.model.effects == ()
 
 
-def test_the_drawn_feedback_flies_on_an_estimate(found):
+def test_the_nominal_feedback_flies_on_an_estimate(found):
     assert [level.unknown for level in found.estimated] == [0.1, 1.0]
     assert [len(level.miss) for level in found.estimated] == [1, 1]
 
@@ -71,7 +71,7 @@ def test_the_drawn_feedback_flies_on_an_estimate(found):
 def test_it_is_told_as_it_is(told, found):
     figures = told.figures
     for part, study in (
-        (figures, found.drawn),
+        (figures, found.nominal),
         (figures["corrected"], found.corrected),
     ):
         widths = study.funnel.half_widths()
@@ -103,7 +103,7 @@ def test_it_is_told_as_it_is(told, found):
     assert [row["unknown"] for row in figures["estimate"]["bears"]] == [0.1, 1.0]
     assert (figures["truth"], figures["seed"]) == ("head_wind", 0)
     assert "Flown by head_wind, 0 of" in told.words
-    assert "drawn, on an estimate:" in told.words
+    assert "nominal model, on an estimate:" in told.words
 
 
 def test_it_is_drawn_and_animated(told, folder):
@@ -118,7 +118,7 @@ def test_it_is_drawn_and_animated(told, folder):
 
 def test_funnels_are_saved(told, found, folder):
     for name, study in (
-        ("drawn.npz", found.drawn),
+        ("drawn.npz", found.nominal),
         ("head_wind.npz", found.corrected),
     ):
         saved = load_funnel(folder / name)
@@ -140,7 +140,7 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
     """As where a servo's lag was found and the true glider has none."""
     lost = dict(vars(found.corrected), on_truth=None)
     study = type(found.corrected)(**lost)
-    other = type(found)(drawn=found.drawn, corrected=study, estimated=[])
+    other = type(found)(nominal=found.nominal, corrected=study, estimated=[])
     told = tell(perching_funnel, other, tmp_path, *OPTIONS)
     assert told.figures["corrected_on_truth_escapes"] is None
     assert told.figures["corrected_on_truth_samples"] is None

@@ -9,12 +9,12 @@ from diagrams.showing import run
 from examples import residual_coefficients
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import (
     GliderModel,
     load_model,
 )
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     basis_values,
 )
 from glider.systems.plant import GliderPlant
@@ -127,11 +127,11 @@ def test_it_is_drawn_and_animated(told, found):
         assert f">{words}<" in told.page
 
 
-def test_a_vehicle_without_a_drawing_is_one_sentence(folder, tmp_path, capsys):
+def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):
     campaign = load_campaign(folder)
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
     save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
     arguments = [str(tmp_path / "c"), "--headless"]
     assert run(lambda: residual_coefficients.main(arguments)) == 2
     error = capsys.readouterr().err
-    assert "need the whole drawing" in error and "Traceback" not in error
+    assert "need all parameters" in error and "Traceback" not in error

@@ -68,5 +68,5 @@ def test_it_is_drawn_and_animated(told):
     assert told.size == (1425, 1500)
     assert told.ink > 0.05
     assert ">MPPI: set_wing<" in told.page
-    for words in ("planned anew", "replayed", "plan of the drawing"):
+    for words in ("planned anew", "replayed", "plan of the nominal model"):
         assert f">{words}<" in told.page

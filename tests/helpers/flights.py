@@ -15,31 +15,31 @@ from glider.planning import dircol
 from glider.planning.problem import PerchingProblem
 
 PROBLEM = PerchingProblem()
-DRAWING = GliderModel()
+NOMINAL = GliderModel()
 LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
 
 
 @functools.cache
 def plan_of(lagging=False):
-    """Returns the plan of the drawing, or of a glider with a slow servo."""
-    return dircol.plan(LAGGING if lagging else DRAWING, PROBLEM)
+    """Returns the plan of the nominal model, or of a glider with a slow servo."""
+    return dircol.plan(LAGGING if lagging else NOMINAL, PROBLEM)
 
 
 @functools.cache
 def drake_gains():
-    """Returns Drake's gains along the plan of the drawing."""
+    """Returns Drake's gains along the plan of the nominal model."""
     return tracking_gains(GliderModel(), plan_of())
 
 
 @functools.cache
 def drake_policy():
-    """Returns Drake's gains along the plan of the drawing, as a table."""
+    """Returns Drake's gains along the plan of the nominal model, as a table."""
     return policy_of(drake_gains(), plan_of())
 
 
 @functools.cache
 def policy():
-    """Returns the compiled policy along the plan of the drawing."""
+    """Returns the compiled policy along the plan of the nominal model."""
     return compiled_policy(GliderModel(), plan_of())
 
 

@@ -36,8 +36,8 @@ def random_states(count, seed=0):
     return middle + spread * rng.uniform(-1, 1, (count, 7))
 
 
-def drawing(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
-    """Returns the derivatives of the glider as drawn, shape (7,)."""
+def nominal_derivatives(x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
+    """Returns the derivatives of the glider without effects, shape (7,)."""
     theta = Theta(Parameters(*p), NO_COEFFICIENTS, NO_FIELD)
     return np.array(compose().derivatives(0.0, x, u, *wind, theta))
 

@@ -19,7 +19,7 @@ from glider.physics.parameters import (
 from tests.helpers.physics import (
     PARAMETERS,
     GliderState,
-    drawing,
+    nominal_derivatives,
     nose_up_dynamics,
     random_states,
 )
@@ -47,7 +47,7 @@ states = numbers([-5, -2, -1.6, -0.45, -8, -8, -10], [5, 2, 1.6, 0.95, 10, 8, 10
     ],
 )
 def test_check_values_of_the_reference(state, u, expected):
-    actual = drawing(np.array(state, dtype=float), u)
+    actual = nominal_derivatives(np.array(state, dtype=float), u)
     np.testing.assert_allclose(actual[:5], expected[:5], atol=6e-4)
     np.testing.assert_allclose(actual[5:], expected[5:], atol=6e-3)
 
@@ -57,7 +57,10 @@ def test_an_independent_glider_in_the_other_signs_agrees(p):
     for x in random_states(100, seed=1):
         # The plates' speeds carry a smoothing of 1e-8 m²/s².
         np.testing.assert_allclose(
-            drawing(x, 3.0, p), nose_up_dynamics(x, 3.0, p), rtol=1e-9, atol=1e-8
+            nominal_derivatives(x, 3.0, p),
+            nose_up_dynamics(x, 3.0, p),
+            rtol=1e-9,
+            atol=1e-8,
         )
 
 
@@ -85,7 +88,7 @@ def test_fault_1_writing_through_a_view_of_the_state():
     """Reference-facts: 15.9 rad/s² of pitch where 47.0 is right."""
     x = np.array([0, 0, -0.3, 0, 7, 0, 0], dtype=float)
     kept = x.copy()
-    assert drawing(x, 5.0)[6] == pytest.approx(47.02, abs=0.01)
+    assert nominal_derivatives(x, 5.0)[6] == pytest.approx(47.02, abs=0.01)
     np.testing.assert_array_equal(x, kept)
     assert aliased_dynamics(x, 5.0)[6] == pytest.approx(15.9, abs=0.05)
     assert not np.array_equal(x, kept)  # The fault: the caller's state is gone.
@@ -98,11 +101,11 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
     points, rates = random_states(20), np.linspace(-10, 10, 20)
     u = MakeVectorContinuousVariable(1, "u")
     x = MakeVectorContinuousVariable(7, "x")
-    formula = drawing(x, u[0])
+    formula = nominal_derivatives(x, u[0])
     for point, rate in zip(points, rates, strict=True):
-        expected = drawing(point, rate)
+        expected = nominal_derivatives(point, rate)
         ad = InitializeAutoDiff(np.append(point, rate)).ravel()
-        with_gradient = drawing(ad[:7], ad[7])
+        with_gradient = nominal_derivatives(ad[:7], ad[7])
         np.testing.assert_allclose(
             ExtractValue(with_gradient).ravel(), expected, rtol=1e-12, atol=1e-12
         )
@@ -114,7 +117,7 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
 
         for j in range(8):
             step = np.append(point, rate) + 1e-30j * np.eye(8)[j]
-            slope = drawing(step[:7], step[7]).imag / 1e-30
+            slope = nominal_derivatives(step[:7], step[7]).imag / 1e-30
             np.testing.assert_allclose(slope, gradient[:, j], rtol=1e-11, atol=1e-11)
 
         z = np.concatenate([point, [rate, 0, 0], PARAMETERS])
@@ -126,7 +129,9 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
     out = fly_tapes(
         GliderModel(), points, rates[:, None], 0.01, order=1, only_last=True
     )
-    batch = [x + 0.01 * drawing(x, r) for x, r in zip(points, rates, strict=True)]
+    batch = [
+        x + 0.01 * nominal_derivatives(x, r) for x, r in zip(points, rates, strict=True)
+    ]
     np.testing.assert_allclose(out[:, 0], batch, rtol=1e-12, atol=1e-12)
 
 
@@ -165,7 +170,7 @@ def test_the_compiled_sine_is_numpys(name):
 
 @given(states)
 def test_still_air_only_takes_energy_while_the_elevator_is_locked(x):
-    s, rate = GliderState(x), GliderState(drawing(x, 0.0, HEAVY_EKF))
+    s, rate = GliderState(x), GliderState(nominal_derivatives(x, 0.0, HEAVY_EKF))
     p = Parameters(*HEAVY_EKF)
     power = p.mass * (s.xdot * rate.xdot + s.zdot * (rate.zdot + p.gravity))
     power += p.pitch_inertia * s.pitchdot * rate.pitchdot
@@ -176,7 +181,7 @@ def test_still_air_only_takes_energy_while_the_elevator_is_locked(x):
 def test_a_vacuum_is_free_fall(x, u):
     p = PARAMETERS._replace(air_density=0.0)
     expected = [x[4], x[5], x[6], u, 0, -9.81, 0]
-    np.testing.assert_allclose(drawing(x, u, p), expected, atol=1e-12)
+    np.testing.assert_allclose(nominal_derivatives(x, u, p), expected, atol=1e-12)
 
 
 @given(states, st.floats(-13, 13))
@@ -185,7 +190,9 @@ def test_a_glider_upside_down_flies_the_mirrored_path(x, u):
     mirror = np.array([1, -1, -1, -1, 1, -1, -1])
     p = HEAVY_EKF._replace(gravity=-HEAVY_EKF.gravity)
     np.testing.assert_allclose(
-        drawing(mirror * x, -u, p), mirror * drawing(x, u, HEAVY_EKF), atol=1e-9
+        nominal_derivatives(mirror * x, -u, p),
+        mirror * nominal_derivatives(x, u, HEAVY_EKF),
+        atol=1e-9,
     )
 
 
@@ -193,8 +200,8 @@ def test_a_glider_upside_down_flies_the_mirrored_path(x, u):
 def test_uniform_wind_is_a_moving_frame(x, wind_x, wind_z):
     moving = x.copy()
     moving[4:6] -= [wind_x, wind_z]
-    actual = drawing(x, 3.0, wind=(wind_x, wind_z))
-    expected = drawing(moving, 3.0)
+    actual = nominal_derivatives(x, 3.0, wind=(wind_x, wind_z))
+    expected = nominal_derivatives(moving, 3.0)
     np.testing.assert_allclose(actual[2:], expected[2:], atol=1e-10)
     np.testing.assert_allclose(
         actual[:2], expected[:2] + np.array([wind_x, wind_z]), atol=1e-12
@@ -204,13 +211,15 @@ def test_uniform_wind_is_a_moving_frame(x, wind_x, wind_z):
 @given(states, st.floats(-5, 5), st.floats(-5, 5))
 def test_it_flies_the_same_everywhere(x, dx, dz):
     moved = x + np.array([dx, dz, 0, 0, 0, 0, 0])
-    np.testing.assert_array_equal(drawing(x, 2.0), drawing(moved, 2.0))
+    np.testing.assert_array_equal(
+        nominal_derivatives(x, 2.0), nominal_derivatives(moved, 2.0)
+    )
 
 
 def test_a_plate_across_the_stream_has_a_drag_coefficient_of_two():
     p = PARAMETERS._replace(elevator_area=1e-12, gravity=0.0)
     x = np.array([0, 0, 0, 0, 0, -3.0, 0])  # Falls flat.
-    drag = drawing(x, 0.0, p)[5] * p.mass
+    drag = nominal_derivatives(x, 0.0, p)[5] * p.mass
     assert drag / (0.5 * p.air_density * p.wing_area * 3.0**2) == pytest.approx(
         2.0, rel=1e-8
     )

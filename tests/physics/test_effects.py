@@ -35,8 +35,8 @@ from tests.helpers.physics import (
     FIELD,
     PARAMETERS,
     at_work,
-    drawing,
     full_state,
+    nominal_derivatives,
     random_states,
 )
 
@@ -115,7 +115,7 @@ def test_defaults_do_nothing(kind):
     for point in random_states(20):
         x, c = full_state([effect], point)
         actual = evaluate([effect], x, 2.0, (0.5, -0.2), PARAMETERS, c)
-        expected = drawing(point, 2.0, wind=(0.5, -0.2))
+        expected = nominal_derivatives(point, 2.0, wind=(0.5, -0.2))
         np.testing.assert_allclose(actual[:7], expected, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(actual[-3:], point[:3], rtol=1e-15, atol=1e-15)
 
@@ -128,7 +128,7 @@ def test_its_coefficients_change_what_they_should(kind):
     x, c = full_state([effect], point)
     base = evaluate([effect], x, 2.0, (0, 0), PARAMETERS, c)
     n = len(x)
-    flight = np.max(np.abs(base[:7] - drawing(point, 2.0)))
+    flight = np.max(np.abs(base[:7] - nominal_derivatives(point, 2.0)))
     pose = np.max(np.abs(base[n:] - point[:3]))
     assert (flight > 1e-4) == (kind.stage not in ("sensor", "log"))
     assert (pose > 1e-4) == (kind.stage in ("sensor", "log"))
@@ -257,7 +257,7 @@ def plain_spring(flow, stiffness):
 def test_a_users_own_effect_goes_everywhere(formula):
     effect = user_kind(formula)(stiffness=0.01)
     x = random_states(1)[0]
-    expected = drawing(x, 2.0)
+    expected = nominal_derivatives(x, 2.0)
     expected[6] += -0.01 * x[2] / PARAMETERS[1]
 
     actual = evaluate([effect], x, 2.0, (0, 0), PARAMETERS, np.array([0.01]))[:7]

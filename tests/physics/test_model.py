@@ -28,7 +28,7 @@ from tests.helpers.physics import FIELD, at_work
         GliderModel(effects=(WIND(x=-1 / 3, z=0.1), PROFILE_DRAG(cd0=0.05))),
         GliderModel(effects=tuple(at_work(kind) for kind in LIBRARY), field=FIELD),
     ],
-    ids=["drawing", "parameters", "effects", "all"],
+    ids=["nominal", "parameters", "effects", "all"],
 )
 def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
     path = tmp_path / "model.yaml"

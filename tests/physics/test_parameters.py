@@ -1,4 +1,4 @@
-"""Vehicles load as they were drawn, and what cannot be one is refused."""
+"""Vehicles load as their files tell, and what cannot be one is refused."""
 
 import dataclasses
 
@@ -40,7 +40,7 @@ def write(tmp_path):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_a_vehicle_has_the_numbers_of_its_drawing(name):
+def test_a_vehicle_has_the_numbers_of_its_file(name):
     parameters = load_parameters(vehicle_file(name))
     assert list(parameters.numbers) == VEHICLES[name]
     # The travel is larger with the trailing edge up, which is nose up.

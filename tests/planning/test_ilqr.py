@@ -107,14 +107,14 @@ def test_a_plan_is_a_flight_and_its_cost_is_that_of_the_flight(order):
 
 @pytest.mark.parametrize("order", [1, 4])
 def test_the_slopes_of_a_step_are_exact(order):
-    drawing, start = GliderModel(), random_states(3, seed=2)
+    nominal, start = GliderModel(), random_states(3, seed=2)
     inputs, step = np.array([2.0, -5.0, 9.0]), 0.02
     states = np.vstack([start, start[:1]])
-    jacobian = linearize_steps(drawing, step, order, states, inputs)
+    jacobian = linearize_steps(nominal, step, order, states, inputs)
     assert jacobian.shape == (3, 7, 8)
 
     def end(x, u):
-        return fly_tapes(drawing, x[None], np.array([[u]]), step, order=order)[0, 1]
+        return fly_tapes(nominal, x[None], np.array([[u]]), step, order=order)[0, 1]
 
     for k in range(3):
         z, size = np.append(start[k], inputs[k]), 1e-6
@@ -175,9 +175,9 @@ def test_a_slow_servo_is_planned_for():
     assert lagging.converged
     assert lagging.state_names == model.state_names
     assert lagging.gains.shape == (75, 8)
-    drawn = ilqr(HEAVY, problem, ARTICLE)
-    untold = ilqr(model, problem, ARTICLE, guess=drawn.inputs, iterations=1).costs[0]
-    assert drawn.cost < lagging.cost < 0.3 * untold
+    nominal = ilqr(HEAVY, problem, ARTICLE)
+    untold = ilqr(model, problem, ARTICLE, guess=nominal.inputs, iterations=1).costs[0]
+    assert nominal.cost < lagging.cost < 0.3 * untold
     assert lagging.states[-1, 3] == pytest.approx(
         lagging.states[0, 3] + 0.01 * np.sum(lagging.states[:-1, 7])
     )

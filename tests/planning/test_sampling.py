@@ -122,8 +122,8 @@ def test_a_sequence_costs_what_its_flight_costs(
         within_limits=within_limits,
         free_end=free_end,
     )
-    drawing = model.parameters
-    limits = (*drawing.elevator_limits, drawing.elevator_rate_limit)
+    parameters = model.parameters
+    limits = (*parameters.elevator_limits, parameters.elevator_rate_limit)
     kept = limits if within_limits else None
     scale = 8.0 if within_limits else 1.5
     commands, nominal = draw(3, steps, scale), draw(1, steps, 2.0, seed=1)[0]

@@ -190,7 +190,7 @@ VARIANTS = {
 STUBS = {
     name: b"\x89PNG\r\n" + bytes(10) + b"\x06\x40" + name.encode() for name in FIGURES
 }
-"""Figures where the drawing is not what is tested; 1600 pixels wide."""
+"""Figures where the drawing of them is not what is tested; 1600 pixels wide."""
 
 
 @pytest.fixture(params=VARIANTS)
@@ -477,7 +477,7 @@ def test_summary_has_the_errors_of_each_model():
         ),
         (
             "no effect",
-            "The flights show no effect that the drawing lacks; ",
+            "The flights show no effect that the nominal model lacks; ",
             "0.413 m in position (RMS).",
         ),
         ("unknown vehicle", "The flights show", "from 0.206 m to 4.13 mm (RMS)."),
@@ -497,7 +497,9 @@ def test_headline_is_one_sentence(name, start, end):
 
 def test_what_is_left_is_said_even_where_nothing_was_found():
     result = make_result(verdict="no_effect", effects=(), left_z=5000.0)
-    assert headline(result).startswith("The drawing is not all that the flights show")
+    assert headline(result).startswith(
+        "The nominal model is not all that the flights show"
+    )
     assert remarks(result) == [
         "The model still leaves more than noise (5,000 σ; below 4 is noise)."
     ]

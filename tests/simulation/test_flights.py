@@ -7,7 +7,7 @@ from glider.physics.servo import limited_rate
 from glider.simulation.fly import fly
 from glider.simulation.miss import PERCH_RADIUS
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from tests.helpers.flights import DRAWING, PROBLEM, draw_noise, policy
+from tests.helpers.flights import NOMINAL, PROBLEM, draw_noise, policy
 
 STARTS = draw_launches(
     PROBLEM,
@@ -18,7 +18,7 @@ STARTS = draw_launches(
 
 
 def fly_with_paths(**options):
-    return fly(DRAWING, policy(), STARTS, keep_paths=True, **options)
+    return fly(NOMINAL, policy(), STARTS, keep_paths=True, **options)
 
 
 @pytest.mark.parametrize("noisy", [False, True])
@@ -28,7 +28,7 @@ def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
     noise = draw_noise(len(STARTS), commands) if noisy else None
     flights = fly_with_paths(command_rate=50.0, noise=noise)
     assert len(flights) == 4
-    servo = DRAWING.parameters.servo
+    servo = NOMINAL.parameters.servo
     for b in range(4):
         flight = flights.flight(b)
         np.testing.assert_array_equal(flight.states, flights.paths[b])
@@ -57,7 +57,7 @@ def test_commands_are_those_of_the_policy_after_the_servos_limits():
     hold = round(0.02 / flights.times[1])
     begins = flights.paths[:, :-1:hold]
     wanted = offset - np.sum(gain * begins, axis=2)
-    servo = DRAWING.parameters.servo
+    servo = NOMINAL.parameters.servo
     limited = np.vectorize(limited_rate, excluded=["servo"])(
         wanted, begins[:, :, 3], servo=servo
     )
@@ -66,7 +66,7 @@ def test_commands_are_those_of_the_policy_after_the_servos_limits():
 
 
 def test_a_flight_without_a_path_or_a_held_command_is_refused():
-    many = fly(DRAWING, policy(), STARTS, command_rate=50.0)
+    many = fly(NOMINAL, policy(), STARTS, command_rate=50.0)
     assert many.paths is None and many.commands is None
     for flights in (many, fly_with_paths()):
         with pytest.raises(ValueError, match="paths and held commands"):

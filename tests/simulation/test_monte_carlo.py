@@ -38,8 +38,8 @@ from glider.simulation.monte_carlo import (
     sweep,
 )
 from tests.helpers.flights import (
-    DRAWING,
     LAGGING,
+    NOMINAL,
     PROBLEM,
     drake_policy,
     draw_noise,
@@ -60,16 +60,16 @@ def launches(count, spread=FAR, seed=0):
 @pytest.mark.parametrize(
     ("truth", "rate", "noisy"),
     [
-        (DRAWING, None, False),
-        (DRAWING, 50.0, False),
-        (DRAWING, 100.0, True),
+        (NOMINAL, None, False),
+        (NOMINAL, 50.0, False),
+        (NOMINAL, 100.0, True),
         (LAGGING, 50.0, True),
     ],
     ids=["at once", "held", "held and noisy", "another truth"],
 )
 def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
-    """End states and misses to 1e-5, with the drawing's servo at its limits."""
-    starts = launches(2, FAR if truth is DRAWING else LaunchSpread(), seed=4)
+    """End states and misses to 1e-5, with the nominal model's servo at its limits."""
+    starts = launches(2, FAR if truth is NOMINAL else LaunchSpread(), seed=4)
     clock = make_clock(drake_policy(), rate, step=0.0005)
     noise = draw_noise(len(starts), clock.commands) if noisy else None
     ours = fly(
@@ -89,7 +89,7 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     misses = np.array([flight.miss for flight in drakes])
     np.testing.assert_allclose(ours.miss, misses, atol=1e-5)
     assert np.ptp(misses) > 1e-4
-    if truth is DRAWING:  # A limit was at work.
+    if truth is NOMINAL:  # A limit was at work.
         assert max(np.max(np.abs(flight.rates)) for flight in drakes) > 12.999
 
 
@@ -98,10 +98,10 @@ def test_a_batch_is_its_flights_one_by_one():
     clock = make_clock(policy(), 50.0)
     noise = draw_noise(len(starts), clock.commands)
     many = fly(
-        DRAWING, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
+        NOMINAL, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
     )
     for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
-        one = fly(DRAWING, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]])
+        one = fly(NOMINAL, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]])
         np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(many.miss[k], one.miss[0], rtol=1e-9)
         assert one.paths is None
@@ -112,21 +112,21 @@ def test_a_batch_is_its_flights_one_by_one():
 
 @pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
 def test_the_miss_is_the_distance_of_the_path(wire):
-    flights = fly(DRAWING, policy(), launches(5), wire=wire, keep_paths=True)
+    flights = fly(NOMINAL, policy(), launches(5), wire=wire, keep_paths=True)
     for path, miss in zip(flights.paths, flights.miss, strict=True):
         assert miss == pytest.approx(least_distance(path[:, :2], np.array(wire)))
 
 
 def test_finer_steps_change_little():
-    coarse = fly(DRAWING, policy(), launches(50))
-    fine = fly(DRAWING, policy(), launches(50), step=0.0005)
+    coarse = fly(NOMINAL, policy(), launches(50))
+    fine = fly(NOMINAL, policy(), launches(50), step=0.0005)
     np.testing.assert_allclose(coarse.miss, fine.miss, atol=1e-4)
 
 
 def test_feedback_is_what_perches():
     """The article's launches perch; farther ones do not always."""
-    near = fly(DRAWING, policy(), launches(500, LaunchSpread()))
-    far = fly(DRAWING, policy(), launches(500))
+    near = fly(NOMINAL, policy(), launches(500, LaunchSpread()))
+    far = fly(NOMINAL, policy(), launches(500))
     assert np.mean(near.perched) > 0.99
     assert 0.5 < np.mean(far.perched) < 0.99
     np.testing.assert_array_equal(far.perched, far.miss < PERCH_RADIUS)
@@ -145,14 +145,14 @@ def test_effects_with_states_start_at_rest():
 
 
 def test_a_short_flight_does_not_reach_the_wire():
-    flights = fly(DRAWING, policy(), launches(1, LaunchSpread()), after=0.0)
+    flights = fly(NOMINAL, policy(), launches(1, LaunchSpread()), after=0.0)
     assert flights.times[-1] == pytest.approx(plan_of().duration)
 
 
 def test_a_policy_with_states_of_its_own_needs_the_observer():
     lagging = compiled_policy(LAGGING, plan_of(lagging=True))
     with pytest.raises(InputError, match=r"observer is needed"):
-        fly(DRAWING, lagging, launches(2))
+        fly(NOMINAL, lagging, launches(2))
     assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
 
 
@@ -172,7 +172,7 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
 def test_what_does_not_fit_is_refused(options, message):
     starts = options.pop("starts", launches(2))
     with pytest.raises(InputError, match=message):
-        fly(DRAWING, policy(), starts, **options)
+        fly(NOMINAL, policy(), starts, **options)
 
 
 # --------------------------------------------------------------------- the miss
@@ -231,7 +231,7 @@ def test_a_spread_that_cannot_be_is_refused(value):
 
 def cases():
     noise = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
-    given = {"model": DRAWING, "policy": policy(), "problem": PROBLEM}
+    given = {"model": NOMINAL, "policy": policy(), "problem": PROBLEM}
     return [
         Case(name="near", **given),
         Case(name="far", spread=FAR, **given),
@@ -304,7 +304,7 @@ def test_each_state_gets_its_own_noise(monkeypatch):
 def test_noise_without_a_command_rate_is_refused():
     case = Case(
         name="noisy",
-        model=DRAWING,
+        model=NOMINAL,
         policy=policy(),
         problem=PROBLEM,
         feedback_noise=(0.1,) * 7,

@@ -8,9 +8,9 @@ import pytest
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     basis_values,
     coefficient_data,
     corrected_coefficients,
@@ -126,8 +126,8 @@ def test_speeds_must_increase():
         residual_basis((8.0, 8.0))
 
 
-def test_a_vehicle_without_a_drawing_is_refused():
+def test_a_vehicle_without_a_nominal_model_is_refused():
     campaign = load_campaign(campaign_path("attached_lift"), flights=["flight_000"])
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
-    with pytest.raises(InputError, match="need the whole drawing"):
+    with pytest.raises(InputError, match="need all parameters"):
         learn_residuals(dataclasses.replace(campaign, vehicle=vehicle))

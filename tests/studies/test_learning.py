@@ -7,6 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import (
     GliderModel,
     load_model,
@@ -16,10 +17,8 @@ from glider.planning.ilqr import ilqr
 from glider.planning.problem import goal_cost
 from glider.simulation.miss import path_miss
 from glider.studies.coefficients import (
-    COEFFICIENTS,
     basis_values,
     residual_basis,
-    with_weights,
 )
 from glider.studies.flight_weights import (
     solve_weights,
@@ -44,6 +43,7 @@ from glider.studies.low_reynolds import (
     low_reynolds_coefficients,
     low_reynolds_field,
 )
+from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.fit.regression import least_squares
 from tests.helpers.flights import LAGGING
 
@@ -153,14 +153,14 @@ def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned
     """Where it flew: 26 weights are more than two flights tell apart."""
     rng, basis = np.random.default_rng(0), residual_basis()
     weights = rng.normal(0.0, 0.2, (26, 3)) * [1.0, 1.0, 0.05]
-    truth = dataclasses.replace(HEAVY, field=with_weights(basis, weights))
+    truth = dataclasses.replace(HEAVY, field=with_weights(basis, "forces", weights))
     equations = []
     for bend in (0.0, 1.0):
         states, inputs = euler_flight(truth, planned, bend)
         step = planned.times[1]
         equations.append(weight_equations(HEAVY, basis, states, inputs, step))
     both = equations[0] + equations[1]
-    found = with_weights(basis, solve_weights(both, 1e-9))
+    found = with_weights(basis, "forces", solve_weights(both, 1e-9))
     learned = dataclasses.replace(HEAVY, field=found)
     got = accelerations(learned, states[:-1], inputs)
     wanted = accelerations(truth, states[:-1], inputs)
@@ -217,16 +217,16 @@ def test_the_truth_follows_its_effect_and_no_field_without_airspeed_can():
 
 def test_all_that_identify_get_the_same_flights():
     """Until their models differ; a round repeats from the same generator state."""
-    drawn, again = (
+    once, again = (
         learn(HEAVY, knowing(HEAVY), 2, np.random.default_rng(3), launches=1)
         for _ in range(2)
     )
-    assert [r.miss for r in drawn] == [r.miss for r in again]
-    assert [r.terminal_cost for r in drawn] == [r.terminal_cost for r in again]
-    speeds = [r.flights[0].states[0, 4] for r in drawn]
+    assert [r.miss for r in once] == [r.miss for r in again]
+    assert [r.terminal_cost for r in once] == [r.terminal_cost for r in again]
+    speeds = [r.flights[0].states[0, 4] for r in once]
     assert 6.5 < min(speeds) < max(speeds) < 7.5
-    assert max(r.miss for r in drawn) < 0.02
-    assert weight_changes(drawn) == [0.0]
+    assert max(r.miss for r in once) < 0.02
+    assert weight_changes(once) == [0.0]
 
 
 def test_a_launch_differs_in_speed_alone():

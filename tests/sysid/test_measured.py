@@ -29,7 +29,7 @@ def test_pitch_zero_and_profile_drag_are_found(throws):
     assert drag.value > 4.0 * drag.std
 
 
-def test_forces_foretell_unseen_throws_better(throws):
+def test_forces_predict_unseen_throws_better(throws):
     plate, corrected = throws.errors["refitted"], throws.errors["corrected"]
     assert throws.errors["as_drawn"] is None
     before = plate.measured_pitch_position_rms_m

@@ -85,8 +85,8 @@ def test_an_own_effect_is_named(closed):
     found = result.effects[0].coefficients["gain"]
     assert abs(found.value - kind.coefficients[0].scale) < 5.0 * found.std
     assert found.std < 0.02 * found.value
-    drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
+    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 
 def test_the_report_shows_its_words(closed, capsys):

@@ -38,9 +38,9 @@ def test_attached_lift_is_named_with_its_coefficients(attached):
 
 
 def test_errors_fall_on_held_out_flights(attached):
-    drawn, corrected = attached.errors["as_drawn"], attached.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
-    assert corrected.normal < drawn.normal
+    nominal, corrected = attached.errors["as_drawn"], attached.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
+    assert corrected.normal < nominal.normal
     assert not set(attached.fit_flights) & set(attached.held_out_flights)
 
 
@@ -64,8 +64,8 @@ def test_practice_effects_are_named(name, coefficients):
     assert kinds_of(result) == [kind]
     for coefficient, (truth, tolerance) in coefficients.items():
         assert value(result, coefficient) == pytest.approx(truth, abs=tolerance)
-    drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
+    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 
 def test_nothing_is_found_in_still_air():
@@ -86,8 +86,8 @@ def test_what_the_library_lacks_is_unexplained_and_carried():
     place = result.effects[0].coefficients["wind_z_peak_at_x"]
     assert 0.0 < height.std < 0.05
     assert 0.0 < place.std < 0.05
-    drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
+    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 
 def planted(*effects, seed=0, **plan):
@@ -144,8 +144,8 @@ def test_wrong_signs_are_found(signs):
     found = result.effects[0].coefficients
     for name in ("pitch", "elevator", "command"):
         assert found[name].value == signs.get(name, 1.0)
-    drawn, corrected = result.errors["as_drawn"], result.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * drawn.position_rms_m
+    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 
 def test_effects_can_be_restricted_and_the_same_call_gives_the_same_result():

@@ -14,9 +14,9 @@ from glider.physics.parameters import GliderParameters
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.refly import (
     Motion,
-    drawing_of,
-    drawn_model,
     find_flight,
+    nominal_model,
+    nominal_parameters,
     position_error,
     refly,
 )
@@ -46,7 +46,7 @@ def flight(campaign):
 
 @pytest.fixture(scope="module")
 def motions(campaign, flight):
-    models = {"as drawn": drawn_model(campaign), "corrected": CORRECTED}
+    models = {"as drawn": nominal_model(campaign), "corrected": CORRECTED}
     return refly(campaign, flight, models)
 
 
@@ -59,9 +59,9 @@ def test_the_measured_motion_is_the_log(motions, flight):
 
 def test_the_right_model_flies_as_the_glider_did(motions):
     measured = motions["measured"]
-    drawn, _ = position_error(measured, motions["as drawn"])
+    nominal, _ = position_error(measured, motions["as drawn"])
     corrected, end = position_error(measured, motions["corrected"])
-    assert drawn > 0.1
+    assert nominal > 0.1
     assert corrected < 0.005 and end < 0.01
     elevators = measured.poses[:, 3], motions["corrected"].poses[:, 3]
     assert np.max(np.abs(np.subtract(*elevators))) < 0.03
@@ -83,9 +83,9 @@ def test_the_last_models_forces_explain_the_measured_accelerations(
     (record,) = prepare((flight,), campaign, measure_noise(campaign))
     acceleration = record.acceleration[:, :2]
     error = force_error(motions["measured"], acceleration)
-    drawn = refly(campaign, flight, {"as drawn": drawn_model(campaign)})
+    nominal = refly(campaign, flight, {"as drawn": nominal_model(campaign)})
     assert error < 0.1  # The glider weighs 0.78 N.
-    assert force_error(drawn["measured"], acceleration) > 3.0 * error
+    assert force_error(nominal["measured"], acceleration) > 3.0 * error
 
 
 def test_a_models_residual_field_is_flown_too(campaign, flight):
@@ -99,8 +99,8 @@ def test_a_models_residual_field_is_flown_too(campaign, flight):
 def test_a_held_out_flight_is_flown_as_closing_the_loop_did(campaign):
     result = close_the_loop(campaign, effects=["attached_lift"])
     held_out = result.held_out[0]
-    drawn = drawn_model(campaign)
-    models = {"as_drawn": drawn, "corrected": result.model}
+    nominal = nominal_model(campaign)
+    models = {"as_drawn": nominal, "corrected": result.model}
     flown = refly(campaign, find_flight(campaign, held_out.name), models)
     for name in models:
         assert np.allclose(flown[name].poses[:, :3], held_out.flown[name], atol=1e-9)
@@ -110,11 +110,11 @@ def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
     turned = turn_campaign(campaign, Signs(pitch=-1, elevator=-1))
     effect = KINDS["angle_sign"](pitch=-1.0, elevator=-1.0, command=1.0)
     model = dataclasses.replace(CORRECTED, effects=(effect, *CORRECTED.effects))
-    models = {"as drawn": drawn_model(campaign), "corrected": model}
+    models = {"as drawn": nominal_model(campaign), "corrected": model}
     seen = refly(turned, find_flight(turned, "flight_003"), models)
     for name in ("measured", "corrected"):
         assert np.allclose(seen[name].poses, motions[name].poses)
-    # The drawing met the log as it was written; its first pitch fits it there.
+    # The nominal model met the log as it was written; its first pitch fits it there.
     start = seen["as drawn"].poses[0, 2]
     assert start == pytest.approx(motions["measured"].poses[0, 2], abs=0.05)
 
@@ -127,12 +127,12 @@ def test_a_model_that_blows_up_is_shown_until_then(campaign, flight):
     assert np.max(np.abs(flown.poses)) < 100.0
 
 
-def test_of_an_unknown_vehicle_there_is_no_drawing_and_there_are_no_forces(
+def test_of_an_unknown_vehicle_there_is_no_nominal_model_and_there_are_no_forces(
     campaign, flight
 ):
     unknown = dataclasses.replace(campaign, vehicle={"hinge_offset": 0.2})
-    assert drawn_model(unknown) is None
-    assert drawing_of(unknown).hinge_offset == 0.2
+    assert nominal_model(unknown) is None
+    assert nominal_parameters(unknown).hinge_offset == 0.2
     assert refly(unknown, flight, {"corrected": CORRECTED})["measured"].forces is None
 
 

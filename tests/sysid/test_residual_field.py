@@ -37,7 +37,7 @@ VENT = FieldData(
 
 
 def make_problem(field, seed, flights):
-    """Flights through a field, and the drawing."""
+    """Flights through a field, and the nominal model."""
     model, rng = GliderModel(field=field), np.random.default_rng(seed)
     campaign = simulate_campaign(model, CampaignPlan(flights=flights), rng)
     noise = measure_noise(campaign)
@@ -78,7 +78,7 @@ def test_a_basis_too_coarse_is_owned_up_to():
         data=fitted.data,
         held_out_cost=0.0,
         expected_cost=1.0,
-        lack=LackOfFit(excess=0.0, degrees=1.0, by_channel={}),
+        lack_of_fit=LackOfFit(excess=0.0, degrees=1.0, by_channel={}),
         coefficients=find_peaks(fitted),
         tried={},
         survey_noise=0.0,

@@ -41,7 +41,7 @@ def without_servo(campaign, elevator):
 UNKNOWN = ("mass", "pitch_inertia", "wing_area", "elevator_area", "wing_offset")
 
 
-def test_a_full_drawing_leaves_nothing_to_guess(campaign):
+def test_a_full_nominal_model_leaves_nothing_to_guess(campaign):
     vehicle = make_vehicle(campaign)
     assert vehicle.is_known and not vehicle.nuisance and vehicle.prior is None
     assert not vehicle.notes
@@ -76,7 +76,7 @@ def test_drag_is_found_whatever_is_known(campaign, missing):
 @pytest.mark.parametrize(
     ("elevator", "missing"),
     [("fixed", ()), ("fixed_per_flight", UNKNOWN)],
-    ids=["drawn", "undrawn"],
+    ids=["known", "unknown"],
 )
 def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
     monkeypatch.setattr(

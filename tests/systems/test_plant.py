@@ -37,11 +37,17 @@ from glider.physics.parameters import (
 )
 from glider.physics.state import STATE_NAMES
 from glider.systems.plant import GliderPlant
-from tests.helpers.physics import FIELD, PARAMETERS, at_work, drawing, random_states
+from tests.helpers.physics import (
+    FIELD,
+    PARAMETERS,
+    at_work,
+    nominal_derivatives,
+    random_states,
+)
 
 ALL_AT_WORK = GliderModel(effects=tuple(at_work(k) for k in LIBRARY), field=FIELD)
 EACH = [GliderModel(), *(GliderModel(effects=(at_work(k),)) for k in LIBRARY)]
-EACH_IDS = ["drawing", *(k.kind for k in LIBRARY)]
+EACH_IDS = ["nominal", *(k.kind for k in LIBRARY)]
 
 
 def set_up(plant, x, u, wind=None):
@@ -112,7 +118,9 @@ def test_the_dynamics_are_those_of_the_chain():
     plant = GliderPlant()
     for x in random_states(5):
         context = set_up(plant, x, [2.0])
-        np.testing.assert_array_equal(rates(plant, context), drawing(x, 2.0))
+        np.testing.assert_array_equal(
+            rates(plant, context), nominal_derivatives(x, 2.0)
+        )
         np.testing.assert_array_equal(output(plant, "state", context), x)
 
 
@@ -121,7 +129,7 @@ def test_an_open_wind_is_still_air():
     still = rates(plant, set_up(plant, x, [2.0], [0.0, 0.0]))
     np.testing.assert_array_equal(rates(plant, set_up(plant, x, [2.0])), still)
     windy = rates(plant, set_up(plant, x, [2.0], [0.5, -0.2]))
-    np.testing.assert_array_equal(windy, drawing(x, 2.0, wind=(0.5, -0.2)))
+    np.testing.assert_array_equal(windy, nominal_derivatives(x, 2.0, wind=(0.5, -0.2)))
     # The input adds to the wind of the model.
     plant = GliderPlant(GliderModel(effects=(WIND(x=0.3, z=-0.2),)))
     both = rates(plant, set_up(plant, x, [2.0], [0.2, 0.0]))
@@ -142,7 +150,9 @@ def test_parameters_and_coefficients_in_the_context_act():
     after = rates(plant, context)
     assert after[4] == pytest.approx(before[4] / 2)
     context.get_mutable_numeric_parameter(1).SetFromVector(np.zeros(3))
-    np.testing.assert_allclose(rates(plant, context), drawing(x, 2.0, heavy))
+    np.testing.assert_allclose(
+        rates(plant, context), nominal_derivatives(x, 2.0, heavy)
+    )
 
 
 @pytest.mark.parametrize(
@@ -173,7 +183,7 @@ def test_the_pose_is_what_the_sensors_show():
     np.testing.assert_allclose(
         output(plant, "pose", context), np.add(x[:3], [0, 0, 0.1])
     )
-    np.testing.assert_array_equal(rates(plant, context), drawing(x, 2.0))
+    np.testing.assert_array_equal(rates(plant, context), nominal_derivatives(x, 2.0))
 
 
 # --------------------------------------------------------------- extra states
@@ -200,7 +210,7 @@ def test_effects_with_states_enlarge_the_state():
     # At rest: with no command, no state of an effect moves.
     at_rest = rates(plant, set_up(plant, x, [0.0]))
     np.testing.assert_allclose(at_rest[7:], 0.0, atol=1e-12)
-    np.testing.assert_allclose(at_rest[:7], drawing(x[:7], 0.0), atol=1e-12)
+    np.testing.assert_allclose(at_rest[:7], nominal_derivatives(x[:7], 0.0), atol=1e-12)
     with pytest.raises(InputError, match="8 numbers; 7 or 11"):
         plant.model.initial_state(np.zeros(8))
 
@@ -262,7 +272,7 @@ def autodiff_rates(model, fast, seeds, with_theta, wind=True):
 
 @pytest.mark.parametrize("wind", [True, False], ids=["wind", "still"])
 @pytest.mark.parametrize("with_theta", [True, False], ids=["parameters", "state"])
-@pytest.mark.parametrize("model", [GliderModel(), ALL_AT_WORK], ids=["drawing", "all"])
+@pytest.mark.parametrize("model", [GliderModel(), ALL_AT_WORK], ids=["nominal", "all"])
 def test_the_fast_way_equals_the_plain_one(model, with_theta, wind):
     fast = autodiff_rates(model, True, True, with_theta, wind)
     plain = autodiff_rates(model, False, True, with_theta, wind)
@@ -309,8 +319,8 @@ def test_a_formula_that_does_not_compile_goes_the_plain_way():
     ad = InitializeAutoDiff(np.append(random_states(1)[0], 2.0)).ravel()
     gradient = ExtractGradient(rates(twin, set_up(twin, ad[:7], ad[7:])))
     assert not twin.fast
-    drawn = ExtractGradient(drawing(ad[:7], ad[7]))
-    assert gradient[6, 2] - drawn[6, 2] == pytest.approx(
+    nominal = ExtractGradient(nominal_derivatives(ad[:7], ad[7]))
+    assert gradient[6, 2] - nominal[6, 2] == pytest.approx(
         -0.01 / PARAMETERS.pitch_inertia
     )
 

@@ -1,9 +1,9 @@
-"""What an effect is: a named physical formula that adds to one link of the chain.
+"""An effect is a named physical formula that adds to one link of the chain.
 
     command -> [actuator] -> [air] -> [geometry] -> [surface] -> [wrench]
             -> [inertia] -> acceleration -> state -> [sensor] -> log
 
-Each link (stage) has a few named terms that are zero on the drawing; an effect
+Each link (stage) has a few named terms that are zero on the nominal model; an effect
 adds to some of them. Since all effects add, their order does not matter, zero
 coefficients mean no effect, and a new effect is one formula and one line in
 the library.
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from glider.errors import InputError
+from glider.physics.formulas import scalar
 
 STAGES = {
     "actuator": (),
@@ -39,8 +40,14 @@ in the log before anything else looks at it.
 """
 
 
+@scalar
+def constant(flow, value):
+    """Returns the coefficient itself: the formula of an effect that is constant."""
+    return value
+
+
 class Replay(NamedTuple):
-    """How the elevator follows logged commands, and which moment a row shows.
+    """Way in which the elevator follows logged commands, and the moment a row shows.
 
     A log is not flown through the plant's actuators and clocks but through these,
     which are exact.
@@ -53,14 +60,14 @@ class Replay(NamedTuple):
     """First-order lag of the elevator's rate [s]; 0 for none."""
 
     latency: float = 0.0
-    """The row of time t shows the flight at t - latency [s]."""
+    """Delay of the pose: the row of time t shows the flight at t - latency [s]."""
 
     actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
     """Further actuators and their coefficients, integrated by their formulas."""
 
 
 class Motion(NamedTuple):
-    """What is known before the air is: where the glider is and how it moves."""
+    """Motion of the glider: all that is known before the air is."""
 
     t: float
     x: float
@@ -80,7 +87,7 @@ class Flow(NamedTuple):
 
     air_x, air_z: velocity through the air, in the world [m/s]; speed: its
     length; sin_alpha, cos_alpha: of the angle of attack of the body axis. mass
-    to gravity: the parameters of the drawing.
+    to gravity: the parameters of the glider.
     """
 
     t: float

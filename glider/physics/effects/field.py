@@ -7,6 +7,7 @@ what it cannot name (kind ``unexplained``) as such a field.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,15 @@ FIELD_VARIABLES = (
     "elevator",
     "elevator_rate",
 )
-FIELD_TERMS = ("wind_x", "wind_z", "c_lift", "c_drag", "c_moment")
+"""Variables that a field may depend on [m, m, s, rad, m/s, rad, rad/s, rad, rad/s]."""
+
+AIR_TERMS = ("wind_x", "wind_z")
+"""Velocity of the air, world [m/s]."""
+
+COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
+"""Coefficients referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
+
+FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS)
 
 
 class Field(NamedTuple):
@@ -97,10 +106,10 @@ class FieldData:
     """A field as it stands in a model file: plain lists of numbers by name."""
 
     kind: str = "rbf_residual"
-    """"rbf_residual" or "unexplained"."""
+    """Kind of the field, "rbf_residual" or "unexplained"."""
 
     variables: list[str] = dataclasses.field(default_factory=list)
-    """Which of FIELD_VARIABLES it depends on."""
+    """Names in FIELD_VARIABLES that it depends on."""
 
     centers: list[list[float]] = dataclasses.field(default_factory=list)
     """One row a basis function, one column a variable."""
@@ -113,6 +122,21 @@ class FieldData:
 
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
     """Name in FIELD_TERMS to one weight a basis function."""
+
+
+def gaussians(
+    field: Field, variables: Sequence[int] | np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Returns the basis functions (N, M) at values (N, d) of some of FIELD_VARIABLES.
+
+    Args:
+        field: whose centers and widths to take.
+        variables: d indices into FIELD_VARIABLES, all that the field depends on.
+        values: (N, d).
+    """
+    scaled = values[:, None, :] - field.centers[None][:, :, variables]
+    scaled = scaled * field.inverse_widths[None][:, :, variables]
+    return np.exp(-0.5 * np.sum(scaled**2, axis=2))
 
 
 def make_field(data: FieldData) -> Field:

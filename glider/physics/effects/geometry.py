@@ -3,13 +3,9 @@
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
+    constant,
 )
 from glider.physics.formulas import scalar
-
-
-@scalar
-def _constant(flow, value):
-    return value
 
 
 @scalar
@@ -29,7 +25,7 @@ WING_INCIDENCE = EffectKind(
     coefficients=(
         Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.5, upper=0.5),
     ),
-    formula=_constant,
+    formula=constant,
     words="the wing set at an angle to the body axis (positive nose down)",
     depends_on=("alpha", "V"),
 )
@@ -42,7 +38,7 @@ ELEVATOR_TRIM = EffectKind(
     coefficients=(
         Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.6, upper=0.6),
     ),
-    formula=_constant,
+    formula=constant,
     words="an elevator that stands off its reading",
     depends_on=("V", "elevator"),
 )
@@ -57,7 +53,7 @@ CENTER_OF_PRESSURE = EffectKind(
         Coefficient(name="travel", unit="m", scale=0.006, lower=-0.2, upper=0.2),
     ),
     formula=_center_of_pressure,
-    words="a wing center of pressure off the drawing's",
+    words="a wing center of pressure off its nominal place",
     depends_on=("alpha", "V"),
 )
 """Center of pressure: l_w + shift + travel sin² α, ahead of the center of mass.

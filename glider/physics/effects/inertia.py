@@ -3,14 +3,8 @@
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
+    constant,
 )
-from glider.physics.formulas import scalar
-
-
-@scalar
-def _constant(flow, value):
-    return value
-
 
 MASS = EffectKind(
     kind="mass",
@@ -19,11 +13,11 @@ MASS = EffectKind(
     coefficients=(
         Coefficient(name="change", unit="-", scale=0.1, lower=-0.9, upper=5.0),
     ),
-    formula=_constant,
-    words="a mass off the drawing's",
+    formula=constant,
+    words="a mass off its nominal value",
     depends_on=("V", "alpha"),
 )
-"""Mass: (1 + change) times the drawing's, weight included."""
+"""Mass: (1 + change) times the nominal one, weight included."""
 
 INERTIA = EffectKind(
     kind="inertia",
@@ -32,11 +26,11 @@ INERTIA = EffectKind(
     coefficients=(
         Coefficient(name="change", unit="-", scale=0.15, lower=-0.9, upper=5.0),
     ),
-    formula=_constant,
-    words="a pitch inertia off the drawing's",
+    formula=constant,
+    words="a pitch inertia off its nominal value",
     depends_on=("V", "elevator"),
 )
-"""Pitch inertia: (1 + change) times the drawing's."""
+"""Pitch inertia: (1 + change) times the nominal one."""
 
 ADDED_MASS = EffectKind(
     kind="added_mass",
@@ -45,7 +39,7 @@ ADDED_MASS = EffectKind(
     coefficients=(
         Coefficient(name="mass", unit="kg", scale=0.01, lower=-0.05, upper=1.0),
     ),
-    formula=_constant,
+    formula=constant,
     words="added mass: air that the wing must push along its normal",
     depends_on=("alphadot", "alpha"),
 )

@@ -9,6 +9,7 @@ from glider.physics.aerodynamics import (
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
+    constant,
 )
 from glider.physics.formulas import scalar
 
@@ -56,11 +57,6 @@ def _ground_effect(flow, strength, height):
 def _tail_wake(flow, loss, angle, width):
     alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
     return -loss * gaussian(alpha, angle, width)
-
-
-@scalar
-def _constant(flow, value):
-    return value
 
 
 ATTACHED_LIFT = EffectKind(
@@ -218,8 +214,8 @@ ELEVATOR_AREA = EffectKind(
     coefficients=(
         Coefficient(name="change", unit="-", scale=0.2, lower=-0.95, upper=5.0),
     ),
-    formula=_constant,
-    words="an effective elevator area off the drawing's",
+    formula=constant,
+    words="an effective elevator area off its nominal value",
     depends_on=("elevator", "V"),
 )
-"""Elevator area: its force is (1 + change) times the drawing's."""
+"""Elevator area: its force is (1 + change) times the nominal one."""

@@ -56,7 +56,7 @@ PITCH_DAMPING = EffectKind(
     words="pitch damping beyond the tail's",
     depends_on=("pitchdot", "V"),
 )
-"""Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate (no chord is drawn,
+"""Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate (no chord is known,
 so the coefficient carries m²)."""
 
 PITCH_MOMENT = EffectKind(

@@ -1,4 +1,4 @@
-"""What axes show: limits, ticks, and which of many points."""
+"""Limits, ticks and points of axes: what they show."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 _POINTS = 1500
-"""A scatter shows no more than this; its medians take all points."""
+"""Largest number of points that a scatter shows; its medians take all."""
 
 
 def limit(
@@ -36,21 +36,25 @@ def limit(
 
 
 def few_ticks(ax, count=5):
+    """Gives the axes at most about `count` ticks along x, and five along y."""
     ax.xaxis.set_major_locator(ticks(count))
     ax.yaxis.set_major_locator(ticks(5))
 
 
 def ticks(count):
+    """Returns a locator of at most about `count` round numbers."""
     return MaxNLocator(count, steps=[1, 2, 5, 10])
 
 
 def log_scale(ax):
+    """Makes the vertical axis logarithmic, with plain numbers at its powers of ten."""
     ax.set_yscale("log")
     ax.yaxis.set_minor_locator(NullLocator())
     ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
 def finite(x, y):
+    """Returns the points, x and y, of which both numbers are finite."""
     keep = np.isfinite(x) & np.isfinite(y)
     return x[keep], y[keep]
 

@@ -8,11 +8,12 @@ from matplotlib.axes import Axes
 
 from glider.report.plots.axes import log_scale
 from glider.report.plots.style import (
+    BLUE,
     COLORS,
     LABELS,
 )
 
-_PICKED = "#0072B2"
+_PICKED = BLUE
 _CONFUSED = "#8CC3E6"
 _OTHER = "#B5B5B5"
 

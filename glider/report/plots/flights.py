@@ -1,4 +1,4 @@
-"""One flight beside what models foretold of it."""
+"""One flight beside what models predict of it."""
 
 import math
 from collections.abc import Mapping

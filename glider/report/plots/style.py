@@ -6,18 +6,25 @@ The palette is Okabe and Ito's, which colour-blind readers can tell apart.
 import math
 from typing import Any
 
+BLUE, ORANGE, GREEN, RED = "#0072B2", "#E08A00", "#009E73", "#D55E00"
+"""Colours of the palette; its red is called vermilion."""
+
 COLORS = {
     "measured": "#000000",
     "as_drawn": "#8A8A8A",
-    "refitted": "#E08A00",
-    "corrected": "#0072B2",
+    "refitted": ORANGE,
+    "corrected": BLUE,
 }
+"""Model to its colour."""
+
 LABELS = {
     "measured": "measured",
     "as_drawn": "as drawn",
     "refitted": "refitted",
     "corrected": "corrected",
 }
+"""Model to its name for people."""
+
 DASHES = {"as_drawn": (0, (4, 1.5)), "refitted": (0, (4, 1.2, 1, 1.2))}
 """Lines differ without colour too; those not named here are solid."""
 
@@ -42,7 +49,7 @@ STYLE: Any = {
     "ytick.color": "#444444",
     "ytick.labelsize": 8.5,
 }
-"""For `matplotlib.rc_context`, round the making of a figure."""
+"""Settings for `matplotlib.rc_context`, round the making of a figure."""
 
 VARIABLES = {
     "x": ("x [m]", 1.0),
@@ -59,7 +66,7 @@ VARIABLES = {
 """Variable to its axis label and the factor from SI."""
 
 WIDTHS = {"as_drawn": 2.4, "refitted": 2.4}
-"""Of lines; those not named here are thinner, and show what lies below."""
+"""Widths of lines; those not named here are thinner, and show what lies below."""
 
 
 def line(model):

@@ -1,4 +1,4 @@
-"""Which basis model? The one that foretells flights left out of its fit."""
+"""Choice of a basis model: the one that predicts flights left out of its fit."""
 
 from collections.abc import Callable, Iterable, Mapping
 
@@ -18,8 +18,8 @@ from glider.studies.basis.basis_model import (
 from glider.studies.basis.basis_refinement import rollout_error
 
 Candidate = Callable[[SampledFlights], Numbers]
-"""From the flights to fit to the features of each channel: a search is part of the
-fit, so it must not see the flights left out either."""
+"""Function from the flights to fit to the features of each channel: a search is part of
+the fit, so it must not see the flights left out either."""
 
 
 def configured(numbers: Numbers) -> Candidate:

@@ -29,21 +29,21 @@ class Exercise:
         fitted: those to fit.
         held_out: the one that is not.
         configurations: name to features of each channel.
-        drawing: of the glider that flew.
+        parameters: of the glider that flew.
     """
 
     flights: SampledFlights
     fitted: SampledFlights
     held_out: SampledFlights
     configurations: dict[str, Numbers]
-    drawing: GliderParameters
+    parameters: GliderParameters
 
     def frame(self, angles: str) -> BasisFrame:
         """Returns the frame of a model that takes the angles as said."""
         angle_sign(angles)
         return BasisFrame(
-            arm=self.drawing.hinge_offset + self.drawing.elevator_offset,
-            gravity=self.drawing.gravity,
+            arm=self.parameters.hinge_offset + self.parameters.elevator_offset,
+            gravity=self.parameters.gravity,
             angles=angles,
         )
 
@@ -56,7 +56,7 @@ def load_exercise(path: Path | None = None) -> Exercise:
     """
     path = models_path("exercises", "identification.yaml") if path is None else path
     recipe = load_recipe(path)
-    drawing = GliderParameters()
+    parameters = GliderParameters()
     # The published data come from this generator, which NumPy keeps as it is.
     rng = np.random.RandomState(recipe.seed)
     spread, tape_spread = recipe.launch_spread, recipe.tape_spread
@@ -67,7 +67,7 @@ def load_exercise(path: Path | None = None) -> Exercise:
             recipe.tape + rng.uniform(-tape_spread, tape_spread, len(recipe.tape))
         )
     flights = fly_exercise(
-        drawing, np.array(starts), np.array(rates), recipe.step, order=1
+        parameters, np.array(starts), np.array(rates), recipe.step, order=1
     )
     rest = [i for i in range(recipe.flights) if i != recipe.held_out]
     return Exercise(
@@ -78,21 +78,21 @@ def load_exercise(path: Path | None = None) -> Exercise:
             name: (tuple(along), tuple(normal), tuple(pitch))
             for name, (along, normal, pitch) in recipe.configurations.items()
         },
-        drawing=drawing,
+        parameters=parameters,
     )
 
 
 def fly_exercise(
-    drawing: GliderParameters,
+    parameters: GliderParameters,
     start: np.ndarray,
     rates: np.ndarray,
     step: float,
     order: int,
 ) -> SampledFlights:
-    """Flies the drawn glider under tapes of elevator rates.
+    """Flies the flat-plate glider under tapes of elevator rates.
 
     Args:
-        drawing: of the glider.
+        parameters: of the glider.
         start: (B, 7) launch states.
         rates: (B, N) [rad/s].
         step: [s].
@@ -106,5 +106,7 @@ def fly_exercise(
             f"fly_exercise: launches are {start.shape} and tapes {rates.shape}; "
             f"(B, {NUM_STATES}) and (B, N) are needed."
         )
-    states = fly_tapes(GliderModel(parameters=drawing), start, rates, step, order=order)
+    states = fly_tapes(
+        GliderModel(parameters=parameters), start, rates, step, order=order
+    )
     return SampledFlights(states=states, rates=rates, step=step)

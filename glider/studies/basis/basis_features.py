@@ -1,7 +1,7 @@
 """The features of the basis exercise: what an acceleration may be proportional to.
 
 The formulas count angles nose up; `angles` says how the given states count them.
-That the two differ unnoticed is the third fault of reference-facts.
+That the two differ unnoticed is the third of the faults that the README names.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,8 @@ from glider.errors import InputError
 from glider.physics.aerodynamics import airspeed
 
 ANGLES = {"nose_up": 1.0, "nose_down": -1.0}
-"""How states may count angles, and the sign that makes them nose up. States of this
-project are nose down; the published exercise takes them for nose up."""
+"""Ways in which states may count angles, and the sign that makes them nose up. States
+of this project are nose down; the published exercise takes them for nose up."""
 
 
 def angle_sign(angles: str) -> float:
@@ -27,7 +27,7 @@ def angle_sign(angles: str) -> float:
 
 
 class BasisFlow(NamedTuple):
-    """What the features are made of, arrays of one shape; angles nose up.
+    """Flow that the features are made of, arrays of one shape; angles nose up.
 
     Attributes:
         V: speed of the wing, whose center is taken at the center of mass [m/s].

@@ -63,7 +63,7 @@ def filmed_campaign(
     """
     given = exercise.flights
     fine = fly_exercise(
-        exercise.drawing,
+        exercise.parameters,
         given.states[:, 0].copy(),
         given.rates.repeat(FINE, axis=1),
         given.step / FINE,
@@ -107,4 +107,4 @@ def _campaign(
         for i, (seen, command) in enumerate(zip(measured, commands, strict=True))
     ]
     rate = 1.0 / flights.step
-    return campaign_of("identification", exercise.drawing, logs, rate, rate)
+    return campaign_of("identification", exercise.parameters, logs, rate, rate)

@@ -61,7 +61,7 @@ class SampledFlights:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BasisFrame:
-    """In what frame the features and the accelerations are taken.
+    """Frame in which the features and the accelerations are taken.
 
     Attributes:
         arm: from the center of mass back to the elevator's center [m].

@@ -1,4 +1,4 @@
-"""How the flights of a basis exercise are made: a file, read and checked."""
+"""Recipe of the flights of a basis exercise: a file, read and checked."""
 
 import dataclasses
 import math
@@ -14,10 +14,10 @@ from glider.physics.typed_yaml import load_typed
 from glider.studies.basis.basis_features import FEATURES
 
 _SEEDS = 2**32
-"""NumPy's legacy generator takes seeds below this."""
+"""Bound that the seeds of NumPy's legacy generator are below."""
 
 _CHANNELS = 3
-"""Along the wing, normal to it and in pitch."""
+"""Number of channels: along the wing, normal to it and in pitch."""
 
 
 @dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
@@ -28,25 +28,25 @@ class Recipe:
     """
 
     flights: int = 0
-    """How many, the held-out one among them."""
+    """Number of flights, the held-out one among them."""
 
     held_out: int = -1
     """The flight that is not fitted, counted from zero."""
 
     seed: int = -1
-    """Of NumPy's legacy generator."""
+    """Seed of NumPy's legacy generator."""
 
     step: float = math.nan
-    """Of explicit Euler [s]."""
+    """Step of explicit Euler [s]."""
 
     launch: list[float] = dataclasses.field(default_factory=list)
     """Nominal state at release, of STATE_NAMES [m, rad, m/s, rad/s]."""
 
     launch_spread: float = math.nan
-    """At most so far is each entry of a launch from the nominal one."""
+    """Largest difference of each entry of a launch from the nominal one."""
 
     tape_spread: float = math.nan
-    """At most so far is each rate of a tape from the nominal one [rad/s]."""
+    """Largest difference of each rate of a tape from the nominal one [rad/s]."""
 
     tape: list[float] = dataclasses.field(default_factory=list)
     """Nominal elevator rates, one a step [rad/s]."""

@@ -1,4 +1,4 @@
-"""From the least equation error to the least simulation error.
+"""Refinement of a model from the least equation error to the least simulation error.
 
 The article's BPTT/RTRL step for the basis model. The sensitivities of the flights'
 states to the coefficients are carried forward with the states (real-time recurrent
@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares as minimize_squares
 from threadpoolctl import threadpool_limits
 
+from glider.compiled.constants import TINY
 from glider.errors import InputError
 from glider.studies.basis.basis_model import (
     BasisDynamics,
@@ -20,19 +21,16 @@ from glider.studies.basis.basis_model import (
 )
 
 SCALES = (0.1, 0.1, 0.1, np.inf, 0.5, 0.5, 1.0)
-"""Errors of the states that weigh alike [m, rad, m/s, rad/s]. The elevator's angle is
-no model's merit: it is the sum of its rates."""
+"""Scales of the states' errors that weigh alike [m, rad, m/s, rad/s]. The elevator's
+angle is no model's merit: it is the sum of its rates."""
 
-FAR = 100.0
-"""No flight errs by as much [m, rad, m/s, rad/s]: a model that does has blown up."""
-
-_TINY = 1e-30
-"""Length of the complex steps, relative to a coefficient."""
+LARGEST_ERROR = 100.0
+"""Error that no flight reaches [m, rad, m/s, rad/s]: a model that does has blown up."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RolloutError:
-    """How far a model's rollouts end up from flights, launch states given.
+    """Errors of a model's rollouts against flights, launch states given.
 
     Attributes:
         weighted: RMS of the states' errors over SCALES [-].
@@ -50,11 +48,11 @@ def rollout_error(
 ) -> RolloutError:
     """Flies a model from the flights' launches under their rates.
 
-    Infinite where the model blows up, beyond FAR.
+    Infinite where the model blows up, beyond LARGEST_ERROR.
     """
     with np.errstate(all="ignore"):
         error = _errors(model, flights, model.coefficients)
-        squares = np.where(np.abs(error) < FAR, error, np.inf) ** 2
+        squares = np.where(np.abs(error) < LARGEST_ERROR, error, np.inf) ** 2
         weighted = np.sum(squares / np.square(scales), axis=-1, where=_counts(scales))
         return RolloutError(
             weighted=float(np.sqrt(np.mean(weighted))),
@@ -92,8 +90,8 @@ def refine(
             return error[..., counts].ravel()
 
     def slopes(share: np.ndarray) -> np.ndarray:
-        steps = np.diag(1j * _TINY * size)
-        flown = _errors(model, flights, size * share + steps).imag / _TINY
+        steps = np.diag(1j * TINY * size)
+        flown = _errors(model, flights, size * share + steps).imag / TINY
         return (flown * weights)[..., counts].reshape(len(share), -1).T
 
     start = model.coefficients / size

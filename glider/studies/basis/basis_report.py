@@ -1,7 +1,6 @@
 """The exercise's answers in key figures and in words."""
 
-import math
-
+from glider.report.numbers import finite_or_none
 from glider.studies.basis.basis_model import (
     CHANNELS,
     BasisFit,
@@ -23,7 +22,7 @@ def key_figures(study: BasisStudy) -> dict[str, object]:
         },
         **{name: _subset(fit) for name, fit in subsets.items()},
         "cross_validation": {
-            signs: {name: _finite(error) for name, error in errors.items()}
+            signs: {name: finite_or_none(error) for name, error in errors.items()}
             for signs, errors in study.choice.items()
         },
         "signs": vars(study.signs),
@@ -53,14 +52,9 @@ def _subset(fit: BasisFit) -> dict[str, object]:
 
 def _channels(fit: BasisFit) -> dict[str, dict]:
     return {
-        channel: {"rank": found.rank, "condition": _finite(found.condition)}
+        channel: {"rank": found.rank, "condition": finite_or_none(found.condition)}
         for channel, found in zip(CHANNELS, fit.regressions, strict=True)
     }
-
-
-def _finite(value: float) -> float | None:
-    """Returns a number, or None where JSON has none."""
-    return value if math.isfinite(value) else None
 
 
 def describe(study: BasisStudy) -> str:

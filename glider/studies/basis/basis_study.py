@@ -30,7 +30,7 @@ from glider.sysid.result import Result
 from glider.sysid.search.signs import Signs
 
 SIGNS = {"published_signs": "nose_up", "consistent_signs": "nose_down"}
-"""What the formulas take the flights' angles for; they are nose down."""
+"""Ways in which the formulas take the flights' angles; they are nose down."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -14,10 +14,13 @@ from glider.report.plots.axes import (
 )
 from glider.report.plots.style import (
     COLORS,
+    GREEN,
+    ORANGE,
+    RED,
     STYLE,
 )
 
-_SHADES = ("#D55E00", "#E08A00", COLORS["corrected"], "#009E73")
+_SHADES = (RED, ORANGE, COLORS["corrected"], GREEN)
 _DASHES = ("-", (0, (5, 1.5)), "-", (0, (2, 1.2)))
 
 

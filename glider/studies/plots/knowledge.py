@@ -1,4 +1,4 @@
-"""How a filter comes to know the numbers of a glider."""
+"""Figure of how a filter comes to know the numbers of a glider."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,18 +13,18 @@ from glider.report.plots.axes import (
     log_scale,
     ticks,
 )
-from glider.report.plots.style import STYLE
+from glider.report.plots.style import BLUE, GREEN, ORANGE, STYLE
 
-COLORS = ("#0072B2", "#E08A00", "#009E73")
+COLORS = (BLUE, ORANGE, GREEN)
 DASHES = (0, (4, 2))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Knowledge:
-    """What a filter knows of m numbers during a flight."""
+    """Knowledge that a filter has of m numbers during a flight."""
 
     name: str
-    """Of the flight, for the legend."""
+    """Name of the flight, for the legend."""
 
     times: np.ndarray
     """(K,) [s]."""

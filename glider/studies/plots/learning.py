@@ -16,14 +16,15 @@ from glider.report.plots.axes import (
 )
 from glider.report.plots.style import (
     COLORS,
+    RED,
     STYLE,
 )
 from glider.simulation.miss import PERCH_RADIUS
 
-WEIGHTS = "#D55E00"
+WEIGHTS = RED
 TRACED = COLORS["corrected"]
-ENOUGH = 1.2
-"""A miss that is at most so many times the oracle's is as good."""
+ORACLE_RATIO = 1.2
+"""Ratio of a miss to the oracle's up to which it is as good."""
 
 
 def plot_rounds(ax: Axes, paths: Sequence[np.ndarray], wire: Sequence[float]) -> None:
@@ -114,7 +115,7 @@ def save_learning_figure(
         change.set_ylabel("change of the weights")
         misses = {k: [1000.0 * m for m in v["miss_m"]] for k, v in both.items()}
         plot_progress(miss, misses, "median miss [mm]", launches)
-        miss.axhspan(0.0, ENOUGH * oracle, color="k", alpha=0.08, lw=0.0)
+        miss.axhspan(0.0, ORACLE_RATIO * oracle, color="k", alpha=0.08, lw=0.0)
         miss.axhline(oracle, color="k", ls=(0, (4, 2)), label="the truth is known")
         miss.axhline(1000.0 * PERCH_RADIUS, color="#888888", lw=0.8)
         miss.legend(loc="best")

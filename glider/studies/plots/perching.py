@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from glider.report.plots.axes import few_ticks
-from glider.report.plots.style import COLORS
+from glider.report.plots.style import COLORS, RED
 from glider.simulation.miss import PERCH_RADIUS
 
-REPLAYED = "#D55E00"
-BEFORE = "#D55E00"
+REPLAYED = RED
+BEFORE = RED
 AFTER = COLORS["corrected"]
 
 

@@ -8,9 +8,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from glider.report.plots.axes import few_ticks
-from glider.report.plots.style import STYLE
+from glider.report.plots.style import BLUE, GREEN, ORANGE, STYLE
 
-_COLORS = ("#E08A00", "#009E73", "#0072B2")
+_COLORS = (ORANGE, GREEN, BLUE)
 
 
 def save_regions_figure(

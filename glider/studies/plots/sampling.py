@@ -12,10 +12,10 @@ from glider.report.plots.axes import (
     few_ticks,
     log_scale,
 )
-from glider.report.plots.style import STYLE
+from glider.report.plots.style import BLUE, GREEN, RED, STYLE
 from glider.studies.plots.perching import plot_perches
 
-_COLORS = ("#0072B2", "#D55E00", "#009E73")
+_COLORS = (BLUE, RED, GREEN)
 
 
 def plot_costs(ax: Axes, costs: Mapping[str, np.ndarray]) -> None:

@@ -14,7 +14,10 @@ from glider.physics.effects import (
     Field,
 )
 from glider.physics.effects.field import (
+    AIR_TERMS,
+    COEFFICIENTS,
     FieldData,
+    gaussians,
     make_field,
 )
 from glider.sysid.fit.information import (
@@ -32,8 +35,8 @@ from glider.sysid.replay.signals import (
     pose_signals,
 )
 
-FORMS = {"air": ("wind_x", "wind_z"), "forces": ("c_lift", "c_drag", "c_moment")}
-"""What a field may be: terms that it has."""
+FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}
+"""Forms that a field may have, and the terms of each."""
 
 WEIGHT_SPREAD = 2.0
 """Spread of the weights before data: the ridge [m/s or -]."""
@@ -142,9 +145,7 @@ def forcing_of(
             responses.append((ends(weights) - nominal) / _STEP)
         values = flow_variables(record, theta)[:, used]
         values = 0.5 * (values[1:] + values[:-1])
-        scaled = values[:, None, :] - field.centers[None][:, :, used]
-        scaled = scaled * field.inverse_widths[None][:, :, used]
-        basis = np.exp(-0.5 * np.sum(scaled**2, axis=2))  # (n - 1, M)
+        basis = gaussians(field, used, values)  # (n - 1, M)
         product = basis[:, None, :, None] * np.stack(responses, axis=2)[:, :, None, :]
         return product.reshape(*nominal.shape, -1)
 

@@ -1,4 +1,4 @@
-"""How well does a model foretell flights that it has not seen?
+"""Prediction of flights that a model has not seen, and its errors.
 
 The launch state of each flight is fitted on its beginning only; then the model
 flies on alone to the end.
@@ -30,8 +30,8 @@ BEGINNING_WITH_TRIM = 0.4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Forecast:
-    """One flight foretold.
+class Prediction:
+    """Flight of a model, predicted from the beginning of a logged one.
 
     Attributes:
         pose: (n, 3) of the free rollout, as the sensors would show it.
@@ -52,16 +52,16 @@ def beginning_rows(problem: Problem, record: Record) -> int:
     return max(int(np.searchsorted(record.time, until)), 10)
 
 
-def foretell(
+def predict(
     problem: Problem, theta: np.ndarray, record: Record, whole: bool = False
-) -> Forecast:
-    """Foretells one flight from its beginning, or fits the whole of it."""
+) -> Prediction:
+    """Predicts one flight from its beginning, or fits the whole of it."""
     rows = len(record.time)
     if not whole:
         rows = beginning_rows(problem, record)
     start = fit_start(problem, cut(record, 0, rows), theta)
     states = fly_record(problem, record, theta, start)
-    return Forecast(
+    return Prediction(
         pose=sensed(record.layout, states, theta),
         translated=_translate(problem, record, theta, start, rows),
         trim=float(start[OFFSET]),
@@ -88,22 +88,22 @@ def _translate(
 
 def measure_errors(
     problem: Problem, theta: np.ndarray
-) -> tuple[Errors, list[Forecast]]:
-    """Returns a model's errors on the problem's flights, and their forecasts."""
-    forecasts = in_parallel(
-        lambda record: foretell(problem, theta, record), problem.records
+) -> tuple[Errors, list[Prediction]]:
+    """Returns a model's errors on the problem's flights, and their predictions."""
+    predictions = in_parallel(
+        lambda record: predict(problem, theta, record), problem.records
     )
     table = make_table(
-        problem.records, theta, [f.trim for f in forecasts], problem.field
+        problem.records, theta, [f.trim for f in predictions], problem.field
     )
     position, end, pitch, translated = [], [], [], []
-    for record, forecast in zip(problem.records, forecasts, strict=True):
-        error = record.flight.pose - forecast.pose
+    for record, predicted in zip(problem.records, predictions, strict=True):
+        error = record.flight.pose - predicted.pose
         distance = np.hypot(error[:, 0], error[:, 1])
         position.append(distance**2)
         end.append(distance[-1])
         pitch.append(error[:, 2] ** 2)
-        along = record.flight.pose[:, :2] - forecast.translated
+        along = record.flight.pose[:, :2] - predicted.translated
         translated.append(np.sum(along**2, axis=1))
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         rms = np.sqrt(np.mean(table.residual**2, axis=0))
@@ -116,7 +116,7 @@ def measure_errors(
         pitch_rms_rad=_rms(pitch),
         measured_pitch_position_rms_m=_rms(translated),
     )
-    return errors, forecasts
+    return errors, predictions
 
 
 def _rms(squares: list[np.ndarray]) -> float:

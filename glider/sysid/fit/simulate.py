@@ -15,6 +15,7 @@ from glider.campaign.logs import (
 )
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
+from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import LIBRARY
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
@@ -32,16 +33,16 @@ FINE = 10
 
 @dataclasses.dataclass(kw_only=True)
 class CampaignPlan:
-    """How to fly and measure a simulated campaign."""
+    """Plan of a simulated campaign: how to fly and how to measure."""
 
     flights: int = 40
     """Number of launches."""
 
     duration: float = 0.86
-    """Of each flight [s]."""
+    """Duration of each flight [s]."""
 
     capture: MotionCapture = MotionCapture()
-    """What measures."""
+    """Motion capture that measures."""
 
     command_rate: float = 50.0
     """Elevator-rate commands [Hz]."""
@@ -76,7 +77,7 @@ def simulate_campaign(
 ) -> Campaign:
     """Flies and logs a campaign of a glider whose truth is `model`.
 
-    The campaign's vehicle is the model's drawing: its effects stay undeclared.
+    The campaign's vehicle has the model's parameters: its effects stay undeclared.
     """
     flights = tuple(
         _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
@@ -157,7 +158,6 @@ def _fly(
     )
     pose = pose + rng.normal(size=pose.shape) * plan.capture.std[:3]
     measured = path(time) + rng.normal(size=rows) * plan.capture.elevator
-    latest = np.searchsorted(switches, time + 1e-9, side="right") - 1
-    command = commands[latest]
+    command = commands[latest_command(switches, time)]
     flight = Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
     return turn(flight, signs_of(model))

@@ -22,8 +22,9 @@ from glider.sysid.replay.sensitivity import (
 SLOW_MODES = 10
 """Cosines of each channel that count as slow: up to five periods a flight."""
 
-_LEAST = 1e-2
-"""No channel is ten times better than its noise; a computed one has none."""
+_LEAST_VARIANCE = 1e-2
+"""Least variance of the fast part, over the noise's: no channel is ten times better
+than its noise, but a computed one has none."""
 
 CHANNELS = ("x", "z", "pitch", "elevator")
 
@@ -51,6 +52,11 @@ class LackOfFit:
     def z(self) -> float:
         """Excess in standard deviations."""
         return self.excess / self.std
+
+    @property
+    def bound(self) -> float:
+        """Excess, no less than zero, and two of its standard deviations."""
+        return max(self.excess, 0.0) + 2.0 * self.std
 
 
 def flight_errors(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
@@ -93,7 +99,7 @@ def spectrum_test(errors: list[np.ndarray]) -> LackOfFit:
             for c in range(channels)
         ]
     )
-    fast = np.maximum(fast, _LEAST)
+    fast = np.maximum(fast, _LEAST_VARIANCE)
     # A launch state (six numbers, and the elevator's zero) is fitted per flight.
     start = np.array([2.0, 2.0, 2.0, 1.0])[:channels] * len(spectra)
     degrees = float(sum(modes)) - start

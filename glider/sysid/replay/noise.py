@@ -1,4 +1,4 @@
-"""How noisy a campaign's channels are, and what smooths them."""
+"""Noise of a campaign's channels, and what smooths them."""
 
 import dataclasses
 
@@ -54,7 +54,7 @@ def measure_noise(campaign: Campaign) -> Noise:
 
 _LEAST_POSITION = 1e-6
 _LEAST_ANGLE = 1e-5
-"""No log is better than this [m, rad]; a computed column has no noise at all."""
+"""Least noise of a log [m, rad]; a computed column has no noise at all."""
 
 
 def _elevator_error(flight: Flight, command_rate: float | None) -> np.ndarray:

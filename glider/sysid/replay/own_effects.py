@@ -1,7 +1,7 @@
-"""Whether a user's own kinds of effects can be traced beside the library's.
+"""Checks whether a user's own kinds of effects can be traced beside the library's.
 
 A fault in a formula would otherwise show as an error of the compiler, or as a
-drawing that flies wrongly.
+nominal model that flies wrongly.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What a fit is about, handed down through all that flies logs again."""
+"""The problem of a fit, handed down through all that flies logs again."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from glider.sysid.replay.theta import Layout
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Problem:
-    """What a fit is about: the flights, their noise and the residual field.
+    """Problem of a fit: the flights, their noise and the residual field.
 
     Attributes:
         records: the flights.
@@ -36,7 +36,7 @@ class Problem:
 
     @property
     def layout(self) -> Layout:
-        """What theta's entries are."""
+        """Layout of theta."""
         return self.records[0].layout
 
     def thinned(self, count: int) -> "Problem":

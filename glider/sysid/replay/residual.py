@@ -15,6 +15,7 @@ from glider.physics.effects import (
     NO_FIELD,
     Field,
 )
+from glider.physics.effects.field import COEFFICIENTS
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import node_signals
@@ -101,12 +102,11 @@ def make_table(
             put(f"c_moment {label}", inertia * a[:, 2] / pressure)
 
     stacked = {name: np.concatenate(parts) for name, parts in rows.items()}
-    names = ("c_lift", "c_drag", "c_moment")
     return ResidualTable(
         variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
         residual=np.stack(
             [stacked[name] for name in ("tangential", "normal", "angular")], axis=1
         ),
-        coefficients={name: stacked[f"{name} measured"] for name in names},
-        modelled={name: stacked[f"{name} modelled"] for name in names},
+        coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
+        modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
     )

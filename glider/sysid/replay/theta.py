@@ -1,6 +1,6 @@
-"""What the numbers of a model mean: the layout of its vector theta.
+"""The layout of the vector theta: what the numbers of a model mean.
 
-While flights are fitted, a model is one vector theta: the drawing's parameters,
+While flights are fitted, a model is one vector theta: the nominal parameters,
 then the coefficients of every effect that the compiled dynamics hold (the whole
 library's and a user's own; at their defaults they do nothing), and last those of
 the effects on the log's signals, which are replayed instead.
@@ -29,13 +29,13 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.replay.own_effects import check_own_effects
 
 OFFSET = 3
-"""Where a log is flown, x[OFFSET] is the elevator's constant offset from its
-replayed path."""
+"""Index of the elevator's state: where a log is flown, x[OFFSET] is its constant offset
+from its replayed path [rad]."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Layout:
-    """What each entry of theta and of a flown state is; see the module.
+    """Meaning of each entry of theta and of a flown state; see the module.
 
     Attributes:
         own: a user's own kinds of effects, beside the library's.
@@ -44,7 +44,7 @@ class Layout:
         replayed_kinds: the effects on clocks and paths of the log's signals, which are
             replayed instead.
         slots: what each entry of theta is: (kind, coefficient), where the kind
-            of the drawing is "parameters".
+            of the vehicle is "parameters".
         index: the other way round.
         num_compiled: entries of theta that the compiled dynamics take, the first.
         num_states: of the compiled dynamics: 7, then the effects' own.
@@ -83,7 +83,7 @@ class Layout:
         return places
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
-        """Returns theta of the drawing: its parameters, effects that do nothing."""
+        """Returns theta of a nominal model: parameters, and effects that do nothing."""
         coefficients = [
             c.default
             for e in (*self.compiled_kinds, *self.replayed_kinds)
@@ -114,10 +114,10 @@ class Layout:
             rate: of the elevator [rad/s].
             theta: the model.
         """
-        drawing = compose()
-        motion = drawing.motion_of(time, state.tolist(), rate)
+        plate = compose()
+        motion = plate.motion_of(time, state.tolist(), rate)
         parameters = Parameters(*theta[:NUM_PARAMETERS].tolist())
-        flow = drawing.flow_of(motion, 0.0, 0.0, parameters)
+        flow = plate.flow_of(motion, 0.0, 0.0, parameters)
         rest: list[float] = []
         for steady, own in self.at_rest:
             values = steady(flow, *theta[own].tolist())
@@ -179,4 +179,4 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
 
 
 LIBRARY_LAYOUT = layout_of()
-"""Where there is no effect of a user's own."""
+"""Layout without an effect of a user's own."""

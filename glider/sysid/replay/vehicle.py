@@ -1,6 +1,6 @@
-"""From what a campaign tells of its vehicle to a model's unknowns.
+"""A campaign's vehicle, sorted into known and unknown numbers of a model.
 
-What is known of a vehicle is taken from the drawing; what is not is fitted with
+What is known of a vehicle is taken as told; what is not is fitted with
 the effects. Without a mass, an area or an inertia, forces show only per mass: the
 mass is then set to 1 kg, and areas and inertia are per kilogram.
 """
@@ -27,17 +27,16 @@ OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
 """Parameters of a flat-plate glider that flights can tell, given its mass."""
 
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
-"""Parameters that are taken from the default drawing where they are not told:
+"""Parameters that are taken from the default glider where they are not told:
 they only scale the others."""
 
-
 _OFFSET_SPREAD = 0.03
-"""How far an unknown wing's center of pressure may lie from the center of mass
+"""Distance that an unknown wing's center of pressure may lie from the center of mass
 [m]; unknown areas and inertia may be off the default glider's by half."""
 
 PRIOR_SCALES = 4.0
 """Spread of effects' coefficients beforehand, in their scales, where there is no
-drawing to hold them against."""
+nominal model to hold them against."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,12 +45,12 @@ class Vehicle:
 
     Attributes:
         layout: of theta.
-        theta: the drawing, unknown entries at a start value.
+        theta: the nominal model, unknown entries at a start value.
         nuisance: indices into theta that are unknown and fitted with everything.
         own: indices of the flat plate's own parameters, for the refitted plate.
         kinds: effects that these logs could show.
         trim_is_known: False where the elevator stands elsewhere in each flight.
-        is_known: whether the drawing is complete, the elevator's angle included.
+        is_known: whether the nominal model is complete, the elevator's angle included.
         prior: mean and spread of theta before any flight, for what is unknown.
         notes: what was assumed, for the report.
     """
@@ -72,24 +71,20 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     index = layout.index
     known = dict(campaign.vehicle)
     notes = []
-    drawing: dict[str, Any] = dataclasses.asdict(GliderParameters())
+    assumed: dict[str, Any] = dataclasses.asdict(GliderParameters())
     has_scale = any(name in known for name in _PER_MASS)
     if "mass" not in known and not has_scale:
         for name in _PER_MASS:
-            drawing[name] /= drawing["mass"]
-        drawing["mass"] = 1.0
+            assumed[name] /= assumed["mass"]
+        assumed["mass"] = 1.0
         notes.append(
             "No mass or area is told: the mass is set to 1 kg, "
             "so areas and inertia are per kg."
         )
     for name in _CONVENTIONAL:
         if name not in known:
-            notes.append(f"'{name}' is not told: {drawing[name]:g} is assumed.")
-    if campaign.elevator_limits is not None:
-        drawing["elevator_limits"] = list(campaign.elevator_limits)
-    if campaign.elevator_rate_limit is not None:
-        drawing["elevator_rate_limit"] = campaign.elevator_rate_limit
-    parameters = GliderParameters(**{**drawing, **known})
+            notes.append(f"'{name}' is not told: {assumed[name]:g} is assumed.")
+    parameters = GliderParameters(**{**assumed, **_servo_of(campaign), **known})
 
     unknown = [name for name in OWN if name not in known]
     if "mass" not in known and has_scale:
@@ -128,13 +123,18 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
 
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
-    """Returns theta's parameters as a drawing, with the campaign's limits."""
+    """Returns theta's parameters as a vehicle's, with the campaign's limits."""
+    values: dict[str, Any] = {
+        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
+    }
+    return GliderParameters(**values, **_servo_of(campaign))
+
+
+def _servo_of(campaign: Campaign) -> dict[str, Any]:
+    """Returns the limits of the servo that the campaign tells, as parameters."""
     limits: dict[str, Any] = {}
     if campaign.elevator_limits is not None:
         limits["elevator_limits"] = list(campaign.elevator_limits)
     if campaign.elevator_rate_limit is not None:
         limits["elevator_rate_limit"] = campaign.elevator_rate_limit
-    values: dict[str, Any] = {
-        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
-    }
-    return GliderParameters(**values, **limits)
+    return limits

@@ -2,5 +2,5 @@
 
 candidates, beam_search: sets of effects, tried and weighed. residual_field: what has no
 name. decision: one against the other. free_rollout_search: real flights without a
-drawing. signs: angles logged with the other sign. explanation: what was found.
+nominal model. signs: angles logged with the other sign. explanation: what was found.
 """

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.sysid.result import Z_SIGNIFICANT
 from glider.sysid.search.candidates import (
+    NEEDED_RATIO,
     EffectSet,
     Fitted,
     Search,
@@ -26,20 +28,18 @@ from glider.sysid.search.candidates import (
     without,
 )
 
-SILENT = 4.0
-"""Lack of fit, in standard deviations, below which nothing is left."""
+LEFT_RATIO = 4.0
+"""Ratio of what is left without an added effect to what is left with it, from which
+on the effect earns its place; or else it does by LEAST_SHARE."""
 
-EARNING = 4.0
-"""Factor by which an added effect must cut what is left, or else ..."""
+LEAST_SHARE = 0.1
+"""Share of the nominal model's error that an added effect must explain."""
 
-CLEAR = 10.0
+PAIR_SHARE_LEFT = 0.35
+"""Share of the nominal model's error that the best pair may leave for a triple."""
+
+WEAK_EVIDENCE = 10.0
 """Evidence that an effect needs where it only shows beside stronger ones [nats]."""
-
-SHARE = 0.1
-"""... the share of the drawing's error that it must explain."""
-
-HOPELESS = 0.35
-"""Share of the drawing's error that the best pair may leave for a triple."""
 
 BEAM = 3
 """Sets that each round starts from."""
@@ -47,15 +47,24 @@ BEAM = 3
 SEARCH_FLIGHTS = 12
 """Flights to search with where the error is large; all are used in the end."""
 
-_NEARLY_SILENT = 20.0
+_LARGE_DISPERSION = 10.0
+"""Mean squared error over noise variance from which on SEARCH_FLIGHTS are enough."""
 
-_INDISTINGUISHABLE = 12.0
+_Z_LITTLE = 10.0
+"""Lack of fit of the nominal model, in standard deviations, below which there is
+little to explain."""
+
+_Z_NEARLY_NOISE = 20.0
+"""Lack of fit of a set, in standard deviations, below which a weak effect may be all
+that is missing."""
+
+_DEVIANCE_GAP = 12.0
 """Difference of twice the log-likelihood below which two kinds are one to us."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Trace:
-    """What the search found.
+    """Outcome of the search.
 
     Attributes:
         chosen: the set, possibly empty.
@@ -82,7 +91,10 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
     """
     everything = search
     base = fit_set(search, (), search.theta)
-    if base.fit.dispersion > 10.0 and len(search.problem.records) > SEARCH_FLIGHTS:
+    if (
+        base.fit.dispersion > _LARGE_DISPERSION
+        and len(search.problem.records) > SEARCH_FLIGHTS
+    ):
         search = search.on(search.problem.thinned(SEARCH_FLIGHTS))
         start = fit_set(search, (), base.fit.theta)
     else:
@@ -111,7 +123,7 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
             break
         levels.append(children)
         sizes.append(judge(search, children[0]))
-        if sizes[-1].lack.z < SILENT or _hopeless(sizes):
+        if sizes[-1].lack_of_fit.z < Z_SIGNIFICANT or _is_hopeless(sizes):
             break
 
     best = choose(sizes, len(search.kinds))
@@ -127,24 +139,25 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
     )
 
 
-def _hopeless(sizes: Sequence[EffectSet]) -> bool:
+def _is_hopeless(sizes: Sequence[EffectSet]) -> bool:
     """Whether pairs explain so little that a third effect is not worth a search."""
-    return len(sizes) > 2 and sizes[-1].left > HOPELESS * sizes[0].left
+    return len(sizes) > 2 and sizes[-1].left > PAIR_SHARE_LEFT * sizes[0].left
 
 
 def choose(sets: Sequence[EffectSet], num_kinds: int) -> EffectSet:
     """Returns the set that earns its place, from the best of each size.
 
-    A larger set must leave `EARNING` times less for every effect that it adds, or
-    explain a further `SHARE` of the drawing's error with each (unless there was
-    little to explain), and it must be significant among all the candidates tried.
+    A larger set must leave `LEFT_RATIO` times less for every effect that it adds, or
+    explain a further `LEAST_SHARE` of the nominal model's error with each (unless
+    there was little to explain), and it must be significant among all the candidates
+    tried.
     """
     chosen = sets[0]
     for larger in sets[1:]:
         added = len(larger.kinds) - len(chosen.kinds)
-        cut = larger.left * EARNING**added <= chosen.left
-        explained = chosen.left - larger.left >= SHARE * added * sets[0].left
-        weak = sets[0].lack.z < 10.0
+        cut = larger.left * LEFT_RATIO**added <= chosen.left
+        explained = chosen.left - larger.left >= LEAST_SHARE * added * sets[0].left
+        weak = sets[0].lack_of_fit.z < _Z_LITTLE
         if significant(chosen.fit, larger.fit, num_kinds) and (
             cut or explained or weak
         ):
@@ -159,7 +172,7 @@ def _prune(search: Search, chosen: EffectSet) -> EffectSet:
             break
         smaller = without(search, chosen, kind)
         needed = significant(smaller.fit, chosen.fit, len(search.kinds))
-        if not needed or smaller.left < 1.2 * chosen.left:
+        if not needed or smaller.left < NEEDED_RATIO * chosen.left:
             chosen = smaller
     return chosen
 
@@ -168,17 +181,21 @@ def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
     """Adds a weak effect that the whole set of flights shows beside strong ones.
 
     The search's few flights may miss it. Where all that is left is nearly noise,
-    an effect must gain `CLEAR` evidence and leave nothing.
+    an effect must gain `WEAK_EVIDENCE` and leave nothing.
     """
-    while chosen.kinds and len(chosen.kinds) < most and chosen.lack.z < _NEARLY_SILENT:
+    while (
+        chosen.kinds
+        and len(chosen.kinds) < most
+        and chosen.lack_of_fit.z < _Z_NEARLY_NOISE
+    ):
         children = extend(search, chosen, 3)
         if not children:
             break
         best = judge(search, min(children, key=lambda s: s.fit.cost))
         clear = significant(chosen.fit, best.fit, len(search.kinds))
-        if not clear or evidence(chosen.fit, best.fit) < CLEAR:
+        if not clear or evidence(chosen.fit, best.fit) < WEAK_EVIDENCE:
             break
-        if best.lack.z > SILENT:
+        if best.lack_of_fit.z > Z_SIGNIFICANT:
             break
         chosen = best
     return chosen
@@ -186,10 +203,12 @@ def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
 
 def _weigh(search: Search, base: EffectSet, chosen: EffectSet) -> tuple[Weighed, ...]:
     weighed = []
-    total = max(base.lack.excess - min(chosen.lack.excess, 0.0), 1e-9)
+    total = max(base.lack_of_fit.excess - min(chosen.lack_of_fit.excess, 0.0), 1e-9)
     for kind in chosen.kinds:
         smaller = without(search, chosen, kind)
-        share = (smaller.lack.excess - max(chosen.lack.excess, 0.0)) / total
+        share = (
+            smaller.lack_of_fit.excess - max(chosen.lack_of_fit.excess, 0.0)
+        ) / total
         weighed.append(
             Weighed(
                 kind=kind,
@@ -214,6 +233,6 @@ def _alternatives(
             len(other.fit.free) - len(chosen.fit.free)
         )
         gap = (other.fit.cost - chosen.fit.cost) / max(chosen.fit.dispersion, 1.0)
-        if gap + min(penalty, 0.0) < _INDISTINGUISHABLE:
+        if gap + min(penalty, 0.0) < _DEVIANCE_GAP:
             equal.append(other.kinds[-1])
     return tuple(equal)

@@ -1,4 +1,4 @@
-"""What a search for effects is about: candidates, sets fitted together, evidence."""
+"""Candidates of a search for effects: sets fitted together, and evidence."""
 
 import dataclasses
 import itertools
@@ -24,8 +24,15 @@ from glider.sysid.replay.theta import Layout
 
 Progress = Callable[[str], None]
 
-FALSE_ALARM = 0.002
-"""Chance that the whole library of candidates finds one effect where none is."""
+FALSE_ALARM_PROBABILITY = 0.002
+"""Probability that the whole library of candidates finds an effect where none is."""
+
+LEAST_EVIDENCE = 3.0
+"""Evidence that an effect needs in any case [nats]."""
+
+NEEDED_RATIO = 1.2
+"""Ratio of what is left without a member of a set to what is left with it, below
+which the member is not needed."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,15 +53,15 @@ class EffectSet(Fitted):
     """Effects fitted together, and what they leave.
 
     Attributes:
-        lack: what is left.
+        lack_of_fit: what they leave.
     """
 
-    lack: LackOfFit
+    lack_of_fit: LackOfFit
 
     @property
     def left(self) -> float:
-        """What is left, no less than the noise of that figure."""
-        return max(self.lack.excess, 0.0) + 2.0 * self.lack.std
+        """Bound of what is left, no less than the noise of that figure."""
+        return self.lack_of_fit.bound
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -65,7 +72,7 @@ class Weighed:
         kind: of the effect.
         evidence: log-likelihood gained on held-out flights (leave one flight out,
             the others of the set kept), over the error's dispersion.
-        share: of the drawing's error that goes when the effect is added last.
+        share: of the nominal model's error that goes when the effect is added last.
         alternatives: kinds that would do as well in its place.
     """
 
@@ -77,11 +84,11 @@ class Weighed:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Search:
-    """What to search and from where.
+    """Task of a search: what to search and from where.
 
     Attributes:
         problem: the flights to fit.
-        theta: the drawing.
+        theta: the nominal model.
         nuisance: indices into theta that are unknown and always fitted.
         kinds: the candidates.
         progress: called with a line of text now and then.
@@ -95,7 +102,7 @@ class Search:
 
     @property
     def layout(self) -> Layout:
-        """What theta's entries are."""
+        """Layout of theta."""
         return self.problem.layout
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
@@ -119,8 +126,8 @@ def fit_set(search: Search, kinds: tuple[str, ...], theta: np.ndarray) -> Effect
 
 def judge(search: Search, fitted: Fitted) -> EffectSet:
     """Returns the set with a test of what it leaves."""
-    lack = lack_of_fit(search.problem, fitted.fit.theta)
-    return EffectSet(kinds=fitted.kinds, fit=fitted.fit, lack=lack)
+    left = lack_of_fit(search.problem, fitted.fit.theta)
+    return EffectSet(kinds=fitted.kinds, fit=fitted.fit, lack_of_fit=left)
 
 
 def significant(small: Fit, large: Fit, num_kinds: int) -> bool:
@@ -133,7 +140,9 @@ def significant(small: Fit, large: Fit, num_kinds: int) -> bool:
     extra = max(len(large.free) - len(small.free), 1)
     ratio = (small.cost - large.cost) / max(large.dispersion, 1e-9)
     by_luck = chi2.sf(ratio, extra) * max(num_kinds, 1)
-    return bool(by_luck < FALSE_ALARM and evidence(small, large) > 3.0)
+    return bool(
+        by_luck < FALSE_ALARM_PROBABILITY and evidence(small, large) > LEAST_EVIDENCE
+    )
 
 
 def evidence(small: Fit, large: Fit) -> float:
@@ -188,6 +197,7 @@ def extend(search: Search, parent: Fitted, most: int) -> list[Fitted]:
 
 
 def without(search: Search, chosen: EffectSet, kind: str) -> EffectSet:
+    """Fits a set anew without one of its kinds."""
     theta = chosen.fit.theta.copy()
     slots = list(search.layout.slots_of(kind))
     theta[slots] = search.theta[slots]

@@ -11,17 +11,16 @@ import numpy as np
 from glider.sysid.fit.output_error import Fit, fit
 from glider.sysid.fit.whiteness import lack_of_fit
 from glider.sysid.replay.problem import Problem
-from glider.sysid.search.beam_search import (
-    SILENT,
-    trace,
-)
+from glider.sysid.result import Z_SIGNIFICANT
+from glider.sysid.search.beam_search import trace
 from glider.sysid.search.candidates import (
+    NEEDED_RATIO,
     EffectSet,
     Search,
     Weighed,
 )
 from glider.sysid.search.explanation import Explanation
-from glider.sysid.search.free_rollout_search import explain_roughly
+from glider.sysid.search.free_rollout_search import explain_by_free_rollouts
 from glider.sysid.search.residual_field import (
     UnexplainedField,
     find_field,
@@ -29,28 +28,37 @@ from glider.sysid.search.residual_field import (
     with_form_errors,
 )
 
-WORTH = 2.0
-"""Factor by which a field must cut what the effects leave, to be carried."""
+FIELD_RATIO = 2.0
+"""Ratio of what the effects leave to what a field on top of them leaves, from which
+on it is carried."""
 
-ROUGH = 1000.0
-"""Error over noise variance of an undrawn glider's best single effect, beyond which
-its flights are taken to be real: a matter of centimetres, not of noise."""
+IN_PLACE_RATIO = 4.0
+"""Ratio of what the effects leave to what a field alone leaves, from which on it takes
+their place."""
 
-IN_PLACE = 4.0
-"""Factor by which a field alone must beat the effects, to take their place."""
+NEGLIGIBLE_SHARE = 0.01
+"""Share of the nominal model's lack of fit below which what is left is only the error
+of an effect's own form."""
+
+FREE_ROLLOUT_DISPERSION = 1000.0
+"""Mean squared error over noise variance, of the best single effect of a glider without
+a nominal model, beyond which free rollouts are the criterion: its flights are then
+taken to be real, a matter of centimetres, not of noise."""
 
 
 def explain(search: Search) -> Explanation:
     """Traces the effects, then carries what they leave if it is real."""
     traced = trace(search, most=1)
     base, alone = traced.base, None
-    is_drawn = search.problem.prior is None
-    if not is_drawn and traced.chosen.fit.dispersion > ROUGH:
-        return explain_roughly(search)
-    if base.lack.z >= SILENT and _is_real(traced.chosen, base):
+    is_known = search.problem.prior is None
+    if not is_known and traced.chosen.fit.dispersion > FREE_ROLLOUT_DISPERSION:
+        return explain_by_free_rollouts(search)
+    if base.lack_of_fit.z >= Z_SIGNIFICANT and _is_real(traced.chosen, base):
         alone = find_field(search.problem, base.fit.theta, search.progress)
         in_space_or_time = alone.variables[0] in ("x", "t")
-        if not (in_space_or_time and _left(alone) * IN_PLACE**2 < traced.chosen.left):
+        if not (
+            in_space_or_time and alone.left * IN_PLACE_RATIO**2 < traced.chosen.left
+        ):
             traced = trace(search, earlier=traced)
     chosen = traced.chosen
     named = Explanation(
@@ -58,14 +66,14 @@ def explain(search: Search) -> Explanation:
         weighed=traced.weighed,
         unexplained=None,
         candidates=traced.candidates,
-        left_z=chosen.lack.z,
+        left_z=chosen.lack_of_fit.z,
     )
     if alone is None or not _is_real(chosen, base):
         return named
     if not chosen.kinds:
         worth = _is_worth(base, alone)
         return _carry(search, base, base, alone, named) if worth else named
-    if _left(alone) * IN_PLACE < chosen.left:
+    if alone.left * IN_PLACE_RATIO < chosen.left:
         return _carry(search, base, base, alone, named)
     on_top = find_field(search.problem, chosen.fit.theta, search.progress)
     if not _is_worth(chosen, on_top):
@@ -75,23 +83,17 @@ def explain(search: Search) -> Explanation:
 
 def _is_real(chosen: EffectSet, base: EffectSet) -> bool:
     """Whether a set of effects leaves more than noise and its own form's errors."""
-    negligible = _NEGLIGIBLE * base.lack.excess
-    return chosen.lack.z >= SILENT and chosen.lack.excess > negligible
-
-
-_NEGLIGIBLE = 0.01
-"""Share of the drawing's error below which a rest is only the effect's own form."""
-
-
-def _left(found: UnexplainedField) -> float:
-    return max(found.lack.excess, 0.0) + 2.0 * found.lack.std
+    negligible = NEGLIGIBLE_SHARE * base.lack_of_fit.excess
+    return (
+        chosen.lack_of_fit.z >= Z_SIGNIFICANT and chosen.lack_of_fit.excess > negligible
+    )
 
 
 def _is_worth(chosen: EffectSet, found: UnexplainedField) -> bool:
     """Whether a field cuts what is left, also on flights left out of its fit."""
     unseen = max(found.held_out_cost - found.expected_cost, 0.0)
     before = chosen.fit.cost - found.expected_cost
-    return _left(found) * WORTH < chosen.left and unseen * WORTH < before
+    return found.left * FIELD_RATIO < chosen.left and unseen * FIELD_RATIO < before
 
 
 def _carry(
@@ -110,12 +112,14 @@ def _carry(
         slots = [i for i in search.free((kind,)) if i not in search.nuisance]
         theta[slots] = search.theta[slots]
         smaller = _together(search, fewer, theta, found)
-        if _left(smaller[1]) < 1.2 * _left(kept[1]):
+        if smaller[1].left < NEEDED_RATIO * kept[1].left:
             kinds, kept = fewer, smaller
     result, field = kept
-    drawn = max(base.lack.excess, 1e-9)
+    nominal = max(base.lack_of_fit.excess, 1e-9)
     without = lack_of_fit(search.problem, result.theta)
-    share = float(np.clip((without.excess - field.lack.excess) / drawn, 0.0, 1.0))
+    share = float(
+        np.clip((without.excess - field.lack_of_fit.excess) / nominal, 0.0, 1.0)
+    )
     nameless = Weighed(
         kind="unexplained",
         evidence=float(
@@ -131,7 +135,7 @@ def _carry(
         weighed=tuple(sorted(weighed, key=lambda w: -w.share)),
         unexplained=with_form_errors(search.problem, result.theta, field),
         candidates=named.candidates,
-        left_z=field.lack.z,
+        left_z=field.lack_of_fit.z,
     )
 
 

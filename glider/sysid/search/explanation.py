@@ -1,4 +1,4 @@
-"""What a search found, named or not."""
+"""Outcome of a search, named or not."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ from glider.sysid.search.residual_field import UnexplainedField
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What was found, named or not.
+    """Effects that were found, named or not.
 
     Attributes:
         fit: of the named effects' coefficients.

@@ -1,11 +1,11 @@
-"""Tracing where no model comes near the noise: real flights of an undrawn glider.
+"""Effects by the criterion of free rollouts, where no model comes near the noise.
 
-Motion capture is good to a tenth of a millimetre; a model of a real, thrown
-glider is good to centimetres. Errors then last for whole flights, and their
-squares over the noise say nothing. Here the errors of free rollouts are compared
-flight against flight: an effect must make flights foretold that its fit has not
-seen, by a share, in most of them. Coefficients start from a prior, since there
-is no drawing to hold them against.
+For real flights of a glider without a nominal model. Motion capture is good to a tenth
+of a millimetre; a model of a real, thrown glider is good to centimetres. Errors then
+last for whole flights, and their squares over the noise say nothing. Here the errors of
+free rollouts are compared flight against flight: an effect must predict
+flights that its fit has not seen, and do so better by a share. Coefficients start from
+a prior, since there is no nominal model to hold them against.
 """
 
 import dataclasses
@@ -18,9 +18,10 @@ from glider.sysid.fit.information import (
     solve,
 )
 from glider.sysid.fit.output_error import Fit, fit, gather, in_parallel
-from glider.sysid.fit.prediction import foretell
+from glider.sysid.fit.prediction import predict
 from glider.sysid.replay.problem import Problem
 from glider.sysid.search.candidates import (
+    LEAST_EVIDENCE,
     Fitted,
     Search,
     Weighed,
@@ -28,27 +29,30 @@ from glider.sysid.search.candidates import (
 )
 from glider.sysid.search.explanation import Explanation
 
-INDEPENDENT = 30.0
-"""Independent errors that a flight's channels are worth together, for evidence."""
+INDEPENDENT_ERRORS = 30.0
+"""Number of independent errors that a flight's channels are worth, for evidence."""
 
-SURE = 2.0
-"""Mean gain of the flights over its standard error that an effect needs."""
+T_SIGNIFICANT = 2.0
+"""Mean gain of the flights over its standard error (Student's t) that an effect
+needs."""
 
-LEAST = 0.04
+LEAST_SHARE = 0.04
 """Share by which the held-out error must fall for an effect."""
 
-MOST = 6
+MOST_EFFECTS = 6
 """Effects at most."""
 
-_ALIKE = 6.0
+_EVIDENCE_GAP = 6.0
 """Difference of evidence below which two effects are one to us [nats]."""
 
-_REFINED = 5
+_FULL_FITS = 5
 """Candidates of each round that are fitted in full."""
 
 
-def roughened(problem: Problem, theta: np.ndarray, free: tuple[int, ...]) -> Problem:
-    """Returns the problem on rollouts, its noise as large as a model's errors."""
+def on_free_rollouts(
+    problem: Problem, theta: np.ndarray, free: tuple[int, ...]
+) -> Problem:
+    """Returns the problem on free rollouts, its noise as large as a model's errors."""
     elevator = max(problem.noise.elevator, 0.05)
     guess = dataclasses.replace(
         problem.noise, position=0.05, pitch=0.15, elevator=elevator
@@ -57,11 +61,11 @@ def roughened(problem: Problem, theta: np.ndarray, free: tuple[int, ...]) -> Pro
     found = fit(problem, theta, free, iterations=20)
     errors = np.concatenate(
         [
-            record.flight.pose - forecast.pose
-            for record, forecast in zip(
+            record.flight.pose - predicted.pose
+            for record, predicted in zip(
                 problem.records,
                 in_parallel(
-                    lambda r: foretell(problem, found.theta, r, whole=True),
+                    lambda r: predict(problem, found.theta, r, whole=True),
                     problem.records,
                 ),
                 strict=True,
@@ -88,28 +92,32 @@ def evidence_of(small: Fit, large: Fit) -> tuple[float, float, float]:
     ratios = np.log(before / after)
     error = max(float(np.std(ratios, ddof=1)), 1e-9) / np.sqrt(flights)
     share = 1.0 - float(after.sum() / before.sum())
-    total = 0.5 * INDEPENDENT * float(ratios.sum())
+    total = 0.5 * INDEPENDENT_ERRORS * float(ratios.sum())
     return total, float(np.mean(ratios)) / error, share
 
 
-def explain_roughly(search: Search) -> Explanation:
-    """Finds effects that foretell unseen flights better, one at a time.
+def explain_by_free_rollouts(search: Search) -> Explanation:
+    """Finds effects that predict unseen flights better, one at a time.
 
     What they leave is not tested: it is real, and centimetres.
     """
     search.progress("fitting the plate to free rollouts")
-    problem = roughened(search.problem, search.theta, search.free(()))
+    problem = on_free_rollouts(search.problem, search.theta, search.free(()))
     search = search.on(problem)
     base = fit(problem, search.theta, search.free(()), iterations=20)
     chosen = Fitted(kinds=(), fit=base)
     found: list[Weighed] = []
     candidates: dict[str, float] = {}
-    for step in range(MOST):
+    for step in range(MOST_EFFECTS):
         search.progress(f"trying effect {step + 1}")
         tried = [(c, *evidence_of(chosen.fit, c.fit)) for c in _further(search, chosen)]
         if step == 0:
             candidates = {c.kinds[-1]: gain for c, gain, _, _ in tried}
-        good = [t for t in tried if t[1] > 3.0 and t[2] > SURE and t[3] > LEAST]
+        good = [
+            t
+            for t in tried
+            if t[1] > LEAST_EVIDENCE and t[2] > T_SIGNIFICANT and t[3] > LEAST_SHARE
+        ]
         if not good:
             break
         best, gain, _, _ = max(good, key=lambda t: t[1])
@@ -120,7 +128,7 @@ def explain_roughly(search: Search) -> Explanation:
                 evidence=gain,
                 share=float(share),
                 alternatives=tuple(
-                    t[0].kinds[-1] for t in good if gain - _ALIKE < t[1] < gain
+                    t[0].kinds[-1] for t in good if gain - _EVIDENCE_GAP < t[1] < gain
                 ),
             )
         )
@@ -148,7 +156,7 @@ def _further(search: Search, parent: Fitted) -> list[Fitted]:
         promised.append((cost(own, solve(own)), kind))
     promised.sort()
     found = []
-    for _, kind in promised[:_REFINED]:
+    for _, kind in promised[:_FULL_FITS]:
         kinds_now = (*parent.kinds, kind)
         start = starts(search.layout, search.layout.kinds[kind], parent.fit.theta)[0]
         result = fit(search.problem, start, search.free(kinds_now), iterations=20)

@@ -1,4 +1,4 @@
-"""None of these: a residual that no effect of the library explains.
+"""A residual that no effect of the library explains, as a field without a name.
 
 What is left is carried as a field of Gaussian basis functions over the
 variable that it depends on, either as a motion of the air or as C_L, C_D
@@ -42,16 +42,18 @@ SURVEY_FLIGHTS = 12
 """Flights to survey the variables with; the field is fitted to all."""
 
 _COARSE = 12
+"""Number of basis functions in the survey."""
+
 _FINER = (18, 27, 40)
+"""Numbers of basis functions that are tried afterwards."""
+
 _REFINEMENT = 1.5
-"""From one number of basis functions to the next."""
+"""Ratio of one number of basis functions to the one before."""
 
-_FINER = (18, 27, 40)
-
-_NEARLY = 1.5
+_LEFT_RATIO = 1.5
 """Ratio of what is left below which another variable does nearly as well."""
 
-_STANDS_STILL = 1e-6
+_LEAST_RANGE = 1e-6
 """Range of a variable below which nothing can be said to depend on it."""
 
 
@@ -65,7 +67,7 @@ class UnexplainedField:
         data: the field as a model file has it.
         held_out_cost: sum of squared errors of flights left out of the fit.
         expected_cost: the same of pure noise.
-        lack: what it leaves.
+        lack_of_fit: what it leaves.
         tried: held-out cost of each (form, variable) tried.
         survey_noise: cost that pure noise would leave there.
         coefficients: the peak of each term and where it lies.
@@ -76,7 +78,7 @@ class UnexplainedField:
     data: FieldData
     held_out_cost: float
     expected_cost: float
-    lack: LackOfFit
+    lack_of_fit: LackOfFit
     coefficients: dict[str, Estimate]
     tried: dict[tuple[str, str], float]
     survey_noise: float
@@ -87,8 +89,13 @@ class UnexplainedField:
         return self.held_out_cost / self.expected_cost
 
     @property
+    def left(self) -> float:
+        """Bound of what is left, no less than the noise of that figure."""
+        return self.lack_of_fit.bound
+
+    @property
     def words(self) -> str:
-        """A short phrase for people."""
+        """Phrase for people, a short one."""
         what = {"air": "the air moves", "forces": "forces change"}[self.form]
         return f"no effect of the library: {what} with {', '.join(self.depends_on)}"
 
@@ -99,7 +106,8 @@ class UnexplainedField:
         close = {
             name: error
             for (_, name), error in sorted(self.tried.items(), key=lambda e: -e[1])
-            if error - self.survey_noise < _NEARLY * max(best, 0.05 * self.survey_noise)
+            if error - self.survey_noise
+            < _LEFT_RATIO * max(best, 0.05 * self.survey_noise)
         }
         others = sorted(set(close) - set(self.variables), key=lambda name: close[name])
         return (*self.variables, *others)
@@ -118,7 +126,7 @@ def survey(problem: Problem, theta: np.ndarray) -> dict[tuple[str, str], float]:
     tried = {}
     for name in FIELD_VARIABLES:
         data = place_basis(problem.records, theta, (name,), _COARSE)
-        if min(data.widths) < _STANDS_STILL:
+        if min(data.widths) < _LEAST_RANGE:
             continue
         information = gather(
             problem, theta, (), forcing=forcing_of(theta, make_field(data), FIELD_TERMS)
@@ -177,7 +185,7 @@ def _fitted(
         data=found.data,
         held_out_cost=found.held_out_cost,
         expected_cost=float(degrees_of_freedom(problem).sum()),
-        lack=lack_of_fit(with_field, theta),
+        lack_of_fit=lack_of_fit(with_field, theta),
         tried=tried,
         survey_noise=float(degrees_of_freedom(thinned).sum()),
         coefficients=find_peaks(found),

@@ -17,15 +17,15 @@ from glider.sysid.replay.record import prepare
 from glider.sysid.replay.signs import Signs, turn
 from glider.sysid.replay.vehicle import Vehicle
 
-ADVANTAGE = 5.0
-"""Factor by which the error must fall before a sign is called wrong."""
+COST_RATIO = 5.0
+"""Ratio of the logged signs' error to the best ones' from which on a sign is wrong."""
 
 FLIGHTS = 6
-"""Flights to ask; a wrong sign shows in any."""
+"""Number of flights to ask; a wrong sign shows in any."""
 
 COMPANIONS = ("profile_drag", "pitch_offset")
-"""Effects that are fitted under any signs: what nearly every glider has, lest its
-lack look like a wrong sign."""
+"""Effects that are fitted under any signs: what nearly every glider has, lest their
+absence look like a wrong sign."""
 
 _WITH_SERVO = (
     (-1, 1, 1),
@@ -44,7 +44,7 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round: no small effect of the library comes near.
-    So the best set of signs must beat the logged one by `ADVANTAGE`, each with
+    So the best set of signs must beat the logged one by `COST_RATIO`, each with
     `COMPANIONS` fitted.
     """
     few = tuple(flights[:FLIGHTS])
@@ -56,7 +56,7 @@ def find_signs(
         error = _cost(campaign, few, noise, vehicle, signs)
         if error < lowest:
             best, lowest = signs, error
-    if best.are_right or lowest * ADVANTAGE > logged:
+    if best.are_right or lowest * COST_RATIO > logged:
         return Signs()
     rows = sum(4 * len(f.time) for f in few)
     return dataclasses.replace(

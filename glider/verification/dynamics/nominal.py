@@ -17,14 +17,11 @@ from glider.control.policy import (
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
-from glider.physics.state import STATE_NAMES
+from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
 
 FLIGHT_STEP = 0.0005
 """Longest step of the integration [s]."""
-
-ELEVATOR = STATE_NAMES.index("elevator")
-"""Index of the elevator's angle in a state."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,8 @@ Inside the funnel both hold, so that its dynamics need no saturation.
 import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
-from glider.verification.dynamics.nominal import ELEVATOR, Nominal
+from glider.physics.state import ELEVATOR
+from glider.verification.dynamics.nominal import Nominal
 
 SHRINK = 0.995
 """Factor on the bounds, for what happens between the times where they are kept:

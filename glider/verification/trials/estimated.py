@@ -25,12 +25,12 @@ from glider.estimation.perching import (
     PROCESS,
 )
 from glider.physics.servo import limited_rate
+from glider.physics.state import ELEVATOR
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import (
     PERCH_RADIUS,
     least_distance,
 )
-from glider.verification.dynamics.nominal import ELEVATOR
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.trials.flights import (
     draw_inside,
