@@ -33,7 +33,7 @@ from diagrams.playback import (
     stage_of,
     write_html,
 )
-from glider.errors import InputError
+from glider.errors import InputError, os_error_line
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError, Progress
@@ -277,9 +277,7 @@ def run(main: Callable[[], None]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        named = error.filename is not None
-        words = f"{error.filename}: {error.strerror}." if named else error
-        print(f"error: {words}", file=sys.stderr)
+        print(f"error: {os_error_line(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

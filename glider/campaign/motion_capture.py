@@ -70,7 +70,7 @@ class MotionCapture:
 
         Args:
             model: whose sensors show the pose.
-            times: (K,) of the states [s].
+            times: (K,) of the states, from 0 [s].
             states: (K, n) of the glider.
             commands: when each began (H,) [s], and elevator rates (H,) [rad/s].
             rng: draws the noise.
@@ -88,10 +88,14 @@ class MotionCapture:
         shown = model.chain.measure(seen.T, model.numbers)
         noise = self.draw(rng, len(time))
         begins, rates = commands
+        signs = {"elevator": 1.0, "command": 1.0}  # That of the pitch is in the pose.
+        for effect in model.effects:
+            if effect.kind.stage == "log":
+                signs |= effect.to_dict()
         return Flight(
             name=name,
             time=time,
             pose=np.stack(shown, axis=1) + noise[:, _POSE],
-            elevator=seen[:, ELEVATOR] + noise[:, -1],
-            command=rates[latest_command(begins, time)],
+            elevator=signs["elevator"] * (seen[:, ELEVATOR] + noise[:, -1]),
+            command=signs["command"] * rates[latest_command(begins, time)],
         )

@@ -9,7 +9,7 @@ from glider.compiled.kernel import Family
 from glider.compiled.rollouts import slopes
 from glider.compiled.runge_kutta import advance_block
 from glider.physics.model import GliderModel
-from glider.physics.servo import Servo, limited_rate
+from glider.physics.servo import limited_rate
 
 
 def feed_back(row, feedback, error, work):
@@ -135,7 +135,6 @@ def fly_feedback(
     step: float,
     feedback: Feedback,
     *,
-    servo: Servo | None = None,
     wire: tuple[float, float] = (0.0, 0.0),
     keep_paths: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +146,6 @@ def fly_feedback(
         steps: their number, N.
         step: [s].
         feedback: of N steps.
-        servo: its limits; None for the model's.
         wire: (x, z) [m].
         keep_paths: whether to return all states.
 
@@ -168,7 +166,7 @@ def fly_feedback(
             hold=feedback.hold,
             noise=np.ascontiguousarray(feedback.noise, dtype=float),
         ),
-        model.parameters.servo if servo is None else servo,
+        model.parameters.servo,
         (float(wire[0]), float(wire[1])),
         model.numbers,
         miss,

@@ -51,7 +51,7 @@ def weight_matrix(diagonal: tuple[float, ...], num_states: int) -> np.ndarray:
     return np.diag(np.append(diagonal, np.zeros(num_states - len(diagonal))))
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class TrackingPolicy:
     """u = u₀ - K (x - x₀) - k₀ about a plan, and its cost-to-go.
 
@@ -166,7 +166,7 @@ def sample_plan(
     """Returns states (J, n), their slopes (J, n) and inputs (J,) at some times."""
     path = CubicHermiteSpline(plan.times, plan.states, plan.slopes)
     if plan.is_held:
-        knot = np.searchsorted(plan.times, times, side="right") - 1
+        knot = latest_command(plan.times, times)
         inputs = plan.inputs[np.minimum(knot, len(plan.inputs) - 1)]
     else:
         inputs = np.interp(times, plan.times, plan.inputs)

@@ -58,13 +58,14 @@ def fly_watched(
     starts = np.array(starts, dtype=float, ndmin=2)
     batch, size = starts.shape
     inputs = np.asarray(inputs, dtype=float)
-    samples, n, rows = inputs.shape[-2], ekf.num_states, len(ekf.noise)
-    if size != len(ekf.names) or inputs.shape[-1] != ekf.num_inputs:
+    given = inputs.ndim in (2, 3) and inputs.shape[:-2] in ((), (1,), (batch,))
+    if size != len(ekf.names) or not given or inputs.shape[-1] != ekf.num_inputs:
         raise InputError(
             f"fly_watched: starts of shape {starts.shape} and inputs of shape "
             f"{inputs.shape} are given; (B, {len(ekf.names)}) and "
             f"(B, K, {ekf.num_inputs}) are needed."
         )
+    samples, n, rows = inputs.shape[-2], ekf.num_states, len(ekf.noise)
     gain = np.zeros((samples, 0, n)) if gain is None else np.asarray(gain, dtype=float)
     if gain.ndim != 3 or (
         (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > ekf.num_inputs
@@ -73,7 +74,7 @@ def fly_watched(
             f"fly_watched: the gain has shape {gain.shape}; ({samples}, f, {n}) with "
             f"f at most {ekf.num_inputs} is needed."
         )
-    inputs = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs)).copy()
+    inputs = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs))
     shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
     if rng is not None:
         if is_shaken:

@@ -12,7 +12,7 @@ from glider.estimation.ekf import Ekf
 from glider.physics.state import NUM_STATES
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
     """A normal distribution of x̄."""
 
@@ -23,7 +23,7 @@ class Belief:
     """(N, N)."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Estimates:
     """Estimates that a filter makes of B flights of K samples."""
 

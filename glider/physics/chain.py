@@ -243,7 +243,7 @@ def derivatives(t, x, u, wind_x, wind_z, theta):
     """The dynamics: ẋ = f(t, x, u, w; θ).
 
     Args:
-        t: time [s]; only a field that depends on it uses it.
+        t: time [s]; a field over it and formulas that ask for it use it.
         x: (7 + extra,): the states of glider.physics.state, then the effects' own.
         u: commanded elevator rate [rad/s].
         wind_x: velocity of the air, world x [m/s].

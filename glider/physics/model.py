@@ -8,6 +8,7 @@ field: {kind: unexplained, variables: [x], ...}      # optional
 
 import dataclasses
 import functools
+import math
 import types
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +19,6 @@ from numpy.typing import ArrayLike
 from glider.errors import InputError
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.effects import (
-    FIELD_VARIABLES,
     KINDS,
     NO_FIELD,
     Effect,
@@ -40,7 +40,8 @@ from glider.physics.typed_yaml import (
     save_typed,
 )
 
-_TIME = FIELD_VARIABLES.index("t")
+_IN_MOTION = (-1.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
+"""A state of STATE_NAMES in which nothing is divided by zero."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -49,8 +50,8 @@ class GliderModel:
 
     Attributes:
         parameters: the vehicle.
-        effects: from the library or the user's own. A servo_lag or command_delay of
-            zero duration does not act: it has no state.
+        effects: from the library or the user's own. One with states whose
+            coefficients are all zero, as a servo_lag of no duration, does not act.
         field: the residual field as data, or None.
 
     Raises:
@@ -99,7 +100,7 @@ class GliderModel:
 
     @property
     def numbers(self) -> Theta:
-        """All numbers of the dynamics, as arrays of their own."""
+        """All numbers of the dynamics; the field's arrays are to be read only."""
         return Theta(
             p=self.parameters.numbers,
             c=np.array([value for effect in self._acting for value in effect.values]),
@@ -116,10 +117,15 @@ class GliderModel:
         """The dynamics as functions of scalars, see `compose`."""
         return compose(self.kinds, self.has_field)
 
-    @property
+    @functools.cached_property
     def is_time_varying(self) -> bool:
-        """Whether the same state flies differently at another time."""
-        return bool(np.any(self.residual_field.inverse_widths[:, _TIME] != 0.0))
+        """Whether the same state flies differently at another time.
+
+        A time that is no number reaches all that is computed from it.
+        """
+        x = self.initial_state(_IN_MOTION)
+        rates = self.chain.derivatives(math.nan, x, 1.0, 0.0, 0.0, self.numbers)
+        return bool(np.any(np.isnan(rates)))
 
     def initial_state(self, state: ArrayLike) -> np.ndarray:
         """Returns the full state in still air with the effects' own states at rest.

@@ -28,7 +28,7 @@ class Attempt:
     seconds: float
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """A flight from a launch, and what every planner returns.
 
@@ -128,11 +128,11 @@ def held_plan(
         inputs: (N - 1,) [rad/s].
         more: further fields of the plan.
     """
-    applied = np.append(inputs, 0.0)
-    rates = model.chain.derivatives(0.0, states.T, applied, 0.0, 0.0, model.numbers)
+    times, applied = step * np.arange(len(states)), np.append(inputs, 0.0)
+    rates = model.chain.derivatives(times, states.T, applied, 0.0, 0.0, model.numbers)
     slopes = np.stack([np.broadcast_to(r, len(states)) for r in rates], axis=1)
     return Plan(
-        times=step * np.arange(len(states)),
+        times=times,
         states=states,
         slopes=slopes,
         inputs=inputs,

@@ -16,7 +16,8 @@ import numpy as np
 from glider.compiled.sampling import FlightCost, cost_sequences
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.physics.servo import NO_LIMITS
+from glider.physics.servo import NO_LIMITS, rate_bounds
+from glider.physics.state import ELEVATOR
 from glider.planning.plan import Plan, held_plan
 from glider.planning.problem import PerchingProblem
 
@@ -173,6 +174,15 @@ class SequenceCost:
         """Returns the states of the flights, shape (B, N + 1, n)."""
         return self._fly(start, commands, None, 0.0, True)[1]
 
+    def within_limits(self, start: np.ndarray, commands: np.ndarray) -> np.ndarray:
+        """Returns a sequence (N,) as the glider gets it, servo limits kept [rad/s]."""
+        given, elevator = np.empty(len(commands)), start[ELEVATOR]
+        for k, command in enumerate(commands):
+            low, high = rate_bounds(elevator, self._servo, self.step)
+            given[k] = min(max(command, low), high)
+            elevator += given[k] * self.step
+        return given
+
     def _fly(
         self,
         start: np.ndarray,
@@ -236,6 +246,15 @@ def mppi_update(
     return mean + np.sum(weights * noise, axis=0) / np.sum(weights, axis=0)
 
 
+def _check_search(cost: SequenceCost, mean: np.ndarray | None, iterations: int) -> None:
+    shape = (cost.steps,) if mean is None else np.shape(mean)
+    if shape != (cost.steps,) or iterations < 1:
+        raise InputError(
+            f"A search of {iterations} iterations from a mean of shape {shape}; at "
+            f"least one, and ({cost.steps},), are needed."
+        )
+
+
 def cem(
     cost: SequenceCost,
     start: np.ndarray,
@@ -261,6 +280,7 @@ def cem(
         a plan with held commands, the last mean. Its costs are those of the mean before
         the first and after each iteration.
     """
+    _check_search(cost, mean, iterations)
     settings = CemSettings() if settings is None else settings
     mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
     variance = np.full(cost.steps, settings.variance)
@@ -292,6 +312,7 @@ def mppi(
     With the likelihood ratio the costs of the result hold λ/(2σ²) Σ u², which is
     then part of what is minimized.
     """
+    _check_search(cost, mean, iterations)
     settings = MppiSettings() if settings is None else settings
     mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
     begin, costs = time.perf_counter(), np.empty(iterations + 1)
@@ -316,7 +337,7 @@ def _plan_of(
         cost.model,
         cost.step,
         cost.fly(start, mean[None])[0],
-        mean,
+        cost.within_limits(start, mean),
         cost=float(costs[-1]),
         costs=tuple(costs.tolist()),
         search_seconds=seconds,

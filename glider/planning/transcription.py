@@ -72,7 +72,7 @@ def transcribe(
     model = dynamics.model
     if model.is_time_varying:
         raise InputError(
-            "plan: the glider's residual field depends on time, and direct "
+            "plan: the glider's motion depends on time, and direct "
             "collocation would take it as at time 0; plan with a field over x."
         )
     low, high = np.array(problem.duration_limits) / knots

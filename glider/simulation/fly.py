@@ -141,7 +141,8 @@ def fly(
     shape = (len(starts), clock.commands, len(known))
     noise = np.empty((len(starts), 0, len(known))) if noise is None else noise
     noise = np.asarray(noise, dtype=float)
-    if noise.shape[1] > 0 and (clock.hold == 0 or noise.shape != shape):
+    is_none = noise.ndim == 3 and noise.shape[1] == 0
+    if not is_none and (clock.hold == 0 or noise.shape != shape):
         raise InputError(
             f"The noise has shape {noise.shape}; "
             + ("a command rate is needed." if clock.hold == 0 else f"{shape} needed.")

@@ -11,6 +11,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import (
+    ANGLE_SIGN,
     MARKER_OFFSET,
     POSE_LATENCY,
     SERVO_LAG,
@@ -168,6 +169,14 @@ def test_it_shows_what_the_glider_s_sensors_show():
     # The rates that the latency acts by are interpolated by straight lines.
     np.testing.assert_allclose(log.pose, expected, atol=1e-5)
     np.testing.assert_allclose(log.elevator, elevator, atol=1e-12)
+
+
+def test_a_log_with_wrong_signs_has_them_in_every_column():
+    signs = {"pitch": -1.0, "elevator": -1.0, "command": -1.0}
+    right, wrong = film(), film(model=GliderModel(effects=(ANGLE_SIGN(**signs),)))
+    np.testing.assert_array_equal(wrong.pose, right.pose * [1.0, 1.0, -1.0])
+    np.testing.assert_array_equal(wrong.elevator, -right.elevator)
+    np.testing.assert_array_equal(wrong.command, -right.command)
 
 
 def test_the_effects_own_states_are_not_shown():

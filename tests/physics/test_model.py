@@ -1,5 +1,7 @@
 """A model survives its file, and what is wrong in a file is named."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from glider.physics.effects import (
     PROFILE_DRAG,
     WIND,
 )
+from glider.physics.effects.field import FieldData, make_field
 from glider.physics.model import (
     GliderModel,
     as_model,
@@ -135,3 +138,16 @@ def test_a_path_stands_for_the_model_in_its_file(tmp_path):
 def test_what_is_neither_a_model_nor_a_path_is_refused(thing, found):
     with pytest.raises(InputError, match=f"found {found}; a GliderModel or the path"):
         as_model(thing)
+
+
+@pytest.mark.parametrize("name", ["centers", "widths", "weights"])
+def test_a_field_that_is_no_number_is_refused(name):
+    parts = {"centers": [[0.3]], "widths": [0.2], "weights": {"c_drag": [0.1]}}
+    wrong = {
+        "centers": [[math.nan]],
+        "widths": [math.nan],
+        "weights": {"c_drag": [math.inf]},
+    }
+    data = FieldData(variables=["alpha"], **{**parts, name: wrong[name]})
+    with pytest.raises(InputError, match="finite numbers"):
+        make_field(data)

@@ -362,3 +362,24 @@ def test_a_plan_becomes_a_sequence(article_plan):
 def test_what_cannot_be_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         make()
+
+
+@pytest.mark.parametrize("search", [cem, mppi])
+def test_a_plan_within_limits_is_what_the_servo_makes_of_the_sequence(search):
+    """Its commands take its elevator through its states."""
+    problem = PerchingProblem(launch=[-3.5, 0.1, 0.0, 0.94, 7.0, 0.0, 0.0])
+    cost = SequenceCost(GliderModel(), problem, within_limits=True)
+    start, wild = np.array(problem.launch), np.full(75, 30.0)
+    planned = search(cost, start, np.random.default_rng(0), iterations=1, mean=wild)
+    assert np.max(np.abs(planned.inputs)) <= 13.0
+    moved = np.diff(planned.states[:, 3]) / cost.step
+    np.testing.assert_allclose(moved, planned.inputs, atol=1e-9)
+    np.testing.assert_allclose(planned.slopes[:-1, 3], planned.inputs)
+
+
+@pytest.mark.parametrize("options", [{"iterations": 0}, {"mean": np.zeros(3)}])
+def test_a_search_that_cannot_be_is_one_sentence(options):
+    cost = SequenceCost(GliderModel(), PerchingProblem())
+    start = np.array(PerchingProblem().launch)
+    with pytest.raises(InputError, match="are needed"):
+        cem(cost, start, np.random.default_rng(0), **options)

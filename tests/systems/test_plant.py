@@ -37,6 +37,7 @@ from glider.physics.parameters import (
 )
 from glider.physics.state import STATE_NAMES
 from glider.systems.plant import GliderPlant
+from tests.helpers.own_kinds import LEAK
 from tests.helpers.physics import (
     FIELD,
     PARAMETERS,
@@ -46,6 +47,7 @@ from tests.helpers.physics import (
 )
 
 ALL_AT_WORK = GliderModel(effects=tuple(at_work(k) for k in LIBRARY), field=FIELD)
+ALL_AT_WORK_STEADY = GliderModel(effects=tuple(at_work(k) for k in LIBRARY))
 EACH = [GliderModel(), *(GliderModel(effects=(at_work(k),)) for k in LIBRARY)]
 EACH_IDS = ["nominal", *(k.kind for k in LIBRARY)]
 
@@ -225,6 +227,11 @@ def test_a_lag_of_no_duration_is_left_out():
 def test_an_effect_given_twice_is_refused():
     with pytest.raises(InputError, match="'wind' is given twice"):
         GliderPlant(GliderModel(effects=(WIND(x=0.1), WIND(x=0.2))))
+
+
+def test_a_formula_over_time_makes_it_time_varying():
+    assert GliderModel(effects=(LEAK(rate=0.1),)).is_time_varying
+    assert not ALL_AT_WORK_STEADY.is_time_varying
 
 
 def test_only_a_field_over_time_makes_it_time_varying():

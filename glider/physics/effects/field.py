@@ -176,4 +176,9 @@ def make_field(data: FieldData) -> Field:
                 f"{count} are needed."
             )
         weights[:, FIELD_TERMS.index(name)] = values
-    return Field(centers, inverse_widths, weights)
+    field = Field(centers, inverse_widths, weights)
+    if not all(np.all(np.isfinite(array)) for array in field):
+        raise InputError(
+            f"field '{data.kind}': centers, widths and weights must be finite numbers."
+        )
+    return field
