@@ -1,7 +1,7 @@
 """Machine-code loops over the one physics, each behind a typed function.
 
-A module holds the loops of one `Family` as plain text of Python, and below them the
-functions that others call: they allocate what the loops write. Nothing else in the
+A module holds the loops of a `Family` or two as plain text of Python, and below them
+the functions that others call: they allocate what the loops write. Nothing else in the
 library calls numba.
 
 kernel: what compiles. runge_kutta: the step that all loops share. jacobian: exact

@@ -364,7 +364,7 @@ class Estimated(NamedTuple):
     """(r,) indices into z of the known inputs."""
 
 
-class Clock(NamedTuple):
+class SampleClock(NamedTuple):
     """Steps of a filter from sample to sample."""
 
     step: float
@@ -379,7 +379,7 @@ def predict_estimate(
     t: float,
     z: np.ndarray,
     estimated: Estimated,
-    clock: Clock,
+    clock: SampleClock,
     differentiate: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns x̄ (N,) after `clock.steps` steps, and its derivative (N, N) or (0, 0).
@@ -406,7 +406,7 @@ def filter_flights(
     t: float,
     z: np.ndarray,
     estimated: Estimated,
-    clock: Clock,
+    clock: SampleClock,
     process: np.ndarray,
     noise: np.ndarray,
     flown: tuple[np.ndarray, np.ndarray],
@@ -457,11 +457,11 @@ def filter_flights(
     return *belief, *seen
 
 
-def fly_estimated(
+def fly_believed(
     model: GliderModel,
     z: np.ndarray,
     estimated: Estimated,
-    clock: Clock,
+    clock: SampleClock,
     gain: np.ndarray,
     shaken: tuple[np.ndarray, np.ndarray],
     inputs: np.ndarray,

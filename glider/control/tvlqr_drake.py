@@ -76,7 +76,7 @@ def policy_of(
     plan: Plan,
     step: float = TABLE_STEP,
 ) -> TrackingPolicy:
-    """Returns Drake's gains as a table for `glider.simulation.monte_carlo`.
+    """Returns Drake's gains as a policy, which `glider.simulation.fly` takes.
 
     Args:
         result: of `tracking_gains`.

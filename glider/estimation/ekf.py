@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.ekf import Clock, Estimated
+from glider.compiled.ekf import Estimated, SampleClock
 from glider.compiled.jacobian import stacked
 from glider.errors import InputError
 from glider.physics.chain import NUM_INPUTS
@@ -77,7 +77,7 @@ class Ekf:
     slow: tuple[SlowState, ...]
     known: tuple[str, ...]
     period: float
-    clock: Clock
+    clock: SampleClock
     process: np.ndarray
     noise: np.ndarray
     z: np.ndarray
@@ -168,7 +168,7 @@ def make_ekf(
         slow=tuple(slow),
         known=tuple(known),
         period=period,
-        clock=Clock(step=period / count, steps=count),
+        clock=SampleClock(step=period / count, steps=count),
         process=np.append(process, [s.walk for s in slow]),
         noise=noise,
         z=z,

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.compiled.ekf import fly_estimated
+from glider.compiled.ekf import fly_believed
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief
@@ -80,7 +80,7 @@ def fly_watched(
         if is_shaken:
             shocks = rng.normal(size=shocks.shape) * np.sqrt(ekf.process * ekf.period)
         errors = rng.normal(size=errors.shape) @ np.linalg.cholesky(ekf.noise).T
-    inputs, states, measured = fly_estimated(
+    inputs, states, measured = fly_believed(
         ekf.model,
         ekf.z,
         ekf.estimated,

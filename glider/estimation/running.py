@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.ekf import Clock, filter_flights, predict_estimate
+from glider.compiled.ekf import SampleClock, filter_flights, predict_estimate
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
 from glider.physics.state import NUM_STATES
@@ -179,5 +179,5 @@ def predict_mean(
     z = ekf.z.copy()
     z[ekf.estimated.places], z[ekf.estimated.entry] = mean, inputs
     count = max(math.ceil(duration / ekf.clock.step - 1e-9), 1)
-    clock = Clock(step=duration / count, steps=count)
+    clock = SampleClock(step=duration / count, steps=count)
     return predict_estimate(ekf.model, time, z, ekf.estimated, clock, differentiate)

@@ -197,20 +197,18 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
                 f"{path}: unknown effect '{entry.kind}'; known are {', '.join(kinds)} "
                 "(an effect of your own must be given in own_effects)."
             )
-        if any(entry.kind == effect.kind.kind for effect in effects):
-            raise InputError(f"{path}: effect '{entry.kind}' is given twice.")
         try:
             effects.append(kinds[entry.kind](**entry.coefficients))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-    if data.field is not None:
-        try:
+    try:
+        if data.field is not None:
             make_field(data.field)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-    return GliderModel(
-        parameters=data.parameters, effects=tuple(effects), field=data.field
-    )
+        return GliderModel(
+            parameters=data.parameters, effects=tuple(effects), field=data.field
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

@@ -80,10 +80,6 @@ class Funnel:
         """Returns S at times within the flight, (..., n, n)."""
         return self._curves[0](self._inside(times))
 
-    def shape_rate(self, times: np.ndarray | float) -> np.ndarray:
-        """Returns Ṡ at times within the flight, (..., n, n)."""
-        return self._curves[0](self._inside(times), 1)
-
     def level(self, times: np.ndarray | float, states: np.ndarray) -> np.ndarray:
         """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, (...).
 
@@ -98,11 +94,6 @@ class Funnel:
         """Returns how far each state alone may deviate, 1/√S_ii, (..., n)."""
         S = self.shape(times)
         return 1.0 / np.sqrt(np.diagonal(S, axis1=-2, axis2=-1))
-
-    def extents(self, times: np.ndarray | float = 0.0) -> np.ndarray:
-        """Returns how far each state deviates at most, √(S⁻¹)_ii, (..., n)."""
-        inverse = np.linalg.inv(self.shape(times))
-        return np.sqrt(np.diagonal(inverse, axis1=-2, axis2=-1))
 
     def _inside(self, times):
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
