@@ -112,6 +112,8 @@ class Family:
     ) -> None:
         """Reads the functions' text now: their file may change while this runs."""
         self.text = "\n\n".join(inspect.getsource(f) for f in functions)
+        # What numba keeps names the types of arguments, tuples of this module too.
+        self._module = inspect.getsource(sys.modules[functions[0].__module__])
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
         self._made: dict[tuple, types.SimpleNamespace] = {}
@@ -162,9 +164,11 @@ class Family:
     def _digest(self, text: str, kinds: tuple[EffectKind, ...]) -> str:
         modules = {inspect.getmodule(f) for f in formulas(kinds).values()}
         files = sorted(inspect.getsource(m) for m in modules if m is not None)
-        called = [family.text for family in self.uses]
+        called = [family.text + family._module for family in self.uses]
         versions = [numba.__version__, np.__version__, sys.version]
-        seed = "\n".join([text, *called, *files, *_SOURCES.values(), *versions])
+        seed = "\n".join(
+            [text, self._module, *called, *files, *_SOURCES.values(), *versions]
+        )
         return hashlib.sha256(seed.encode()).hexdigest()[:16]
 
 

@@ -139,6 +139,15 @@ def test_an_edit_of_a_loop_gets_its_family_and_its_callers_another_file(fresh_ca
     assert len(files_in(fresh_cache)) == 5
 
 
+def test_an_edit_of_the_tuples_that_a_loop_takes_gets_another_file(fresh_cache):
+    """What numba keeps names their classes; one that is gone cannot be loaded."""
+    load()
+    edited = family(rollouts)
+    edited._module += "# edited"
+    edited.over()
+    assert len(files_in(fresh_cache)) == 2
+
+
 def test_a_loop_that_is_not_there_is_no_attribute():
     with pytest.raises(AttributeError, match="rolouts"):
         _ = rollouts.LOOPS.over().rolouts
