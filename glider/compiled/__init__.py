@@ -6,6 +6,6 @@ library calls numba.
 
 kernel: what compiles. runge_kutta: the step that all loops share. jacobian: exact
 slopes. rollouts, closed_loop: batches of gliders under tapes and under feedback.
-replay: flights along a log. ekf, ilqr, riccati, sampling: the loops of the filter and
-of the planners.
+replay: flights along a log. actuators: an elevator behind a user's own actuator. ekf,
+ilqr, riccati, sampling: the loops of the filter and of the planners.
 """

@@ -7,17 +7,13 @@ import numpy as np
 
 from glider.compiled.constants import DIFFERENCE
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance
 from glider.physics.chain import (
     accelerations,
-    actuator_rates,
-    actuator_terms,
     derivatives,
     measure,
     meet_air,
     theta_of,
 )
-from glider.physics.compose import initial_extra
 from glider.physics.effects import NO_FIELD, EffectKind, Field
 
 
@@ -264,41 +260,6 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
         values[k, 8] = x[3]
 
 
-def slope_of_actuators(t, node, y, data, rate):
-    """Writes the rates of the elevator's angle and of the actuators' own states."""
-    command, c, x = data
-    x[3] = y[0]
-    for i in range(1, y.shape[0]):
-        x[6 + i] = y[i]
-    rates = (actuator_terms(command, x, c), *actuator_rates(command, x, c))
-    for i in range(len(rates)):
-        rate[i] = rates[i]
-
-
-def log_actuator(times, commands, c, limits, states):
-    """Turns an elevator through actuators along held commands, between its stops.
-
-    Args:
-        times: (K + 1,) [s].
-        commands: (K,) held over each interval [rad/s].
-        c: coefficients of the actuators.
-        limits: travel of the elevator [rad].
-        states: (K + 1, 1 + m) the elevator's angle and the actuators' own states;
-            the first row is given, the others are written.
-    """
-    size = states.shape[1]
-    x = np.zeros(6 + size)
-    y = states[0].copy()
-    work = np.empty((3, size))
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
-        advance(slope_of_actuators, times[k], y, step, 4, (commands[k], c, x), work)
-        y[0] = min(max(y[0], limits[0]), limits[1])
-        states[k + 1] = y
-
-
-ACTUATORS = Family((slope_of_actuators, log_actuator), (log_actuator,))
-
 LOOPS = Family(
     (
         log_step,
@@ -325,41 +286,6 @@ LOOPS = Family(
 
 Kinds = tuple[EffectKind, ...]
 """The effects that the compiled dynamics hold, whose coefficients a theta has."""
-
-
-ACTUATOR_STEP = 0.00025
-"""Longest step of an actuator [s]."""
-
-
-def turn_elevator(
-    actuators: tuple[tuple[EffectKind, tuple[float, ...]], ...],
-    switch_times: np.ndarray,
-    commands: np.ndarray,
-    query: np.ndarray,
-    start: float,
-    limits: tuple[float, float],
-) -> np.ndarray:
-    """Returns the elevator's angle behind actuators at some times [rad].
-
-    Args:
-        actuators: kinds and their coefficients; at rest before the first command.
-        switch_times: (k,) when each command begins to act [s], increasing.
-        commands: (k,) elevator rates, each held until the next [rad/s].
-        query: (m,) times [s].
-        start: angle before the first command [rad].
-        limits: travel of the elevator [rad].
-    """
-    kinds = tuple(kind for kind, _ in actuators)
-    c = np.array([value for _, values in actuators for value in values])
-    first, last = switch_times[0], max(query.max(), switch_times[-1]) + ACTUATOR_STEP
-    even = np.linspace(first, last, int((last - first) / ACTUATOR_STEP) + 2)
-    times = np.union1d(even, switch_times)
-    held = commands[np.searchsorted(switch_times, times[:-1], side="right") - 1]
-    rest = initial_extra(kinds, None, 0.0, c)
-    states = np.empty((len(times), 1 + len(rest)))
-    states[0] = [start, *rest]
-    ACTUATORS.over(kinds).log_actuator(times, held, c, limits, states)
-    return np.interp(query, times, states[:, 0])
 
 
 def roll_out(

@@ -7,6 +7,8 @@ that hold a command for a step.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from glider.physics.formulas import scalar
 
 STOPPING_TIME = 0.005
@@ -65,3 +67,18 @@ def limited_rate(command, elevator, servo):
     """
     low, high = rate_bounds(elevator, servo, STOPPING_TIME)
     return min(max(command, low), high)
+
+
+def limited_rates(
+    commands: np.ndarray, elevators: np.ndarray, servo: Servo
+) -> np.ndarray:
+    """Returns `limited_rate` of each command [rad/s], of the commands' shape.
+
+    Args:
+        commands: (...) [rad/s].
+        elevators: (...) angles that they meet [rad].
+        servo: its limits.
+    """
+    pairs = zip(commands.ravel(), elevators.ravel(), strict=True)
+    rates = [limited_rate(command, angle, servo) for command, angle in pairs]
+    return np.array(rates, dtype=float).reshape(commands.shape)

@@ -10,7 +10,7 @@ import numpy as np
 from glider.compiled.closed_loop import Feedback, fly_feedback
 from glider.errors import InputError
 from glider.physics.model import GliderModel, as_model
-from glider.physics.servo import Servo, limited_rate
+from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
 from glider.simulation.flights import Flights
 
@@ -166,7 +166,7 @@ def fly(
         begins = states[:, : -1 : clock.hold]
         seen = begins[:, :, : len(known)] + (noise if noise.shape[1] else 0.0)
         wanted = offset - np.sum(gain * seen, axis=2)
-        commands = _limited(wanted, begins[:, :, ELEVATOR], model.parameters.servo)
+        commands = limited_rates(wanted, begins[:, :, ELEVATOR], model.parameters.servo)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=miss,
@@ -175,13 +175,6 @@ def fly(
         command_times=sampled if clock.hold else None,
         commands=commands,
     )
-
-
-def _limited(wanted: np.ndarray, elevator: np.ndarray, servo: Servo) -> np.ndarray:
-    """Returns what a servo makes of commands, elementwise."""
-    pairs = zip(wanted.ravel(), elevator.ravel(), strict=True)
-    rates = [limited_rate(command, angle, servo) for command, angle in pairs]
-    return np.array(rates).reshape(wanted.shape)
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:

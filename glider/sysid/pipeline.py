@@ -110,9 +110,9 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
             "no effect is to be tried; the name of at least one is needed."
         )
     if own:
-        from glider.sysid.replay.own_effects import check_own_effects
+        from glider.sysid.replay.theta import layout_of
 
-        check_own_effects(own)
+        layout_of(own)  # Kept: checked once.
     known = (*KINDS, *(e.kind for e in own))
     unknown = [name for name in effects or () if name not in known]
     if unknown:

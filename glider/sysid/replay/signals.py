@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glider.compiled.replay import turn_elevator
+from glider.compiled.actuators import turn_elevator
 from glider.physics.actuator_replay import elevator_path
 from glider.physics.effects import SERVO_LAG, Replay
 from glider.sysid.replay.record import Record

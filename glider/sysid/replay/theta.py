@@ -8,11 +8,10 @@ the effects on the log's signals, which are replayed instead.
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import numpy as np
 
-from glider.physics.compose import compose
+from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import (
     KINDS,
     LIBRARY,
@@ -53,7 +52,6 @@ class Layout:
         scale: typical sizes of theta's entries.
         state_scale: typical sizes of the effects' own states.
         sensor_slots: indices into theta of the compiled sensor effects.
-        at_rest: steady state and coefficients' place of each effect with states.
     """
 
     own: tuple[EffectKind, ...]
@@ -69,7 +67,6 @@ class Layout:
     scale: np.ndarray
     state_scale: np.ndarray
     sensor_slots: tuple[int, ...]
-    at_rest: tuple[tuple[Callable, slice], ...]
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
@@ -118,11 +115,8 @@ class Layout:
         motion = plate.motion_of(time, state.tolist(), rate)
         parameters = Parameters(*theta[:NUM_PARAMETERS].tolist())
         flow = plate.flow_of(motion, 0.0, 0.0, parameters)
-        rest: list[float] = []
-        for steady, own in self.at_rest:
-            values = steady(flow, *theta[own].tolist())
-            rest.extend(values if isinstance(values, tuple) else (values,))
-        return np.array(rest)
+        c = theta[NUM_PARAMETERS : self.num_compiled].tolist()
+        return np.array(initial_extra(self.compiled_kinds, flow, rate, c))
 
 
 @functools.cache
@@ -147,8 +141,6 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
         for name in PARAMETER_NAMES
     ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
     lower, upper, scale = np.array(bounds).T.copy()
-    sizes = [len(e.coefficients) for e in held]
-    starts = np.cumsum([NUM_PARAMETERS, *sizes]).tolist()
     state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
     return Layout(
         own=own,
@@ -157,7 +149,7 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
         replayed_kinds=replayed,
         slots=slots,
         index={slot: i for i, slot in enumerate(slots)},
-        num_compiled=starts[-1],
+        num_compiled=NUM_PARAMETERS + sum(len(e.coefficients) for e in held),
         num_states=NUM_STATES + len(state_scale),
         lower=lower,
         upper=upper,
@@ -169,11 +161,6 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
             if kind in kinds
             and kinds[kind].stage == "sensor"
             and not kinds[kind].is_replayed
-        ),
-        at_rest=tuple(
-            (e.steady_state, slice(start, start + len(e.coefficients)))
-            for e, start in zip(held, starts[:-1], strict=True)
-            if e.steady_state is not None
         ),
     )
 

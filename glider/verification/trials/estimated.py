@@ -24,7 +24,7 @@ from glider.estimation.perching import (
     CAPTURE,
     PROCESS,
 )
-from glider.physics.servo import limited_rate
+from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import (
@@ -46,8 +46,6 @@ UNKNOWN = (0.1, 0.2, 0.5, 1.0)
 TICKS = 4
 """Predictions of the filter to each sample of motion capture; the feedback follows
 each of them."""
-
-_limited_rates = np.vectorize(limited_rate, otypes=[float], excluded=["servo"])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -183,7 +181,7 @@ def fly_estimated(
         states[k + 1] = flown.states[:, 1]
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
-        rates = _limited_rates(command, means[k, :, ELEVATOR], servo=servo)
+        rates = limited_rates(command, means[k, :, ELEVATOR], servo)
         means[k + 1], covariances = _filter(
             ekf, k / rate, means[k], covariances, rates, measured[k]
         )

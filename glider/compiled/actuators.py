@@ -1,0 +1,79 @@
+"""An elevator behind actuators that are known by their formulas alone."""
+
+import numpy as np
+
+from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import advance
+from glider.physics.chain import actuator_rates, actuator_terms
+from glider.physics.compose import initial_extra
+from glider.physics.effects import EffectKind
+
+STEP = 0.00025
+"""Longest step of an actuator [s]."""
+
+
+def slope_of_actuators(t, node, y, data, rate):
+    """Writes the rates of the elevator's angle and of the actuators' own states."""
+    command, c, x = data
+    x[3] = y[0]
+    for i in range(1, y.shape[0]):
+        x[6 + i] = y[i]
+    rates = (actuator_terms(command, x, c), *actuator_rates(command, x, c))
+    for i in range(len(rates)):
+        rate[i] = rates[i]
+
+
+def actuator_path(times, commands, c, limits, states):
+    """Turns an elevator through actuators along held commands, between its stops.
+
+    Args:
+        times: (K + 1,) [s].
+        commands: (K,) held over each interval [rad/s].
+        c: coefficients of the actuators.
+        limits: travel of the elevator [rad].
+        states: (K + 1, 1 + m) the elevator's angle and the actuators' own states;
+            the first row is given, the others are written.
+    """
+    size = states.shape[1]
+    x = np.zeros(6 + size)
+    y = states[0].copy()
+    work = np.empty((3, size))
+    for k in range(times.shape[0] - 1):
+        step = times[k + 1] - times[k]
+        advance(slope_of_actuators, times[k], y, step, 4, (commands[k], c, x), work)
+        y[0] = min(max(y[0], limits[0]), limits[1])
+        states[k + 1] = y
+
+
+LOOPS = Family((slope_of_actuators, actuator_path), (actuator_path,))
+
+
+def turn_elevator(
+    actuators: tuple[tuple[EffectKind, tuple[float, ...]], ...],
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    start: float,
+    limits: tuple[float, float],
+) -> np.ndarray:
+    """Returns the elevator's angle behind actuators at some times [rad].
+
+    Args:
+        actuators: kinds and their coefficients; at rest before the first command.
+        switch_times: (k,) when each command begins to act [s], increasing.
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        query: (m,) times [s].
+        start: angle before the first command [rad].
+        limits: travel of the elevator [rad].
+    """
+    kinds = tuple(kind for kind, _ in actuators)
+    c = np.array([value for _, values in actuators for value in values])
+    first, last = switch_times[0], max(query.max(), switch_times[-1]) + STEP
+    even = np.linspace(first, last, int((last - first) / STEP) + 2)
+    times = np.union1d(even, switch_times)
+    held = commands[np.searchsorted(switch_times, times[:-1], side="right") - 1]
+    rest = initial_extra(kinds, None, 0.0, c)
+    states = np.empty((len(times), 1 + len(rest)))
+    states[0] = [start, *rest]
+    LOOPS.over(kinds).actuator_path(times, held, c, limits, states)
+    return np.interp(query, times, states[:, 0])
