@@ -8,17 +8,21 @@ measurement's and each coefficient's. What comes out are whitened innovations, l
 NASA RP-1168, 1986; Jategaonkar, Flight Vehicle System Identification).
 
 Here the deviations are the motion's n states, and after them two velocities of the
-moving air, a pitch acceleration (first-order processes), and four constants of the
-flight: wind (x, z), elevator trim, pitch zero.
+moving air, a pitch acceleration, the elevator's departure from its replayed path
+(first-order processes), and four constants of the flight: wind (x, z), elevator trim,
+pitch zero.
 """
 
 import numpy as np
 
 from glider.compiled.kernel import machine_code
 
-OWN_STATES = 7
-"""Deviations after the motion's: gusts x, z, pitch acceleration, wind x, z, trim,
-pitch zero."""
+OWN_STATES = 8
+"""Deviations after the motion's: gusts x, z, pitch acceleration, elevator, wind x, z,
+trim, pitch zero."""
+
+PROCESSES = 4
+"""The first of them move; the others are constants of the flight."""
 
 ELEVATOR = 3
 PITCH = 2
@@ -36,6 +40,7 @@ def filter_flight(
     seen,
     variance,
     start,
+    mean,
     rates,
     powers,
     innovations,
@@ -52,19 +57,21 @@ def filter_flight(
         outputs: (K + 1, 4, m) how each column moves pose and elevator.
         seen: (K + 1, 4) whether pose and elevator were measured.
         variance: (K + 1, 4) of the measurements.
-        start: (n + 7,) variances of the deviations at the first node.
-        rates: (2,) of the air's and the pitch acceleration's processes [1/s].
-        powers: (2,) their steady variances.
+        start: (n + 8,) variances of the deviations at the first node.
+        mean: (n + 8, m) what each column moves them by there; written.
+        rates: (4,) of the processes [1/s].
+        powers: (4,) their steady variances.
         innovations: (K + 1, 4, m), written: over their standard deviations.
         variances: (K + 1, 4), written: of the innovations; 1 where nothing was seen.
     """
     n, m = by_x.shape[1], inputs.shape[2]
     total = n + OWN_STATES
-    gust, moment, wind, trim, zero = n, n + 2, n + 3, n + 5, n + 6
+    gust, moment, servo = n, n + 2, n + 3
+    wind, trim, zero = n + 4, n + 6, n + 7
+    keep = np.empty(PROCESSES)
     covariance = np.zeros((total, total))
     for i in range(total):
         covariance[i, i] = start[i]
-    mean = np.zeros((total, m))
     moved_mean = np.empty((n, m))
     half = np.empty((total, total))
     transition = np.zeros((total, total))
@@ -83,6 +90,7 @@ def filter_flight(
                     row[zero] = 1.0
             else:
                 row[ELEVATOR] = 1.0
+                row[servo] = 1.0
             own = variance[k, c]
             for i in range(total):
                 value = 0.0
@@ -111,7 +119,8 @@ def filter_flight(
             break
 
         step = times[k + 1] - times[k]
-        keep_air, keep_moment = np.exp(-rates[0] * step), np.exp(-rates[1] * step)
+        for p in range(PROCESSES):
+            keep[p] = np.exp(-rates[p] * step)
         transition[:] = 0.0
         for i in range(n):
             for j in range(n):
@@ -121,11 +130,11 @@ def filter_flight(
                 transition[i, wind + a] = by_air[k, i, a]
             if i != ELEVATOR:
                 transition[i, trim] = by_x[k, i, ELEVATOR]
+                transition[i, servo] = by_x[k, i, ELEVATOR]
         transition[PITCH, moment] = 0.5 * step * step
         transition[PITCH_RATE, moment] = step
-        transition[gust, gust] = keep_air
-        transition[gust + 1, gust + 1] = keep_air
-        transition[moment, moment] = keep_moment
+        for p in range(PROCESSES):
+            transition[n + p, n + p] = keep[p]
         for i in range(wind, total):
             transition[i, i] = 1.0
 
@@ -140,10 +149,9 @@ def filter_flight(
         for i in range(n):
             for j in range(m):
                 mean[i, j] = moved_mean[i, j]
-        for j in range(m):
-            mean[gust, j] *= keep_air
-            mean[gust + 1, j] *= keep_air
-            mean[moment, j] *= keep_moment
+        for p in range(PROCESSES):
+            for j in range(m):
+                mean[n + p, j] *= keep[p]
 
         for i in range(total):
             for j in range(total):
@@ -160,7 +168,5 @@ def filter_flight(
                     value += half[i, r] * transition[j, r]
                 covariance[i, j] = value
                 covariance[j, i] = value
-        added = powers[0] * (1.0 - keep_air * keep_air)
-        covariance[gust, gust] += added
-        covariance[gust + 1, gust + 1] += added
-        covariance[moment, moment] += powers[1] * (1.0 - keep_moment * keep_moment)
+        for p in range(PROCESSES):
+            covariance[n + p, n + p] += powers[p] * (1.0 - keep[p] * keep[p])

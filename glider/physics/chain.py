@@ -70,8 +70,8 @@ def sensor_terms(flow, x, c):
 
 
 def residual_terms(flow, field):
-    """The residual field's air velocity (x, z) and its C_L, C_D, C_M."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+    """The residual field's air velocity (x, z), C_L, C_D, C_M and elevator factor."""
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 def effect_rates(flow, x, c):
@@ -204,7 +204,7 @@ def wrench(flow, terms, x, c):
         flow, wing_plate, incidence, shift, normal, wing_factor
     )
     tail, tail_moment = elevator_force(
-        flow, tail_plate, deflection, downwash, elevator_factor
+        flow, tail_plate, deflection, downwash, elevator_factor + terms[5]
     )
     force_x, force_z, moment = wrench_terms(flow, x, c)
 

@@ -65,7 +65,7 @@ from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
-from glider.sysid.fit.information import eliminate_start
+from glider.sysid.likelihood.information import eliminate_start
 from glider.sysid.replay.sensitivity import Linearized
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of, policy
 from tests.helpers.physics import random_states

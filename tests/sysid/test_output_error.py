@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.information import (
+from glider.sysid.likelihood.information import (
     bounded_step,
     cost,
     held_out_costs,

@@ -14,7 +14,7 @@ from glider.physics.model import (
     save_model,
 )
 from glider.report.terminal import print_summary
-from glider.sysid.fit.information import covariance
+from glider.sysid.likelihood.information import covariance
 from glider.sysid.fit.output_error import fit
 from glider.sysid.fit.simulate import (
     CampaignPlan,

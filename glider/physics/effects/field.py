@@ -35,7 +35,10 @@ AIR_TERMS = ("wind_x", "wind_z")
 COEFFICIENTS = ("c_lift", "c_drag", "c_moment")
 """Coefficients referred to ½ ρ V² S_w, the moment without a chord [-, -, m]."""
 
-FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS)
+TAIL_TERM = "elevator_factor"
+"""Relative change of the elevator's force [-]."""
+
+FIELD_TERMS = (*AIR_TERMS, *COEFFICIENTS, TAIL_TERM)
 
 
 class Field(NamedTuple):
@@ -47,8 +50,9 @@ class Field(NamedTuple):
         centers: (M, 9), in the order of FIELD_VARIABLES.
         inverse_widths: (M, 9), zero where the function does not depend on the
             variable; a row of zeros is a constant.
-        weights: (M, 5), in the order of FIELD_TERMS: air velocity [m/s], then
-            coefficients that refer to ½ ρ V² S_w (the moment without a chord [m]).
+        weights: (M, 6), in the order of FIELD_TERMS: air velocity [m/s], then
+            coefficients that refer to ½ ρ V² S_w (the moment without a chord [m]), then
+            the relative change of the elevator's force.
     """
 
     centers: np.ndarray
@@ -82,7 +86,7 @@ def field_variables(flow):
 @scalar
 def field_terms(flow, field):
     """Returns the values of FIELD_TERMS in a flow."""
-    wind_x = wind_z = lift = drag = moment = 0.0 * flow.speed
+    wind_x = wind_z = lift = drag = moment = tail = 0.0 * flow.speed
     if field.weights.shape[0] > 0:
         variables = field_variables(flow)
         for m in range(field.weights.shape[0]):
@@ -98,7 +102,8 @@ def field_terms(flow, field):
             lift = lift + basis * field.weights[m, 2]
             drag = drag + basis * field.weights[m, 3]
             moment = moment + basis * field.weights[m, 4]
-    return wind_x, wind_z, lift, drag, moment
+            tail = tail + basis * field.weights[m, 5]
+    return wind_x, wind_z, lift, drag, moment, tail
 
 
 @dataclasses.dataclass(kw_only=True)

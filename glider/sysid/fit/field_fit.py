@@ -20,7 +20,7 @@ from glider.physics.effects.field import (
     gaussians,
     make_field,
 )
-from glider.sysid.fit.information import (
+from glider.sysid.likelihood.information import (
     covariance,
     held_out_costs,
     moved,
@@ -30,6 +30,7 @@ from glider.sysid.fit.output_error import degrees_of_freedom, gather
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import Record
+from glider.sysid.replay.residual import flow_variables
 from glider.sysid.replay.signals import (
     node_signals,
     pose_signals,
@@ -43,34 +44,6 @@ WEIGHT_SPREAD = 2.0
 
 _STEP = 1e-4
 """Finite-difference step of a weight [m/s or -]."""
-
-
-def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
-    elevator, rate = node_signals(record, theta)
-    nodes = true_nodes(record, theta)
-    values = flow_at(
-        record.layout.compiled_kinds,
-        record.time,
-        nodes,
-        elevator,
-        rate,
-        record.layout.dynamics(theta),
-        NO_FIELD,
-    )
-    alpha = np.arctan2(values[:, 1], values[:, 2])
-    columns = {
-        "x": nodes[:, 0],
-        "z": nodes[:, 1],
-        "t": record.time,
-        "pitch": nodes[:, 2],
-        "V": values[:, 0],
-        "alpha": alpha,
-        "pitchdot": nodes[:, 6],
-        "elevator": values[:, 8],
-        "elevator_rate": rate,
-    }
-    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
 
 
 def place_basis(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.sysid.fit.information import (
+from glider.sysid.likelihood.information import (
     bounded_step,
     cost,
     covariance,

@@ -51,6 +51,14 @@ class Evidence:
             + 0.5 * np.sum(np.log(self.precision[index]))
         )
 
+    def step(self, columns: Sequence[int]) -> np.ndarray:
+        """Returns the coefficients of columns, counted from nothing."""
+        index = list(columns)
+        if not index:
+            return np.zeros(0)
+        a = self.gram[np.ix_(index, index)] + np.diag(self.precision[index])
+        return np.linalg.solve(a, self.gram[index, -1])
+
 
 def eliminate(
     gram: np.ndarray, always: Sequence[int], precision: np.ndarray, mean: np.ndarray

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.filter_error import OWN_STATES, PROCESSES
 from glider.compiled.replay import advance_nodes, measure_nodes, slopes_along
-from glider.physics.effects import Field
+from glider.physics.effects import FIELD_VARIABLES, Field
 from glider.sysid.likelihood.directions import Direction
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
+from glider.sysid.replay.residual import flow_variables
 from glider.sysid.replay.signals import logged_elevator, pose_signals
 from glider.sysid.replay.theta import OFFSET
 
@@ -45,6 +47,8 @@ class LinearFlight:
     inputs: np.ndarray
     pose_by_x: np.ndarray
     outputs: np.ndarray
+    start: np.ndarray
+    constants: Constants
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with one column: its error at changes δ (m,)."""
@@ -53,7 +57,31 @@ class LinearFlight:
             self,
             inputs=np.ascontiguousarray((self.inputs @ mix)[..., None]),
             outputs=np.ascontiguousarray((self.outputs @ mix)[..., None]),
+            start=(self.start @ mix)[:, None],
         )
+
+    def error_only(self) -> "LinearFlight":
+        """Returns the flight with one column: its error as it is."""
+        return self.combined(np.zeros(self.inputs.shape[2] - 1))
+
+    def with_launch(self) -> "LinearFlight":
+        """Returns the flight with its start as columns, before the last.
+
+        They are the deviations at the first node, in the filter's order.
+        """
+        unit = -np.eye(len(self.start))
+        count = len(unit)
+        return dataclasses.replace(
+            self,
+            inputs=_joined(self.inputs, np.zeros((*self.inputs.shape[:2], count))),
+            outputs=_joined(self.outputs, np.zeros((*self.outputs.shape[:2], count))),
+            start=_joined(self.start, unit),
+        )
+
+    def middle_alpha(self, theta: np.ndarray) -> np.ndarray:
+        """Returns the angle of attack in the middle of each interval [rad]."""
+        alpha = flow_variables(self.record, theta)[:, FIELD_VARIABLES.index("alpha")]
+        return 0.5 * (alpha[1:] + alpha[:-1])
 
     def with_forces(
         self, basis: np.ndarray, terms: Sequence[int], mix: np.ndarray
@@ -72,12 +100,13 @@ class LinearFlight:
             self,
             inputs=_joined(self.inputs, more),
             outputs=_joined(self.outputs, nothing),
+            start=_joined(self.start, np.zeros((len(self.start), more.shape[2]))),
         )
 
 
 def _joined(old: np.ndarray, more: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(
-        np.concatenate([old[..., :-1], more, old[..., -1:]], axis=2)
+        np.concatenate([old[..., :-1], more, old[..., -1:]], axis=-1)
     )
 
 
@@ -147,10 +176,14 @@ def linearize(
             moved_path = logged_elevator(record, direction.moved)
             outputs[:, 3, j] = (moved_path - path) / direction.size
     inputs[:, :, -1] = ends - nodes[1:]
-    outputs[:, :3, -1] = record.flight.pose - pose
+    outputs[:, :3, -1] = record.pose - pose
     if record.has_servo:
-        outputs[:, 3, -1] = record.flight.elevator - path - nodes[:, OFFSET]
+        outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
+    own = np.zeros((n + OWN_STATES, len(directions) + 1))
+    own[n + PROCESSES :, -1] = (-constants.wind[0], -constants.wind[1], -constants.trim, 0)
     return LinearFlight(
+        start=own,
+        constants=constants,
         record=record,
         nodes=nodes,
         by_x=by_x,

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, filter_flight
-from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.compiled.filter_error import OWN_STATES, PROCESSES, filter_flight
+from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
 from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.theta import OFFSET
 
@@ -22,6 +22,7 @@ class Scales:
         air: of the moving air, in x and in z [m/s].
         air_time: over which it stays alike [s].
         moment: of the pitch acceleration that no model has [rad/s²].
+        servo: of the elevator's departure from its replayed path [rad].
         wind: of the flights' own steady winds, in x and in z [m/s].
         trim: of their elevator trims [rad].
         pitch_zero: of their pitch readings [rad].
@@ -33,6 +34,7 @@ class Scales:
     air: float = 0.05
     air_time: float = 0.25
     moment: float = 1.0
+    servo: float = 5e-3
     wind: float = 0.05
     trim: float = 5e-3
     pitch_zero: float = 5e-3
@@ -57,6 +59,7 @@ FLOOR = Scales(
     air=1e-3,
     air_time=0.04,
     moment=1e-2,
+    servo=1e-4,
     wind=1e-3,
     trim=1e-4,
     pitch_zero=1e-4,
@@ -70,6 +73,7 @@ CEILING = Scales(
     air=3.0,
     air_time=2.0,
     moment=200.0,
+    servo=0.3,
     wind=3.0,
     trim=0.5,
     pitch_zero=0.3,
@@ -78,6 +82,9 @@ CEILING = Scales(
 
 MOMENT_TIME = 0.1
 """Time over which a pitch acceleration that no model has stays alike [s]."""
+
+SERVO_TIME = 0.05
+"""The same of an elevator's departure from its path [s]."""
 
 _LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
 """Spread of a launch about its smoothed measurement, as the state [m, rad, s]."""
@@ -109,8 +116,37 @@ class Filtered:
         return flat.T @ flat
 
 
-def whiten(flight: LinearFlight, scales: Scales) -> Filtered:
-    """Filters a flight."""
+def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns those of the deviations at the first node, in the filter's order."""
+    record, n = flight.record, flight.by_x.shape[1]
+    launch = np.array(_LAUNCH)
+    if not record.has_servo:
+        launch[OFFSET] = 1e-6
+    own = (
+        scales.air,
+        scales.air,
+        scales.moment,
+        scales.servo if record.has_servo else 0.0,
+        scales.wind,
+        scales.wind,
+        scales.trim,
+        scales.pitch_zero,
+    )
+    extra = _EXTRA * record.layout.state_scale
+    return np.square(np.concatenate([launch, extra, own]))
+
+
+def whiten(
+    flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
+) -> Filtered:
+    """Filters a flight.
+
+    Args:
+        flight: linear in all its columns.
+        scales: of all noise.
+        start: (n + 8,) variances of the deviations at the first node, if not those of
+            `start_variances`.
+    """
     record = flight.record
     n = flight.by_x.shape[1]
     rows = len(record.time)
@@ -119,22 +155,10 @@ def whiten(flight: LinearFlight, scales: Scales) -> Filtered:
     variance[:, 2] = scales.pitch**2
     variance[:, 3] = scales.elevator**2
     variance *= record.doubt
-    launch = np.array(_LAUNCH)
-    if not record.has_servo:
-        launch[OFFSET] = 1e-6
-    start = np.empty(n + OWN_STATES)
-    start[:7] = launch**2
-    start[7:n] = (_EXTRA * record.layout.state_scale) ** 2
-    own = (
-        scales.air,
-        scales.air,
-        scales.moment,
-        scales.wind,
-        scales.wind,
-        scales.trim,
-        scales.pitch_zero,
-    )
-    start[n:] = np.square(own)
+    usual = start_variances(flight, scales)
+    start = usual if start is None else start
+    times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)
+    rates = 1.0 / np.array(times)
     innovations = np.empty((rows, 4, flight.inputs.shape[2]))
     variances = np.empty((rows, 4))
     filter_flight(
@@ -147,12 +171,42 @@ def whiten(flight: LinearFlight, scales: Scales) -> Filtered:
         record.seen,
         variance,
         start,
-        np.array([1.0 / scales.air_time, 1.0 / MOMENT_TIME]),
-        np.array([scales.air**2, scales.moment**2]),
+        flight.start.copy(),
+        rates,
+        usual[n : n + PROCESSES],
         innovations,
         variances,
     )
     return Filtered(innovations=innovations, log_variances=np.log(variances))
+
+
+def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns the deviations at the first node, given all rows, (n + 8,).
+
+    Args:
+        flight: with one column, its error.
+        scales: of all noise.
+    """
+    variances = start_variances(flight, scales)
+    gram = whiten(flight.with_launch(), scales, np.zeros_like(variances)).gram
+    precision = 1.0 / np.maximum(variances, 1e-16)
+    # The last column's own start is where the constants lie beforehand.
+    wanted = flight.start[:, 0]
+    scale = 1.0 / np.sqrt(np.diag(gram)[:-1] + precision)
+    system = (gram[:-1, :-1] + np.diag(precision)) * scale[:, None] * scale
+    change = scale * np.linalg.solve(system, scale * gram[:-1, -1])
+    return wanted + change
+
+
+def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
+    """Returns a flight's own wind and trim, given all its rows."""
+    n = flight.by_x.shape[1]
+    own = smoothed_start(flight, scales)[n + PROCESSES :]
+    before = flight.constants
+    largest_wind, largest_trim = 3.0 * scales.wind, 3.0 * scales.trim
+    wind = np.clip(np.add(before.wind, own[:2]), -largest_wind, largest_wind)
+    trim = np.clip(before.trim + own[2], -largest_trim, largest_trim)
+    return Constants(wind=(float(wind[0]), float(wind[1])), trim=float(trim))
 
 
 def _prior(logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

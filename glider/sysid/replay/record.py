@@ -61,6 +61,16 @@ class Record:
         return seen
 
     @property
+    def pose(self) -> np.ndarray:
+        """Measured x, z [m] and pitch [rad], (n, 3)."""
+        return self.flight.pose
+
+    @property
+    def elevator(self) -> np.ndarray:
+        """Measured elevator [rad], (n,)."""
+        return self.flight.elevator
+
+    @property
     def doubt(self) -> np.ndarray:
         """Variance of the same over the usual one, (n, 4)."""
         return np.ones((len(self.time), 4))

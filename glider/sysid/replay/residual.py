@@ -26,6 +26,34 @@ _EDGE = 3
 """Rows at both ends of a flight where an acceleration is not known well."""
 
 
+def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
+    elevator, rate = node_signals(record, theta)
+    nodes = true_nodes(record, theta)
+    values = flow_at(
+        record.layout.compiled_kinds,
+        record.time,
+        nodes,
+        elevator,
+        rate,
+        record.layout.dynamics(theta),
+        NO_FIELD,
+    )
+    alpha = np.arctan2(values[:, 1], values[:, 2])
+    columns = {
+        "x": nodes[:, 0],
+        "z": nodes[:, 1],
+        "t": record.time,
+        "pitch": nodes[:, 2],
+        "V": values[:, 0],
+        "alpha": alpha,
+        "pitchdot": nodes[:, 6],
+        "elevator": values[:, 8],
+        "elevator_rate": rate,
+    }
+    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
+
+
 def flow_along(
     record: Record, theta: np.ndarray, field: Field, trim: float
 ) -> tuple[np.ndarray, np.ndarray]:

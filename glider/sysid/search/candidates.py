@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from glider.physics.effects import EffectKind
-from glider.sysid.fit.information import (
+from glider.sysid.likelihood.information import (
     cost,
     held_out_costs,
     solve,

@@ -12,7 +12,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.fit.information import (
+from glider.sysid.likelihood.information import (
     cost,
     held_out_costs,
     solve,

@@ -29,7 +29,7 @@ from glider.sysid.fit.field_fit import (
     forcing_of,
     place_basis,
 )
-from glider.sysid.fit.information import held_out_costs
+from glider.sysid.likelihood.information import held_out_costs
 from glider.sysid.fit.output_error import degrees_of_freedom, gather
 from glider.sysid.fit.whiteness import (
     LackOfFit,

@@ -1,0 +1,161 @@
+"""Everything that may be wrong, as columns of all flights about one model."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.sysid.likelihood.directions import Direction, slopes, starts_of
+from glider.sysid.likelihood.evidence import Evidence, eliminate
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.model_fit import (
+    Fitted,
+    beforehand,
+    linear_flights,
+    with_prior,
+)
+from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
+from glider.sysid.likelihood.task import Task
+from glider.sysid.parallel import in_parallel
+
+Variant = tuple[int, ...]
+"""Columns of an effect with one choice of its starting shapes."""
+
+Member = tuple[str, Variant]
+"""An effect of a set: its kind and the columns it acts by."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Candidates:
+    """Columns of the flights about a model, and whose they are.
+
+    Attributes:
+        task: that is worked at.
+        model: about which the flights are linear.
+        directions: of the columns; the curves' columns follow.
+        variants: kind to its variants; a kind that acts already has one.
+        flights: linear in all columns.
+    """
+
+    task: Task
+    model: Fitted
+    directions: tuple[Direction, ...]
+    variants: dict[str, tuple[Variant, ...]]
+    flights: Sequence[LinearFlight]
+
+    @property
+    def always(self) -> list[int]:
+        """Columns that act in every set: unknown parameters and the curves."""
+        own = set(self.task.vehicle.nuisance)
+        count = len(self.directions)
+        vehicle = [j for j, d in enumerate(self.directions) if d.slot in own]
+        return [*vehicle, *range(count, count + len(self.model.coordinates))]
+
+    def grams(self, scales: Scales) -> np.ndarray:
+        """Returns every flight's information on all columns, (flights, m + 1, m + 1)."""
+        return np.stack(in_parallel(lambda f: whiten(f, scales).gram, self.flights))
+
+    def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
+        """Returns the evidence of sets of effects, and the variants in its columns.
+
+        Effects that act count from nothing, not from where they are: their columns'
+        share in the model is given back to the error.
+
+        Args:
+            gram: (m + 1, m + 1), summed over flights.
+        """
+        task, model = self.task, self.model
+        slots = [d.slot for d in self.directions]
+        value, mean, precision = beforehand(task, model, slots)
+        restored = np.zeros(len(gram))
+        restored[-1] = 1.0
+        for j, slot in enumerate(slots):
+            acts = task.layout.slots[slot][0] in model.kinds
+            if acts and not task.is_shape(slot) and j not in set(self.always):
+                restored[j] = model.theta[slot] - mean[j]
+                value[j] = mean[j]
+            elif not acts:
+                value[j] = mean[j]
+        whole = gram.copy()
+        whole[:, -1] = gram @ restored
+        whole[-1, :] = whole[:, -1]
+        whole[-1, -1] = restored @ gram @ restored
+        always = self.always
+        reduced = eliminate(
+            whole, always, precision[always], (mean - value)[always]
+        )
+        keep = [j for j in range(len(slots)) if j not in set(always)]
+        place = {j: k for k, j in enumerate(keep)}
+        layout = task.layout
+        kept_slots = [slots[j] for j in keep]
+        found = Evidence(
+            gram=reduced,
+            precision=precision[keep],
+            lower=layout.lower[kept_slots] - value[keep],
+            upper=layout.upper[kept_slots] - value[keep],
+        )
+        variants = {
+            kind: [tuple(place[j] for j in v) for v in own]
+            for kind, own in self.variants.items()
+        }
+        return found, variants
+
+
+def gather(task: Task, model: Fitted) -> Candidates:
+    """Makes all flights linear about a model, in everything that may be wrong."""
+    layout = task.layout
+    directions = slopes(layout, model.theta, model.free)
+    own = set(task.vehicle.nuisance)
+    variants: dict[str, tuple[Variant, ...]] = {}
+    for kind in model.kinds:
+        variants[kind] = (
+            tuple(
+                j
+                for j, d in enumerate(directions)
+                if d.kind == kind and d.slot not in own
+            ),
+        )
+    for kind in task.kinds:
+        if kind in model.kinds:
+            continue
+        allowed = set(task.free((kind,))) - own
+        found = []
+        for columns in starts_of(layout, layout.kinds[kind], model.theta):
+            columns = [d for d in columns if d.slot in allowed]
+            if columns:
+                first = len(directions)
+                found.append(tuple(range(first, first + len(columns))))
+                directions += columns
+        if found:
+            variants[kind] = tuple(found)
+    return Candidates(
+        task=task,
+        model=model,
+        directions=tuple(directions),
+        variants={k: v for k, v in variants.items() if v[0]},
+        flights=linear_flights(task, model, directions),
+    )
+
+
+def saturated_scales(
+    candidates: Candidates, scales: Scales, rounds: int
+) -> tuple[Scales, np.ndarray]:
+    """Fits the scales with everything acting at once, shrunken.
+
+    So that what a model lacks is not taken for noise before it has been looked for.
+
+    Returns:
+        the scales, and the change of all columns there (m,).
+    """
+    slots = [d.slot for d in candidates.directions]
+    own, mean, precision = beforehand(candidates.task, candidates.model, slots)
+    for _ in range(rounds):
+        gram = candidates.grams(scales).sum(axis=0)
+        total = with_prior(gram, own, mean, precision)
+        scale = 1.0 / np.sqrt(np.diag(total)[:-1])
+        system = total[:-1, :-1] * scale[:, None] * scale
+        system += 1e-10 * np.eye(len(scale))
+        change = scale * np.linalg.solve(system, scale * total[:-1, -1])
+        flights = [f.combined(change) for f in candidates.flights]
+        scales, _ = fit_scales(flights, scales, iterations=3)
+    return scales, change

@@ -1,0 +1,121 @@
+"""Curves over the angle of attack that no formula has: what forms get wrong.
+
+Normal and axial force, moment and the tail's force may differ from any formula by
+smooth curves over alpha. In a fit they are a nuisance with small, shrunken weights: they
+take up what a formula of nearly the right shape leaves, so that no second name is bought
+for it. What a formula of the simplest shape can say (a constant drag, camber, plate
+lift, axial drag, a constant moment, a shifted center of pressure, the tail's area) is
+left out of them: names come first.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
+from glider.physics.effects.field import COEFFICIENTS, TAIL_TERM, FieldData, make_field
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.residual import flow_variables
+
+TERMS = (*COEFFICIENTS, TAIL_TERM)
+"""Terms of FIELD_TERMS that the curves are of."""
+
+STRENGTHS = (0.02, 0.02, 0.0012, 0.1)
+"""Spread of the weights beforehand, of each term [-, -, m, -]: a few hundredths of a
+flat plate's largest coefficients (2, 2, 2 · 0.06 m) and a tenth of the tail's force, at
+a strength of one; the strength itself is estimated."""
+
+COUNT = 12
+"""Gaussians over the flown angles of attack."""
+
+_ALPHA = FIELD_VARIABLES.index("alpha")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Curves:
+    """A basis of curves over alpha.
+
+    Attributes:
+        centers: (M,) [rad].
+        width: of the Gaussians [rad].
+        mix: (M * 4, q) weights, functions first and then terms, of each coordinate; a
+            coordinate has a spread of one beforehand, times the strength.
+        angles: (n,) a sample of the flown angles of attack [rad].
+    """
+
+    centers: np.ndarray
+    width: float
+    mix: np.ndarray
+    angles: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.mix.shape[1]
+
+    def functions(self, alpha: np.ndarray) -> np.ndarray:
+        """Returns the Gaussians (n, M) at angles of attack (n,)."""
+        return np.exp(-0.5 * ((alpha[:, None] - self.centers) / self.width) ** 2)
+
+    def values(self, coordinates: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+        """Returns the curves of TERMS at angles of attack, (n, 4)."""
+        return self.functions(alpha) @ (self.mix @ coordinates).reshape(-1, len(TERMS))
+
+    def data(self, coordinates: np.ndarray) -> FieldData:
+        """Returns the curves as a model file has them."""
+        weights = (self.mix @ coordinates).reshape(-1, len(TERMS))
+        return FieldData(
+            kind="unexplained",
+            variables=["alpha"],
+            centers=self.centers[:, None].tolist(),
+            widths=[float(self.width)],
+            weights=dict(zip(TERMS, weights.T.tolist(), strict=True)),
+        )
+
+    def field(self, coordinates: np.ndarray) -> Field:
+        """Returns the arrays that the dynamics take."""
+        return make_field(self.data(coordinates)) if coordinates.any() else NO_FIELD
+
+
+TERM_INDICES = tuple(FIELD_TERMS.index(name) for name in TERMS)
+
+
+def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
+    """Spreads a basis over the angles of attack that flights of a model met."""
+    alpha = np.concatenate([flow_variables(r, theta)[:, _ALPHA] for r in records])
+    low, high = np.percentile(alpha, [1.0, 99.0])
+    centers = np.linspace(low, max(high, low + 0.05), COUNT)
+    width = float(centers[1] - centers[0])
+    angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]
+    functions = np.exp(-0.5 * ((angles[:, None] - centers) / width) ** 2)
+    spreads = np.tile(STRENGTHS, COUNT)
+    overlaps = np.array(
+        [
+            (functions[:, :, None] * np.stack(shape, axis=1)[:, None, :])
+            .mean(axis=0)
+            .ravel()
+            for shape in _simple_shapes(angles)
+        ]
+    )
+    _, _, rows = np.linalg.svd(overlaps * spreads)
+    free = rows[len(overlaps) :].T
+    return Curves(
+        centers=centers, width=width, mix=spreads[:, None] * free, angles=angles
+    )
+
+
+def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+    """Returns what each simplest formula adds to TERMS, a tuple of (n,) each."""
+    s, c = np.sin(alpha), np.cos(alpha)
+    none, one = np.zeros_like(alpha), np.ones_like(alpha)
+    return [
+        (none, one, none, none),  # Profile drag.
+        (c * c, s * c, none, none),  # Camber: C_n = cos alpha.
+        (s * c, s * s, none, none),  # The plate's own lift: mass, area.
+        (-s, c, none, none),  # Axial drag.
+        (none, none, one, none),  # Pitch moment.
+        (none, none, s, none),  # Center of pressure, and
+        (none, none, s**3, none),  # its travel.
+        (none, none, none, one),  # The elevator's area.
+    ]

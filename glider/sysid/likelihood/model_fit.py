@@ -1,0 +1,225 @@
+"""Coefficients, curves and scales fitted together to the flights of a campaign.
+
+Gauss-Newton on the filter's innovations, which are linear in the coefficients about
+each linearisation, and Fisher scoring for the scales in between.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.physics.effects import Field
+from glider.sysid.likelihood.directions import Direction, slopes
+from glider.sysid.likelihood.information import bounded_step
+from glider.sysid.likelihood.linear_flight import Constants, LinearFlight, linearize
+from glider.sysid.likelihood.curves import TERM_INDICES
+from glider.sysid.likelihood.scales import (
+    Scales,
+    fit_scales,
+    flight_constants,
+    negative_log_likelihood,
+    whiten,
+)
+from glider.sysid.likelihood.task import Task
+from glider.sysid.parallel import in_parallel
+
+FEWEST_ITERATIONS = 2
+"""Before a fit may stop: the first step changes the scales too."""
+
+_TOLERANCE = 0.3
+"""Gain of an iteration below which a fit stops [nats]."""
+
+LARGEST_COORDINATE = 30.0
+"""Of a curve: it keeps a fit that goes astray from overflow."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """A model with everything about it fitted.
+
+    Attributes:
+        kinds: that act.
+        theta: the model's numbers.
+        free: slots of theta that are fitted.
+        coordinates: of the curves; empty where there are none.
+        strength: of the curves beforehand.
+        scales: of all noise.
+        constants: of each flight, about which it is linear.
+        cost: negative log posterior [nats].
+    """
+
+    kinds: tuple[str, ...]
+    theta: np.ndarray
+    free: tuple[int, ...]
+    coordinates: np.ndarray
+    strength: float
+    scales: Scales
+    constants: tuple[Constants, ...]
+    cost: float = np.inf
+
+    @property
+    def has_curves(self) -> bool:
+        """Whether curves act."""
+        return len(self.coordinates) > 0
+
+
+def start_of(task: Task, scales: Scales, with_curves: bool) -> Fitted:
+    """Returns the nominal model, nothing fitted yet."""
+    count = task.curves.count if with_curves else 0
+    return Fitted(
+        kinds=(),
+        theta=task.vehicle.theta.copy(),
+        free=task.free(()),
+        coordinates=np.zeros(count),
+        strength=1.0,
+        scales=scales,
+        constants=(Constants(),) * len(task.records),
+    )
+
+
+def field_of(task: Task, model: Fitted) -> Field:
+    """Returns a model's curves as the dynamics take them."""
+    from glider.physics.effects import NO_FIELD
+
+    return task.curves.field(model.coordinates) if model.has_curves else NO_FIELD
+
+
+def linear_flights(
+    task: Task, model: Fitted, directions: Sequence[Direction]
+) -> list[LinearFlight]:
+    """Returns all flights, linear about a model; the curves' columns come last."""
+    field = field_of(task, model)
+
+    def one(i: int) -> LinearFlight:
+        record = task.records[i]
+        flight = linearize(record, model.theta, field, directions, model.constants[i])
+        if not model.has_curves:
+            return flight
+        alpha = flight.middle_alpha(model.theta)
+        basis = task.curves.functions(alpha)
+        return flight.with_forces(basis, TERM_INDICES, task.curves.mix)
+
+    return in_parallel(one, range(len(task.records)))
+
+
+def beforehand(
+    task: Task, model: Fitted, slots: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns value, mean beforehand and precision of slots, then of the curves."""
+    mean, precision = task.priors(slots, model.theta)
+    count = len(model.coordinates)
+    return (
+        np.concatenate([model.theta[list(slots)], model.coordinates]),
+        np.concatenate([mean, np.zeros(count)]),
+        np.concatenate([precision, np.full(count, model.strength**-2)]),
+    )
+
+
+def with_prior(
+    gram: np.ndarray, value: np.ndarray, mean: np.ndarray, precision: np.ndarray
+) -> np.ndarray:
+    """Returns a Gram matrix with what is known beforehand added as one more flight."""
+    total = gram.copy()
+    total[:-1, :-1] += np.diag(precision)
+    total[:-1, -1] += precision * (mean - value)
+    total[-1, :-1] = total[:-1, -1]
+    total[-1, -1] += float(precision @ (mean - value) ** 2)
+    return total
+
+
+def fit_model(
+    task: Task,
+    model: Fitted,
+    iterations: int = 6,
+    scales_free: bool = True,
+) -> Fitted:
+    """Fits a model's free numbers, its curves and, unless told not to, the scales."""
+    index = list(model.free)
+    m = len(index)
+    lower, upper = task.layout.lower[index], task.layout.upper[index]
+    best, step, halvings = None, None, 0
+    current = model
+    for iteration in range(iterations + 1):
+        flights = linear_flights(
+            task, current, slopes(task.layout, current.theta, index)
+        )
+        now = [f.error_only() for f in flights]
+        scales = current.scales
+        if scales_free:
+            scales, value = fit_scales(now, scales, iterations=3 if iteration else 6)
+        else:
+            value = float(negative_log_likelihood(now, scales).sum())
+        own, mean, precision = beforehand(task, current, index)
+        shapes = [k for k, i in enumerate(index) if task.is_shape(i)]
+        mean[shapes] = model.theta[[index[k] for k in shapes]]
+        value += 0.5 * float(precision @ (own - mean) ** 2)
+        current = dataclasses.replace(current, scales=scales, cost=value)
+        if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
+            halvings += 1
+            if halvings > 3 or step is None:
+                break
+            step = 0.5 * step
+            current = _moved(task, best, step, lower, upper)
+            continue
+        gained = np.inf if best is None else best.cost - value
+        best = current
+        if iteration == iterations or m + len(current.coordinates) == 0:
+            break
+        if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
+            break
+        gram = sum(in_parallel(lambda f: whiten(f, scales).gram, flights))
+        count = len(current.coordinates)
+        step = bounded_step(
+            with_prior(gram, own, mean, precision),
+            np.full(m + count, 1e-9),
+            0.0,
+            np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
+            np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
+        )
+        if task.own_trims:
+            adjusted = [f.combined(step) for f in flights]
+            constants = in_parallel(lambda f: flight_constants(f, scales), adjusted)
+            current = dataclasses.replace(current, constants=tuple(constants))
+            best = dataclasses.replace(best, constants=tuple(constants))
+        current = _moved(task, current, step, lower, upper)
+    assert best is not None
+    return best
+
+
+def _moved(
+    task: Task, model: Fitted, step: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> Fitted:
+    index = list(model.free)
+    theta = model.theta.copy()
+    theta[index] = np.clip(theta[index] + step[: len(index)], lower, upper)
+    return dataclasses.replace(
+        model, theta=theta, coordinates=model.coordinates + step[len(index) :]
+    )
+
+
+def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
+    """Returns the model with the curves as strong beforehand as the flights say.
+
+    MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
+    """
+    if not model.has_curves:
+        return model
+    index = list(model.free)
+    flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
+    gram = sum(in_parallel(lambda f: whiten(f, model.scales).gram, flights))
+    strength = model.strength
+    for _ in range(rounds):
+        trial = dataclasses.replace(model, strength=strength)
+        own, mean, precision = beforehand(task, trial, index)
+        total = with_prior(gram, own, mean, precision)
+        covariance = np.linalg.inv(total[:-1, :-1])
+        curve = slice(len(index), None)
+        value = (own + covariance @ total[:-1, -1])[curve]
+        mean_square = np.mean(value**2 + np.diag(covariance)[curve])
+        strength = float(np.clip(np.sqrt(mean_square), *STRENGTH_RANGE))
+    return dataclasses.replace(model, strength=strength)
+
+
+STRENGTH_RANGE = (0.1, 5.0)
+"""Strengths of the curves: less is as good as none, more is no error of a form."""

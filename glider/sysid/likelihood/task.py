@@ -1,0 +1,96 @@
+"""The task of a fit: flights, what is known of the vehicle, what may be wrong."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.physics.effects import Coefficient
+from glider.sysid.likelihood.curves import Curves
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.theta import Layout
+from glider.sysid.replay.vehicle import Vehicle
+
+PRIOR_SCALES = 5.0
+"""Spread of an effect's coefficients beforehand, in their scales."""
+
+SHAPE_SCALES = 3.0
+"""The same of coefficients that only shape an effect, about where they start."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is fitted to what.
+
+    Attributes:
+        records: the flights.
+        vehicle: what is known of the glider.
+        kinds: that may be wrong.
+        curves: what their forms may get wrong.
+    """
+
+    records: Sequence[Record]
+    vehicle: Vehicle
+    kinds: tuple[str, ...]
+    curves: Curves
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of theta."""
+        return self.vehicle.layout
+
+    @property
+    def own_trims(self) -> bool:
+        """Whether the elevator stands at an unknown angle of its own in each flight."""
+        return not self.vehicle.trim_is_known
+
+    def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
+        """Returns the indices into theta to fit for a set of kinds, sorted."""
+        slots = {i for kind in kinds for i in self.layout.slots_of(kind)}
+        index = self.layout.index
+        if index["parameters", "wing_offset"] in self.vehicle.nuisance:
+            slots.discard(index["center_of_pressure", "shift"])
+        return tuple(sorted(slots | set(self.vehicle.nuisance)))
+
+    def coefficient(self, slot: int) -> Coefficient | None:
+        """Returns what a slot of theta is; None for a parameter of the vehicle."""
+        kind, name = self.layout.slots[slot]
+        if kind == "parameters":
+            return None
+        return next(c for c in self.layout.kinds[kind].coefficients if c.name == name)
+
+    def is_shape(self, slot: int) -> bool:
+        """Whether a slot only shapes an effect that has another for its size."""
+        coefficient = self.coefficient(slot)
+        if coefficient is None or not coefficient.is_shape:
+            return False
+        kind = self.layout.kinds[self.layout.slots[slot][0]]
+        return not all(c.is_shape for c in kind.coefficients)
+
+    def prior(self, slot: int, now: float) -> tuple[float, float]:
+        """Returns mean and standard deviation of a slot beforehand.
+
+        A shape's mean is where it is now.
+        """
+        if self.vehicle.prior is not None and slot in self.vehicle.nuisance:
+            mean, spread = self.vehicle.prior
+            return float(mean[slot]), float(spread[slot])
+        if self.is_shape(slot):
+            return now, SHAPE_SCALES * float(self.layout.scale[slot])
+        coefficient = self.coefficient(slot)
+        mean = float(self.vehicle.theta[slot])
+        if coefficient is not None and coefficient.is_shape:
+            mean = coefficient.default
+        return mean, PRIOR_SCALES * float(self.layout.scale[slot])
+
+    def priors(
+        self, slots: Sequence[int], theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Returns means and precisions of slots beforehand."""
+        pairs = [self.prior(i, theta[i]) for i in slots]
+        mean, spread = np.array(pairs).reshape(-1, 2).T
+        return mean, 1.0 / spread**2
+
+    def on(self, records: Sequence[Record]) -> "Task":
+        """Returns the same task on other flights."""
+        return dataclasses.replace(self, records=records)
