@@ -13,6 +13,9 @@ SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at
 rest [m²/s²]."""
 
+_ROUNDING = 1e-6
+"""Rounds |α| at zero [rad²]."""
+
 
 @scalar
 def airspeed(along, normal):
@@ -49,6 +52,32 @@ def angle_of_attack(sin_alpha, cos_alpha):
     α = 2 atan(sin α / (1 + cos α)), which unlike atan2 takes complex numbers.
     """
     return 2.0 * np.arctan(sin_alpha / (1.0 + cos_alpha + 1e-9))
+
+
+@scalar
+def attached_share(sin_alpha, cos_alpha, stall_angle, fade):
+    """Share of the flow that is attached: 1 / (1 + exp((|α| - stall_angle) / fade)).
+
+    Written with tanh, which cannot overflow; |α| is rounded at zero.
+    """
+    alpha = angle_of_attack(sin_alpha, cos_alpha)
+    beyond = np.sqrt(alpha * alpha + _ROUNDING) - stall_angle
+    return 0.5 - 0.5 * np.tanh(0.5 * beyond / fade)
+
+
+@scalar
+def elevator_velocity(flow, sin_plate, cos_plate, downwash):
+    """Velocity of the elevator's center through the air, world (x, z) [m/s].
+
+    v + (l_h θ̇ + downwash) n(θ) + l_e (θ̇ + φ̇) n(e), where e is the angle of the
+    elevator's plate and the downwash [m/s] is along the body's normal.
+    """
+    along_body = flow.hinge_offset * flow.pitchdot + downwash
+    along_plate = flow.elevator_offset * (flow.pitchdot + flow.elevator_rate)
+    return (
+        flow.air_x + along_body * flow.sin_pitch + along_plate * sin_plate,
+        flow.air_z + along_body * flow.cos_pitch + along_plate * cos_plate,
+    )
 
 
 @scalar

@@ -11,6 +11,7 @@ text. Frames and signs: `glider.physics.state`.
 
 from glider.physics.aerodynamics import (
     airspeed,
+    elevator_velocity,
     plate_force,
 )
 from glider.physics.effects.effect import (
@@ -59,8 +60,8 @@ def wrench_terms(flow, x, c):
 
 
 def inertia_terms(flow, x, c):
-    """Relative change of mass and of inertia, added mass along the normal [kg]."""
-    return 0.0, 0.0, 0.0
+    """Relative change of mass and inertia, added mass [kg] and inertia [kg m²]."""
+    return 0.0, 0.0, 0.0, 0.0
 
 
 def sensor_terms(flow, x, c):
@@ -164,11 +165,10 @@ def elevator_force(flow, plate, deflection, downwash, factor):
     l_h θ̇ n(θ) + l_e (θ̇ + φ̇) n(e), e = θ + δ; M = (l_h cos δ + l_e) f with the
     deflection δ. `plate` is sine and cosine of e.
     """
-    along_body = flow.hinge_offset * flow.pitchdot + downwash
-    along_plate = flow.elevator_offset * (flow.pitchdot + flow.elevator_rate)
+    velocity = elevator_velocity(flow, plate[0], plate[1], downwash)
     force = plate_force(
-        flow.air_x + along_body * flow.sin_pitch + along_plate * plate[0],
-        flow.air_z + along_body * flow.cos_pitch + along_plate * plate[1],
+        velocity[0],
+        velocity[1],
         plate[0],
         plate[1],
         flow.elevator_area,
@@ -224,19 +224,25 @@ def wrench(flow, terms, x, c):
 def accelerations(flow, terms, x, c):
     """Returns (ẍ, z̈, θ̈) [m/s², rad/s²].
 
-    ((1 + μ) m I + m_a n nᵀ) a = F - (1 + μ) m g e_z with the added mass m_a along
-    the body's normal n, and (1 + ι) I θ̈ = M.
+    ((1 + μ) m I + m_a n nᵀ) a = F - (1 + μ) m g e_z - m_a θ̇ ((v·t) n + (v·n) t) with
+    the added mass m_a along the body's normal n, whose rate is ṅ = θ̇ t, and
+    ((1 + ι) I + I_a) θ̈ = M with the added inertia I_a.
     """
     _, _, force_x, force_z, moment, _, _ = wrench(flow, terms, x, c)
-    mass_change, inertia_change, added_mass = inertia_terms(flow, x, c)
+    mass_change, inertia_change, added_mass, added_inertia = inertia_terms(flow, x, c)
     mass = flow.mass * (1.0 + mass_change)
+    inertia = flow.pitch_inertia * (1.0 + inertia_change) + added_inertia
+    turning = added_mass * flow.pitchdot * flow.speed
+    along, across = turning * flow.sin_alpha, -turning * flow.cos_alpha
+    force_x = force_x + along * flow.cos_pitch + across * flow.sin_pitch
+    force_z = force_z - along * flow.sin_pitch + across * flow.cos_pitch
     x = force_x / mass
     z = force_z / mass - flow.gravity
     normal = x * flow.sin_pitch + z * flow.cos_pitch
     carried = added_mass / (mass + added_mass) * normal
     x = x - carried * flow.sin_pitch
     z = z - carried * flow.cos_pitch
-    return x, z, moment / (flow.pitch_inertia * (1.0 + inertia_change))
+    return x, z, moment / inertia
 
 
 def derivatives(t, x, u, wind_x, wind_z, theta):

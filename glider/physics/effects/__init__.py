@@ -4,7 +4,7 @@ from glider.physics.effects.actuator import (
     COMMAND_DELAY,
     SERVO_LAG,
 )
-from glider.physics.effects.air import WIND
+from glider.physics.effects.air import WIND, WIND_SHEAR
 from glider.physics.effects.effect import (
     STAGES,
     Coefficient,
@@ -23,7 +23,9 @@ from glider.physics.effects.field import (
 from glider.physics.effects.geometry import (
     CENTER_OF_PRESSURE,
     DOWNWASH,
+    ELEVATOR_BLOWBACK,
     ELEVATOR_TRIM,
+    STALLED_DOWNWASH,
     WING_INCIDENCE,
 )
 from glider.physics.effects.inertia import (
@@ -41,12 +43,16 @@ from glider.physics.effects.sensor import (
 from glider.physics.effects.surface import (
     AIRSPEED_DEPENDENCE,
     ATTACHED_LIFT,
+    CAMBER,
     DYNAMIC_STALL,
     ELEVATOR_AREA,
     GROUND_EFFECT,
+    PITCH_RATE_LIFT,
     TAIL_WAKE,
 )
 from glider.physics.effects.wrench import (
+    AXIAL_DRAG,
+    INDUCED_DRAG,
     PITCH_DAMPING,
     PITCH_MOMENT,
     PROFILE_DRAG,
@@ -57,17 +63,24 @@ LIBRARY: tuple[EffectKind, ...] = (
     SERVO_LAG,
     COMMAND_DELAY,
     WIND,
+    WIND_SHEAR,
     WING_INCIDENCE,
     ELEVATOR_TRIM,
+    ELEVATOR_BLOWBACK,
     CENTER_OF_PRESSURE,
     DOWNWASH,
+    STALLED_DOWNWASH,
     ATTACHED_LIFT,
+    CAMBER,
+    PITCH_RATE_LIFT,
     DYNAMIC_STALL,
     AIRSPEED_DEPENDENCE,
     GROUND_EFFECT,
     TAIL_WAKE,
     ELEVATOR_AREA,
     PROFILE_DRAG,
+    INDUCED_DRAG,
+    AXIAL_DRAG,
     PITCH_DAMPING,
     PITCH_MOMENT,
     THRUST,

@@ -12,6 +12,11 @@ def _wind(motion, x, z):
     return x, z
 
 
+@scalar
+def _wind_shear(motion, gradient):
+    return gradient * motion.z
+
+
 WIND = EffectKind(
     kind="wind",
     stage="air",
@@ -25,3 +30,18 @@ WIND = EffectKind(
     depends_on=("V", "alpha"),
 )
 """Steady wind: the air moves with (x, z) in the world, v_air = v - w."""
+
+WIND_SHEAR = EffectKind(
+    kind="wind_shear",
+    stage="air",
+    adds_to=("wind_x",),
+    coefficients=(
+        Coefficient(name="gradient", unit="1/s", scale=0.5, lower=-10.0, upper=10.0),
+    ),
+    formula=_wind_shear,
+    words="wind shear: a wind that changes with height",
+    depends_on=("z", "V"),
+)
+"""Wind shear: the air moves along x with gradient · z, so that it stands still at
+z = 0 (the height of the perch); a wind there is `wind`. The linear profile of Etkin,
+Dynamics of Atmospheric Flight."""

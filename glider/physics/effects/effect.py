@@ -23,7 +23,7 @@ STAGES = {
     "geometry": ("wing_incidence", "wing_shift", "elevator_trim", "downwash"),
     "surface": ("wing_normal", "wing_factor", "elevator_factor"),
     "wrench": ("force_x", "force_z", "moment"),
-    "inertia": ("mass", "inertia", "added_mass"),
+    "inertia": ("mass", "inertia", "added_mass", "added_inertia"),
     "sensor": ("pose_x", "pose_z", "pose_pitch"),
     "log": ("pose_x", "pose_z", "pose_pitch"),
 }
@@ -34,9 +34,9 @@ of the wing's center of pressure ahead [m], angle of the elevator plate [rad],
 downward flow at the tail along the body's normal [m/s]. surface: normal-force
 coefficient of the wing [-], relative change of the wing's and the elevator's
 force [-]. wrench: world force [N] and moment about +y [N m]. inertia: relative
-change of mass and pitch inertia [-], added mass along the wing's normal [kg].
-sensor: measured minus true pose [m, m, rad]. log: the same, of a fault that is undone
-in the log before anything else looks at it.
+change of mass and pitch inertia [-], added mass along the body's normal [kg], added
+pitch inertia [kg m²]. sensor: measured minus true pose [m, m, rad]. log: the same, of a
+fault that is undone in the log before anything else looks at it.
 """
 
 

@@ -1,11 +1,17 @@
 """Effects of geometry: where the surfaces sit and what flow meets the tail."""
 
+from glider.physics.aerodynamics import (
+    attached_share,
+    elevator_velocity,
+    plate_force,
+)
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
     constant,
 )
 from glider.physics.formulas import scalar
+from glider.physics.trigonometry import cos, sin
 
 
 @scalar
@@ -16,6 +22,24 @@ def _center_of_pressure(flow, shift, travel):
 @scalar
 def _downwash(flow, gradient):
     return gradient * flow.speed * flow.sin_alpha * flow.cos_alpha
+
+
+@scalar
+def _stalled_downwash(flow, gradient, stall_angle, fade):
+    attached = attached_share(flow.sin_alpha, flow.cos_alpha, stall_angle, fade)
+    return _downwash(flow, gradient) * attached
+
+
+@scalar
+def _elevator_blowback(flow, compliance):
+    sine, cosine = sin(flow.elevator), cos(flow.elevator)
+    sin_plate = flow.sin_pitch * cosine + flow.cos_pitch * sine
+    cos_plate = flow.cos_pitch * cosine - flow.sin_pitch * sine
+    velocity = elevator_velocity(flow, sin_plate, cos_plate, 0.0)
+    load = plate_force(
+        velocity[0], velocity[1], sin_plate, cos_plate, 1.0, flow.air_density
+    )
+    return compliance * load
 
 
 WING_INCIDENCE = EffectKind(
@@ -43,6 +67,28 @@ ELEVATOR_TRIM = EffectKind(
     depends_on=("V", "elevator"),
 )
 """Elevator trim: the elevator's plate lies at pitch + elevator + angle."""
+
+ELEVATOR_BLOWBACK = EffectKind(
+    kind="elevator_blowback",
+    stage="geometry",
+    adds_to=("elevator_trim",),
+    coefficients=(
+        Coefficient(
+            name="compliance", unit="rad/Pa", scale=0.002, lower=0.0, upper=0.02
+        ),
+    ),
+    formula=_elevator_blowback,
+    words="an elevator that gives way to its load (blowback)",
+    depends_on=("elevator", "V", "alpha"),
+)
+"""Elevator blowback: the elevator's plate turns by compliance · p towards the stream.
+
+p = ½ ρ W² · 2 sin α_e is the plate's force per area along its normal [Pa] where it
+reads, with W and α_e the speed and the angle of attack of its own center: a load from
+below pushes the trailing edge up. The load is that at the deflection that is read, so
+nothing is to be solved; what is shed of a load by shedding it is of the second order
+(compliance as of a spring at the hinge; Etkin and Reid, Dynamics of Flight).
+"""
 
 CENTER_OF_PRESSURE = EffectKind(
     kind="center_of_pressure",
@@ -77,3 +123,38 @@ DOWNWASH = EffectKind(
 """Downwash: at the tail the air moves down along the body's normal with
 gradient · V sin α cos α, in proportion to the plate's lift: for small α the
 tail's angle falls by ε = gradient · α (Etkin and Reid, Dynamics of Flight)."""
+
+STALLED_DOWNWASH = EffectKind(
+    kind="stalled_downwash",
+    stage="geometry",
+    adds_to=("downwash",),
+    coefficients=(
+        Coefficient(name="gradient", unit="-", scale=0.3, lower=-3.0, upper=3.0),
+        Coefficient(
+            name="stall_angle",
+            unit="rad",
+            default=0.26,
+            scale=0.03,
+            lower=0.05,
+            upper=0.8,
+            grid=(0.2, 0.35),
+        ),
+        Coefficient(
+            name="fade",
+            unit="rad",
+            default=0.05,
+            scale=0.01,
+            lower=0.008,
+            upper=0.3,
+            grid=(0.05,),
+        ),
+    ),
+    formula=_stalled_downwash,
+    words="the wing's downwash on the tail, until the wing stalls",
+    depends_on=("alpha", "V"),
+)
+"""Stalled downwash: that of `downwash` / (1 + exp((|α| - stall_angle) / fade)).
+
+With attached flow the wing turns the stream down; once it stalls, the tail meets it
+unturned (Etkin and Reid, Dynamics of Flight; faded as `attached_lift` is).
+"""

@@ -5,6 +5,13 @@ from glider.physics.effects.effect import (
     EffectKind,
     constant,
 )
+from glider.physics.formulas import scalar
+
+
+@scalar
+def _added_mass(flow, mass, inertia):
+    return mass, inertia
+
 
 MASS = EffectKind(
     kind="mass",
@@ -35,14 +42,26 @@ INERTIA = EffectKind(
 ADDED_MASS = EffectKind(
     kind="added_mass",
     stage="inertia",
-    adds_to=("added_mass",),
+    adds_to=("added_mass", "added_inertia"),
     coefficients=(
         Coefficient(name="mass", unit="kg", scale=0.01, lower=-0.05, upper=1.0),
+        Coefficient(name="inertia", unit="kg m²", scale=1e-4, lower=0.0, upper=0.1),
     ),
-    formula=constant,
+    formula=_added_mass,
     words="added mass: air that the wing must push along its normal",
-    depends_on=("alphadot", "alpha"),
+    depends_on=("alphadot", "alpha", "pitchdot"),
 )
-"""Added mass: the air that a plate carries resists acceleration along its
-normal, F = -mass · (n·a) n (for a thin plate about ρ π c² b / 4; Katz and
-Plotkin, Low-Speed Aerodynamics)."""
+"""Added mass: the air that a plate carries along its normal n, and turns.
+
+The impulse of that air is mass (n·v) n, so that it pushes back with
+F = -d/dt [mass (n·v) n] = -mass [(n·a) n + θ̇ ((v·t) n + (v·n) t)], for n turns
+(ṅ = θ̇ t), and M = -inertia · θ̈; v is the velocity of the center of mass through the
+air, whose own acceleration is left out. For a thin plate mass is about ρ π c² b / 4
+and inertia about ρ π c⁴ b / 128 (Lamb, Hydrodynamics, chapters IV and VI; Katz and
+Plotkin, Low-Speed Aerodynamics).
+
+Kirchhoff's equations hold a moment too that needs neither acceleration nor rate,
+Munk's, mass (v·t)(v·n). It is left out: it is part of the steady moment, which follows
+from where the plate's force acts (`center_of_pressure`). For a thin wing, whose lift
+acts at the quarter chord, it is the whole steady moment about the half chord.
+"""

@@ -4,6 +4,7 @@ import numpy as np
 
 from glider.physics.aerodynamics import (
     angle_of_attack,
+    attached_share,
     gaussian,
 )
 from glider.physics.effects.effect import (
@@ -16,16 +17,22 @@ from glider.physics.formulas import scalar
 REFERENCE_SPEED = 7.0
 """Launch speed of the article's perch [m/s]."""
 
-_ROUNDING = 1e-6
-"""Rounds |α| at zero [rad²]."""
-
 
 @scalar
 def _attached_lift(flow, slope, stall_angle, fade):
-    alpha = angle_of_attack(flow.sin_alpha, flow.cos_alpha)
-    beyond = np.sqrt(alpha * alpha + _ROUNDING) - stall_angle
-    attached = 0.5 - 0.5 * np.tanh(0.5 * beyond / fade)
+    attached = attached_share(flow.sin_alpha, flow.cos_alpha, stall_angle, fade)
     return slope * flow.sin_alpha * attached
+
+
+@scalar
+def _camber(flow, zero_lift_angle):
+    sine, cosine = np.sin(zero_lift_angle), np.cos(zero_lift_angle)
+    return 2.0 * (flow.sin_alpha * (cosine - 1.0) - flow.cos_alpha * sine)
+
+
+@scalar
+def _pitch_rate_lift(flow, arm):
+    return -arm * flow.pitchdot / flow.speed
 
 
 @scalar
@@ -90,9 +97,48 @@ ATTACHED_LIFT = EffectKind(
 )
 """Attached lift: C_n grows by slope · sin α below the stall angle.
 
-ΔC_n = slope sin α / (1 + exp((|α| - stall_angle) / fade)), written with tanh. A
-thin airfoil has the slope 2π against the plate's 2 (Anderson, Fundamentals of
-Aerodynamics).
+ΔC_n = slope sin α / (1 + exp((|α| - stall_angle) / fade)). A thin airfoil has the
+slope 2π against the plate's 2 (Anderson, Fundamentals of Aerodynamics).
+"""
+
+CAMBER = EffectKind(
+    kind="camber",
+    stage="surface",
+    adds_to=("wing_normal",),
+    coefficients=(
+        Coefficient(
+            name="zero_lift_angle", unit="rad", scale=0.03, lower=-0.5, upper=0.5
+        ),
+    ),
+    formula=_camber,
+    words="a cambered wing, whose lift vanishes off zero angle of attack",
+    depends_on=("alpha", "V"),
+)
+"""Camber: C_n is the plate's at α - zero_lift_angle, its direction unchanged.
+
+ΔC_n = 2 sin(α - zero_lift_angle) - 2 sin α, so that a wing bent upwards
+(zero_lift_angle < 0) lifts at α = 0. `wing_incidence` turns the force as well. (Thin
+airfoil theory: Anderson, Fundamentals of Aerodynamics; the moment that comes with it
+is `pitch_moment`.)
+"""
+
+PITCH_RATE_LIFT = EffectKind(
+    kind="pitch_rate_lift",
+    stage="surface",
+    adds_to=("wing_normal",),
+    coefficients=(
+        Coefficient(name="arm", unit="m", scale=0.05, lower=-1.0, upper=1.0),
+    ),
+    formula=_pitch_rate_lift,
+    words="lift by pitch rate: more normal force while the nose comes up",
+    depends_on=("pitchdot", "V"),
+)
+"""Pitch-rate lift: ΔC_n = -arm · pitch rate / V, positive nose up.
+
+The force is proportional to V · pitch rate and vanishes at rest. It is that of a plate
+whose force belongs to the flow `arm` / 2 behind its center; for a thin airfoil about
+its half chord arm = π c / 2, without what added mass brings (Etkin and Reid, Dynamics
+of Flight, C_Lq).
 """
 
 DYNAMIC_STALL = EffectKind(

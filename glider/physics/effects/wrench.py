@@ -1,10 +1,16 @@
 """Effects that add a force or a moment."""
 
+import numpy as np
+
 from glider.physics.effects.effect import (
     Coefficient,
     EffectKind,
 )
 from glider.physics.formulas import scalar
+
+_TURN = 0.01
+"""Rounds the sign of cos α where the stream comes from below or above: within about
+0.1 rad of it."""
 
 
 @scalar
@@ -17,6 +23,20 @@ def dynamic_pressure_area(flow):
 def _profile_drag(flow, cd0):
     size = -cd0 * dynamic_pressure_area(flow)
     return size * flow.air_x, size * flow.air_z
+
+
+@scalar
+def _induced_drag(flow, k):
+    lift = 2.0 * flow.sin_alpha * flow.cos_alpha
+    return _profile_drag(flow, k * lift * lift)
+
+
+@scalar
+def _axial_drag(flow, ca0):
+    cosine = flow.cos_alpha
+    forward = cosine * np.sqrt((1.0 + _TURN) / (cosine * cosine + _TURN))
+    size = -ca0 * dynamic_pressure_area(flow) * flow.speed * forward
+    return size * flow.cos_pitch, -size * flow.sin_pitch
 
 
 @scalar
@@ -44,6 +64,36 @@ PROFILE_DRAG = EffectKind(
     depends_on=("V",),
 )
 """Profile drag: D = ½ ρ V² S_w cd0 against the velocity through the air."""
+
+INDUCED_DRAG = EffectKind(
+    kind="induced_drag",
+    stage="wrench",
+    adds_to=("force_x", "force_z"),
+    coefficients=(Coefficient(name="k", unit="-", scale=0.05, lower=0.0, upper=2.0),),
+    formula=_induced_drag,
+    words="induced drag: drag that grows with the square of lift",
+    depends_on=("alpha", "V"),
+)
+"""Induced drag: D = ½ ρ V² S_w k C_L² against the velocity through the air, with the
+plate's C_L = 2 sin α cos α. It is beside the plate's own drag by lift, 2 sin² α; for a
+finite wing k is about 1 / (π e AR) (Anderson, Fundamentals of Aerodynamics)."""
+
+AXIAL_DRAG = EffectKind(
+    kind="axial_drag",
+    stage="wrench",
+    adds_to=("force_x", "force_z"),
+    coefficients=(Coefficient(name="ca0", unit="-", scale=0.05, lower=0.0, upper=2.0),),
+    formula=_axial_drag,
+    words="drag along the body axis, alike at all angles of attack",
+    depends_on=("V", "alpha"),
+)
+"""Axial drag: ½ ρ V² S_w ca0 backwards along the body axis.
+
+The axial coefficient is ca0 cos α √(1.01 / (cos² α + 0.01)): ca0 at α = 0, within
+half a percent of it up to 45° and a tenth up to 76°, and against the motion in backward
+flight too (a body's axial coefficient changes little below stall: Hoerner,
+Fluid-Dynamic Drag).
+"""
 
 PITCH_DAMPING = EffectKind(
     kind="pitch_damping",

@@ -111,6 +111,8 @@ class Search:
         index = self.layout.index
         if index["parameters", "wing_offset"] in self.nuisance:
             slots.discard(index["center_of_pressure", "shift"])
+        if "inertia" in kinds or index["parameters", "pitch_inertia"] in self.nuisance:
+            slots.discard(index["added_mass", "inertia"])
         return tuple(sorted(slots | set(self.nuisance)))
 
     def on(self, problem: Problem) -> "Search":

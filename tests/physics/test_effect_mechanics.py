@@ -1,0 +1,243 @@
+"""Effects against the same mechanics written down another way."""
+
+import numpy as np
+import pytest
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
+
+from glider.physics.compose import compose
+from glider.physics.effects import (
+    ADDED_MASS,
+    AXIAL_DRAG,
+    CAMBER,
+    DOWNWASH,
+    ELEVATOR_BLOWBACK,
+    INDUCED_DRAG,
+    LIBRARY,
+    NO_FIELD,
+    PITCH_RATE_LIFT,
+    STALLED_DOWNWASH,
+    WIND_SHEAR,
+)
+from glider.physics.numbers import Theta
+from tests.helpers.physics import (
+    PARAMETERS,
+    GliderState,
+    at_work,
+    full_state,
+    nominal_derivatives,
+    nose_up_dynamics,
+    random_states,
+)
+
+WING_ALONE = PARAMETERS._replace(elevator_area=1e-12)
+TAIL_ALONE = PARAMETERS._replace(wing_area=1e-12)
+
+
+def flown(effect, x, u=0.0, p=PARAMETERS, wind=(0.0, 0.0)):
+    """Returns the derivatives (7,) with one effect that has no state."""
+    theta = Theta(p, np.array(effect.values), NO_FIELD)
+    rates = compose((effect.kind,)).derivatives(0.0, x, u, *wind, theta)
+    return np.array(rates)
+
+
+def force_of(rates, p):
+    """Returns the force without weight that accelerates so, (x, z) [N]."""
+    return p.mass * (rates[4:6] + np.array([0.0, p.gravity]))
+
+
+def normal_of(angle):
+    return np.array([np.sin(angle), np.cos(angle)])
+
+
+def axis_of(angle):
+    return np.array([np.cos(angle), -np.sin(angle)])
+
+
+def pressure_area(x, p):
+    return 0.5 * p.air_density * p.wing_area * (x[4] ** 2 + x[5] ** 2)
+
+
+def flying_at(alpha, speed=6.0, pitch=-0.2, pitchdot=0.0, elevator=0.0):
+    """Returns a state in still air at an angle of attack."""
+    path = -(pitch + alpha)  # Above the horizon.
+    velocity = speed * np.cos(path), speed * np.sin(path)
+    return np.array([0.0, 0.3, pitch, elevator, *velocity, pitchdot])
+
+
+@pytest.mark.parametrize("alpha", [-0.4, 0.0, 0.2, 0.9, 2.0])
+@pytest.mark.parametrize("angle", [-0.12, 0.05])
+def test_a_cambered_wing_has_the_plates_force_of_another_angle(alpha, angle):
+    x, other = flying_at(alpha), flying_at(alpha - angle)
+    force = force_of(flown(CAMBER(zero_lift_angle=angle), x, p=WING_ALONE), WING_ALONE)
+    plate = force_of(nominal_derivatives(other, p=WING_ALONE), WING_ALONE)
+    np.testing.assert_allclose(force, plate, rtol=1e-7, atol=1e-7)
+
+
+def test_a_wing_bent_upwards_lifts_at_no_angle_of_attack():
+    x = flying_at(0.0)
+    rates = flown(CAMBER(zero_lift_angle=-0.03), x, p=WING_ALONE)
+    size = np.dot(force_of(rates, WING_ALONE), normal_of(x[2]))
+    assert size / pressure_area(x, WING_ALONE) == pytest.approx(2 * np.sin(0.03))
+
+
+def test_pitch_rate_lift_is_that_of_a_plate_half_an_arm_behind():
+    """To first order at no angle of attack; it has no moment of its own."""
+    arm = 0.1
+    behind = WING_ALONE._replace(wing_offset=-0.5 * arm)
+    effect = PITCH_RATE_LIFT(arm=arm)
+    rates = {}
+    for rate in (-1e-3, 1e-3):
+        x = flying_at(0.0, pitchdot=rate)
+        rates[rate] = flown(effect, x, p=WING_ALONE), nominal_derivatives(x, p=behind)
+    ours, plate = (
+        (force_of(a, WING_ALONE) - force_of(b, WING_ALONE)) / 2e-3
+        for a, b in zip(rates[1e-3], rates[-1e-3], strict=True)
+    )
+    np.testing.assert_allclose(ours, plate, rtol=1e-6, atol=1e-9)
+    by_rate = -np.dot(ours, normal_of(-0.2))  # Nose up.
+    assert by_rate == pytest.approx(arm * pressure_area(x, PARAMETERS) / 6.0)
+    for x in random_states(10):
+        turn = flown(effect, x)[6] - nominal_derivatives(x)[6]
+        assert turn == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (-1.0, 0.4)])
+def test_induced_drag_is_against_the_stream_by_the_square_of_lift(wind):
+    p, k = WING_ALONE, 0.06
+    for x in random_states(20):
+        x[6] = 0.0  # Or the wing's center would see another stream.
+        plain = nominal_derivatives(x, p=p, wind=wind)
+        added = p.mass * (flown(INDUCED_DRAG(k=k), x, p=p, wind=wind) - plain)[4:6]
+        through = x[4:6] - wind
+        speed = np.linalg.norm(through)
+        up = np.array([-through[1], through[0]]) / speed
+        size = 0.5 * p.air_density * p.wing_area * speed**2
+        lift = np.dot(force_of(plain, p), up) / size
+        expected = -size * k * lift**2 * through / speed
+        np.testing.assert_allclose(added, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_axial_drag_is_alike_up_to_45_degrees_and_turns_with_the_motion():
+    effect = AXIAL_DRAG(ca0=0.05)
+
+    def axial(alpha):
+        x = flying_at(alpha)
+        added = PARAMETERS.mass * (flown(effect, x) - nominal_derivatives(x))[4:6]
+        assert np.dot(added, normal_of(x[2])) == pytest.approx(0.0, abs=1e-12)
+        assert np.dot(added, x[4:6]) <= 0.0  # It never drives.
+        backwards = -axis_of(x[2]) / pressure_area(x, PARAMETERS)
+        return np.dot(added, backwards)
+
+    assert axial(0.0) == pytest.approx(0.05)
+    for alpha in np.linspace(-np.pi / 4, np.pi / 4, 9):
+        assert axial(alpha) == pytest.approx(0.05, rel=6e-3)
+        assert axial(np.pi - alpha) == pytest.approx(-axial(alpha))
+    assert axial(np.deg2rad(76)) == pytest.approx(0.05, rel=0.1)
+    assert axial(np.pi / 2) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_an_elevator_that_gives_way_flies_as_one_turned_by_its_load():
+    compliance = 0.003
+    for x in random_states(20):
+        u, plate = 3.0, normal_of(x[2] + x[3])
+        alone = nose_up_dynamics(x, u, TAIL_ALONE)
+        load = np.dot(force_of(alone, TAIL_ALONE), plate) / TAIL_ALONE.elevator_area
+        turned = x + np.eye(7)[3] * compliance * load
+        expected = nose_up_dynamics(turned, u, PARAMETERS)
+        actual = flown(ELEVATOR_BLOWBACK(compliance=compliance), x, u)
+        np.testing.assert_allclose(actual, expected, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("elevator", [-0.3, 0.3])
+def test_an_elevator_that_gives_way_pitches_less(elevator):
+    x = flying_at(0.0, elevator=elevator)
+    stiff = nominal_derivatives(x)[6]
+    soft = flown(ELEVATOR_BLOWBACK(compliance=0.002), x)[6]
+    assert 0.5 < soft / stiff < 0.98
+
+
+def test_stalled_downwash_is_downwash_until_it_stalls():
+    effect = STALLED_DOWNWASH(gradient=0.6, stall_angle=0.3, fade=0.04)
+    for alpha in (-0.6, -0.3, -0.1, 0.05, 0.2, 0.3, 0.37, 0.8, 1.5):
+        x = flying_at(alpha, elevator=0.1)
+        left = 0.6 / (1.0 + np.exp((abs(alpha) - 0.3) / 0.04))
+        # |alpha| is rounded at zero by 1e-6 rad².
+        expected = flown(DOWNWASH(gradient=left), x)
+        np.testing.assert_allclose(flown(effect, x), expected, rtol=1e-4)
+    np.testing.assert_allclose(  # Ten fades beyond, nothing is left of it.
+        flown(effect, flying_at(0.9)), nominal_derivatives(flying_at(0.9)), rtol=1e-5
+    )
+
+
+def test_wind_shear_is_the_wind_of_that_height():
+    for x in random_states(10):
+        expected = nominal_derivatives(x, 2.0, wind=(0.7 * x[1], 0.0))
+        actual = flown(WIND_SHEAR(gradient=0.7), x, 2.0)
+        np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-12)
+
+
+def kirchhoff(x, u, p, added_mass, added_inertia):
+    """Kirchhoff's equations of a plate in the body axes of aircraft.
+
+    Forward and down, pitch rate q positive nose up (Lamb, Hydrodynamics, chapter VI;
+    Etkin and Reid): the momentum (m u, (m + m_a) w) turns with the axes. Munk's moment
+    m_a u w is part of the plate's own.
+    """
+    s = GliderState(x.copy())
+    plain = nose_up_dynamics(x, u, p)
+    forward, down, q = axis_of(s.pitch), -normal_of(s.pitch), -s.pitchdot
+    force = p.mass * plain[4:6]  # Weight included.
+    along, across = np.dot(x[4:6], forward), np.dot(x[4:6], down)
+    carried = p.mass + added_mass
+    u_rate = (np.dot(force, forward) - q * carried * across) / p.mass
+    w_rate = (np.dot(force, down) + q * p.mass * along) / carried
+    # Back to the world, where the axes themselves turn with q.
+    acceleration = (u_rate + q * across) * forward + (w_rate - q * along) * down
+    turn = plain[6] * p.pitch_inertia / (p.pitch_inertia + added_inertia)
+    return np.array([*plain[:4], *acceleration, turn])
+
+
+def test_added_mass_obeys_kirchhoffs_equations():
+    effect = ADDED_MASS(mass=0.02, inertia=3e-4)
+    for x in random_states(30):
+        expected = kirchhoff(x, 3.0, PARAMETERS, 0.02, 3e-4)
+        actual = flown(effect, x, 3.0)
+        np.testing.assert_allclose(actual, expected, rtol=1e-7, atol=1e-7)
+        assert np.linalg.norm(actual - nominal_derivatives(x, 3.0)) > 0.1
+
+
+def test_the_momentum_of_glider_and_carried_air_changes_by_its_weight_alone():
+    """In a vacuum: m v + m_a (n·v) n falls as a stone does, however it turns."""
+    p, carried = PARAMETERS._replace(air_density=0.0), 0.03
+    effect = ADDED_MASS(mass=carried)
+
+    def momentum(x):
+        n = normal_of(x[2])
+        return p.mass * x[4:6] + carried * np.dot(n, x[4:6]) * n
+
+    for x in random_states(10):
+        step = 1e-5 * flown(effect, x, 2.0, p)
+        change = (momentum(x + step) - momentum(x - step)) / 2e-5
+        np.testing.assert_allclose(change, [0.0, -p.mass * p.gravity], atol=1e-7)
+
+
+def test_added_mass_in_a_uniform_wind_is_in_a_moving_frame():
+    effect, wind = ADDED_MASS(mass=0.02), np.array([-1.0, 0.5])
+    for x in random_states(5):
+        moving = x.copy()
+        moving[4:6] -= wind
+        actual = flown(effect, x, wind=wind)[4:]
+        np.testing.assert_allclose(actual, flown(effect, moving)[4:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.kind)
+def test_every_effect_is_smooth_at_rest(kind):
+    effect = at_work(kind)
+    x, c = full_state([effect], np.array([0.0, 0.1, -0.3, 0.2, 0.0, 0.0, 2.0]))
+    chain = compose((kind,))
+    slopes = InitializeAutoDiff(x).ravel()
+    rates = np.array(
+        chain.derivatives(0.0, slopes, 1.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_FIELD))
+    )
+    assert np.all(np.isfinite(ExtractValue(rates)))
+    assert np.all(np.isfinite(ExtractGradient(rates)))
