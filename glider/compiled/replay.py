@@ -17,7 +17,7 @@ from glider.physics.chain import (
 from glider.physics.effects import NO_FIELD, EffectKind, Field
 
 
-def log_step(t, x, step, elevator, rate, pitch, theta, work):
+def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):
     """Advances x by one Runge-Kutta step with the elevator's path prescribed.
 
     Here x[3] is the elevator's constant offset from that path. The step is that of
@@ -30,6 +30,8 @@ def log_step(t, x, step, elevator, rate, pitch, theta, work):
         step: [s].
         elevator: (3,) its path at the start, the middle and the end [rad].
         rate: its mean rate over the step [rad/s].
+        wind_x: velocity of the air over the step [m/s].
+        wind_z: the same.
         pitch: (3, 2) pitch and its rate there, prescribed too; (0, 2) where they are
             flown.
         theta: the glider's numbers.
@@ -46,7 +48,7 @@ def log_step(t, x, step, elevator, rate, pitch, theta, work):
         if pitch.shape[0] > 0:
             y[2] = pitch[node, 0]
             y[6] = pitch[node, 1]
-        d = derivatives(t + 0.5 * step * node, y, rate + 0.0 * x[0], 0.0, 0.0, theta)
+        d = derivatives(t + 0.5 * step * node, y, rate, wind_x, wind_z, theta)
         for i in range(x.shape[0]):
             total[i] += weight * d[i]
             y[i] = x[i] + ahead * d[i]
@@ -77,7 +79,9 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
+        log_step(
+            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
+        )
         states[k + 1] = x
 
 
@@ -93,11 +97,13 @@ def log_translation(times, start, pitch, elevator, rate, numbers, field, states)
     states[0] = x
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        log_step(times[k], x, step, elevator[k], rate[k], pitch[k], theta, work)
+        log_step(
+            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, pitch[k], theta, work
+        )
         states[k + 1] = x
 
 
-def log_advance(times, nodes, elevator, rate, numbers, field, ends):
+def log_advance(times, nodes, elevator, rate, wind, numbers, field, ends):
     """Flies each interval of a log from its own node; ends (K, n) is written."""
     theta = theta_of(numbers, field)
     free_pitch = np.empty((0, 2))
@@ -105,7 +111,18 @@ def log_advance(times, nodes, elevator, rate, numbers, field, ends):
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         ends[k] = nodes[k]
-        log_step(times[k], ends[k], step, elevator[k], rate[k], free_pitch, theta, work)
+        log_step(
+            times[k],
+            ends[k],
+            step,
+            elevator[k],
+            rate[k],
+            wind[k, 0],
+            wind[k, 1],
+            free_pitch,
+            theta,
+            work,
+        )
 
 
 def log_extras(times, nodes, elevator, rate, numbers, field):
@@ -118,7 +135,9 @@ def log_extras(times, nodes, elevator, rate, numbers, field):
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         x[:] = nodes[k]
-        log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
+        log_step(
+            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
+        )
         for i in range(7, n):
             nodes[k + 1, i] = x[i]
 
@@ -150,13 +169,16 @@ def log_shoot(
     moved = numbers.copy()
     x = np.empty_like(nodes[0])
     work = np.empty((2, n), x.dtype)
-    log_advance(times, nodes, elevator, rate, numbers, field, ends)
+    wind = np.zeros((times.shape[0] - 1, 2))
+    log_advance(times, nodes, elevator, rate, wind, numbers, field, ends)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         for j in range(n):
             x[:] = nodes[k]
             x[j] += DIFFERENCE
-            log_step(times[k], x, step, elevator[k], rate[k], free_pitch, theta, work)
+            log_step(
+            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
+        )
             for i in range(n):
                 by_x[k, i, j] = (x[i] - ends[k, i]) / DIFFERENCE
         for j in range(free.shape[0]):
@@ -164,10 +186,92 @@ def log_shoot(
             size = DIFFERENCE * scale[free[j]]
             moved[free[j]] += size
             other = theta_of(moved, field)
-            log_step(times[k], x, step, elevator[k], rate[k], free_pitch, other, work)
+            log_step(
+                times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, other, work
+            )
             moved[free[j]] = numbers[free[j]]
             for i in range(n):
                 by_theta[k, i, j] = (x[i] - ends[k, i]) / size
+
+
+def log_slopes(
+    times,
+    nodes,
+    elevator,
+    rate,
+    wind,
+    numbers,
+    moved,
+    sizes,
+    field,
+    ends,
+    by_x,
+    by_term,
+    by_theta,
+):
+    """Flies each interval of a log from its own node, with slopes.
+
+    Forward differences in floats: at these steps they are good to 1e-6, half the
+    price of a complex step, and spare the user its compilation.
+
+    Args:
+        times: (K + 1,).
+        nodes: (K + 1, n) states at the times.
+        elevator: (K, 3).
+        rate: (K,).
+        wind: (K, 2) velocity of the air [m/s].
+        numbers: parameters and coefficients.
+        moved: (m, len(numbers)) the same, moved along each of m directions.
+        sizes: (m,) how far they are moved.
+        field: the residual Field, whose last basis function is a constant.
+        ends: (K, n), written: the state that each interval ends in.
+        by_x: (K, n, n), written: its slopes by the node.
+        by_term: (K, n, 5), written: by each constant of FIELD_TERMS.
+        by_theta: (K, n, m), written: along each direction.
+    """
+    n = nodes.shape[1]
+    theta = theta_of(numbers, field)
+    free_pitch = np.empty((0, 2))
+    x = np.empty_like(nodes[0])
+    work = np.empty((2, n), x.dtype)
+    last = field.weights.shape[0] - 1
+    columns = 1 + n + by_term.shape[2] + moved.shape[0]
+    for k in range(times.shape[0] - 1):
+        step = times[k + 1] - times[k]
+        for j in range(columns):
+            x[:] = nodes[k]
+            size, own = DIFFERENCE, theta
+            in_term, in_theta = j - 1 - n, j - 1 - n - by_term.shape[2]
+            if 0 < j <= n:
+                x[j - 1] += size
+            elif in_theta >= 0:
+                size = sizes[in_theta]
+                own = theta_of(moved[in_theta], field)
+            elif in_term >= 0:
+                field.weights[last, in_term] = size
+            log_step(
+                times[k],
+                x,
+                step,
+                elevator[k],
+                rate[k],
+                wind[k, 0],
+                wind[k, 1],
+                free_pitch,
+                own,
+                work,
+            )
+            if in_theta < 0 and in_term >= 0:
+                field.weights[last, in_term] = 0.0
+            for i in range(n):
+                if j == 0:
+                    ends[k, i] = x[i]
+                elif in_theta >= 0:
+                    by_theta[k, i, in_theta] = (x[i] - ends[k, i]) / size
+                elif in_term >= 0:
+                    by_term[k, i, in_term] = (x[i] - ends[k, i]) / size
+                else:
+                    by_x[k, i, j - 1] = (x[i] - ends[k, i]) / size
 
 
 def log_propagate(by_x, inputs, states):
@@ -268,6 +372,7 @@ LOOPS = Family(
         log_advance,
         log_extras,
         log_shoot,
+        log_slopes,
         log_propagate,
         log_measure,
         log_flow,
@@ -278,6 +383,7 @@ LOOPS = Family(
         log_advance,
         log_extras,
         log_shoot,
+        log_slopes,
         log_propagate,
         log_measure,
         log_flow,
@@ -344,14 +450,17 @@ def advance_nodes(
     rate: np.ndarray,
     numbers: np.ndarray,
     field: Field,
+    wind: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns the ends (K, n) of a log's intervals, each flown from its own node.
 
     `nodes` is (K + 1, n); the other arguments as in `roll_out`.
     """
     ends = np.empty_like(nodes[1:])
+    if wind is None:
+        wind = np.zeros((len(ends), 2))
     LOOPS.over(kinds, True).log_advance(
-        times, nodes, elevator, rate, numbers, field, ends
+        times, nodes, elevator, rate, wind, numbers, field, ends
     )
     return ends
 
@@ -460,3 +569,56 @@ def flow_at(
         times, nodes, elevator, rate, numbers, field, values
     )
     return values
+
+
+def slopes_along(
+    kinds: Kinds,
+    times: np.ndarray,
+    nodes: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    wind: np.ndarray,
+    numbers: np.ndarray,
+    moved: np.ndarray,
+    sizes: np.ndarray,
+    field: Field,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Flies each interval of a log from its own node, with slopes.
+
+    Args:
+        kinds, times, nodes, elevator, rate, numbers: as in `advance_nodes`.
+        wind: (K, 2) velocity of the air in each interval [m/s].
+        moved: (m, len(numbers)) the numbers, moved along each of m directions.
+        sizes: (m,) how far they are moved.
+        field: the residual field.
+
+    Returns:
+        the ends (K, n), and their slopes by the node (K, n, n), by a constant of each
+        of FIELD_TERMS (K, n, 5) and along the directions (K, n, m).
+    """
+    intervals, n, terms = len(nodes) - 1, nodes.shape[1], field.weights.shape[1]
+    nothing = np.zeros((1, field.centers.shape[1]))
+    with_constant = Field(
+        np.vstack([field.centers, nothing]),
+        np.vstack([field.inverse_widths, nothing]),
+        np.vstack([field.weights, np.zeros((1, terms))]),
+    )
+    ends, by_x = np.empty((intervals, n)), np.empty((intervals, n, n))
+    by_term = np.empty((intervals, n, terms))
+    by_theta = np.empty((intervals, n, len(sizes)))
+    LOOPS.over(kinds, True).log_slopes(
+        times,
+        nodes,
+        elevator,
+        rate,
+        wind,
+        numbers,
+        moved,
+        sizes,
+        with_constant,
+        ends,
+        by_x,
+        by_term,
+        by_theta,
+    )
+    return ends, by_x, by_term, by_theta

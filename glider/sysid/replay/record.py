@@ -54,6 +54,18 @@ class Record:
     )
 
     @property
+    def seen(self) -> np.ndarray:
+        """Which of x, z, pitch and elevator were measured, (n, 4)."""
+        seen = np.ones((len(self.time), 4), dtype=bool)
+        seen[:, 3] = self.has_servo
+        return seen
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """Variance of the same over the usual one, (n, 4)."""
+        return np.ones((len(self.time), 4))
+
+    @property
     def has_servo(self) -> bool:
         """Whether the elevator was commanded and measured."""
         return self.flight.elevator is not None

@@ -1,0 +1,166 @@
+"""The Kalman filter of a flight that is linear in all its unknowns.
+
+A flight's deviation d from the states about which it was linearised moves by
+    d⁺ = F d + u δ + noise,    y = H d + w δ + noise,
+with the coefficients' changes δ. One recursion of covariances serves all columns: the
+measurement's and each coefficient's. What comes out are whitened innovations, linear in
+δ, whose squares are the flight's likelihood (the filter-error method; Maine and Iliff,
+NASA RP-1168, 1986; Jategaonkar, Flight Vehicle System Identification).
+
+Here the deviations are the motion's n states, and after them two velocities of the
+moving air, a pitch acceleration (first-order processes), and four constants of the
+flight: wind (x, z), elevator trim, pitch zero.
+"""
+
+import numpy as np
+
+from glider.compiled.kernel import machine_code
+
+OWN_STATES = 7
+"""Deviations after the motion's: gusts x, z, pitch acceleration, wind x, z, trim,
+pitch zero."""
+
+ELEVATOR = 3
+PITCH = 2
+PITCH_RATE = 6
+
+
+@machine_code
+def filter_flight(
+    times,
+    by_x,
+    by_air,
+    inputs,
+    pose_by_x,
+    outputs,
+    seen,
+    variance,
+    start,
+    rates,
+    powers,
+    innovations,
+    variances,
+):
+    """Whitens a flight's errors; every column of them is filtered at once.
+
+    Args:
+        times: (K + 1,) of the nodes [s].
+        by_x: (K, n, n) how each interval's end moves with its node.
+        by_air: (K, n, 2) how it moves with a constant velocity of the air.
+        inputs: (K, n, m) how each column moves it.
+        pose_by_x: (K + 1, 3, n) how the pose moves with the node.
+        outputs: (K + 1, 4, m) how each column moves pose and elevator.
+        seen: (K + 1, 4) whether pose and elevator were measured.
+        variance: (K + 1, 4) of the measurements.
+        start: (n + 7,) variances of the deviations at the first node.
+        rates: (2,) of the air's and the pitch acceleration's processes [1/s].
+        powers: (2,) their steady variances.
+        innovations: (K + 1, 4, m), written: over their standard deviations.
+        variances: (K + 1, 4), written: of the innovations; 1 where nothing was seen.
+    """
+    n, m = by_x.shape[1], inputs.shape[2]
+    total = n + OWN_STATES
+    gust, moment, wind, trim, zero = n, n + 2, n + 3, n + 5, n + 6
+    covariance = np.zeros((total, total))
+    for i in range(total):
+        covariance[i, i] = start[i]
+    mean = np.zeros((total, m))
+    moved_mean = np.empty((n, m))
+    half = np.empty((total, total))
+    transition = np.zeros((total, total))
+    row, gain = np.empty(total), np.empty(total)
+    innovations[:] = 0.0
+    variances[:] = 1.0
+    for k in range(times.shape[0]):
+        for c in range(4):
+            if not seen[k, c]:
+                continue
+            row[:] = 0.0
+            if c < 3:
+                for i in range(n):
+                    row[i] = pose_by_x[k, c, i]
+                if c == PITCH:
+                    row[zero] = 1.0
+            else:
+                row[ELEVATOR] = 1.0
+            own = variance[k, c]
+            for i in range(total):
+                value = 0.0
+                for j in range(total):
+                    value += covariance[i, j] * row[j]
+                gain[i] = value
+                own += row[i] * value
+            inverse = 1.0 / own
+            scale = np.sqrt(inverse)
+            variances[k, c] = own
+            for j in range(m):
+                innovations[k, c, j] = outputs[k, c, j]
+            for i in range(total):
+                if row[i] != 0.0:
+                    for j in range(m):
+                        innovations[k, c, j] -= row[i] * mean[i, j]
+            for i in range(total):
+                part = gain[i] * inverse
+                for j in range(m):
+                    mean[i, j] += part * innovations[k, c, j]
+                for j in range(total):
+                    covariance[i, j] -= part * gain[j]
+            for j in range(m):
+                innovations[k, c, j] *= scale
+        if k == times.shape[0] - 1:
+            break
+
+        step = times[k + 1] - times[k]
+        keep_air, keep_moment = np.exp(-rates[0] * step), np.exp(-rates[1] * step)
+        transition[:] = 0.0
+        for i in range(n):
+            for j in range(n):
+                transition[i, j] = by_x[k, i, j]
+            for a in range(2):
+                transition[i, gust + a] = by_air[k, i, a]
+                transition[i, wind + a] = by_air[k, i, a]
+            if i != ELEVATOR:
+                transition[i, trim] = by_x[k, i, ELEVATOR]
+        transition[PITCH, moment] = 0.5 * step * step
+        transition[PITCH_RATE, moment] = step
+        transition[gust, gust] = keep_air
+        transition[gust + 1, gust + 1] = keep_air
+        transition[moment, moment] = keep_moment
+        for i in range(wind, total):
+            transition[i, i] = 1.0
+
+        for i in range(n):
+            for j in range(m):
+                moved_mean[i, j] = inputs[k, i, j]
+            for r in range(total):
+                part = transition[i, r]
+                if part != 0.0:
+                    for j in range(m):
+                        moved_mean[i, j] += part * mean[r, j]
+        for i in range(n):
+            for j in range(m):
+                mean[i, j] = moved_mean[i, j]
+        for j in range(m):
+            mean[gust, j] *= keep_air
+            mean[gust + 1, j] *= keep_air
+            mean[moment, j] *= keep_moment
+
+        for i in range(total):
+            for j in range(total):
+                half[i, j] = 0.0
+            for r in range(total):
+                part = transition[i, r]
+                if part != 0.0:
+                    for j in range(total):
+                        half[i, j] += part * covariance[r, j]
+        for i in range(total):
+            for j in range(i + 1):
+                value = 0.0
+                for r in range(total):
+                    value += half[i, r] * transition[j, r]
+                covariance[i, j] = value
+                covariance[j, i] = value
+        added = powers[0] * (1.0 - keep_air * keep_air)
+        covariance[gust, gust] += added
+        covariance[gust + 1, gust + 1] += added
+        covariance[moment, moment] += powers[1] * (1.0 - keep_moment * keep_moment)

@@ -1,0 +1,200 @@
+"""A flight made linear in its launch, its air, its constants and a model's numbers."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.compiled.replay import advance_nodes, measure_nodes, slopes_along
+from glider.physics.effects import Field
+from glider.sysid.likelihood.directions import Direction
+from glider.sysid.replay.nodes import sensed, true_nodes
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.signals import logged_elevator, pose_signals
+from glider.sysid.replay.theta import OFFSET
+
+PITCH = 2
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Constants:
+    """What is constant in a flight and differs from the next, about which it is linear.
+
+    Attributes:
+        wind: (2,) [m/s].
+        trim: of the elevator [rad].
+    """
+
+    wind: tuple[float, float] = (0.0, 0.0)
+    trim: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LinearFlight:
+    """Arrays of `compiled.filter_error.filter_flight` that depend on no noise.
+
+    The last column is the error of the model itself; column j before it is the
+    slope along direction j, so that error = last - Σ δ_j column_j.
+    """
+
+    record: Record
+    nodes: np.ndarray
+    by_x: np.ndarray
+    by_air: np.ndarray
+    by_term: np.ndarray
+    inputs: np.ndarray
+    pose_by_x: np.ndarray
+    outputs: np.ndarray
+
+    def combined(self, weights: np.ndarray) -> "LinearFlight":
+        """Returns the flight with one column: its error at changes δ (m,)."""
+        mix = np.append(-weights, 1.0)
+        return dataclasses.replace(
+            self,
+            inputs=np.ascontiguousarray((self.inputs @ mix)[..., None]),
+            outputs=np.ascontiguousarray((self.outputs @ mix)[..., None]),
+        )
+
+    def with_forces(
+        self, basis: np.ndarray, terms: Sequence[int], mix: np.ndarray
+    ) -> "LinearFlight":
+        """Returns the flight with more columns, before the last.
+
+        Args:
+            basis: (K, M) values of M functions in the middle of the intervals.
+            terms: which of FIELD_TERMS each multiplies.
+            mix: (M terms, q) weights of functions (first) and terms in each column.
+        """
+        product = basis[:, None, :, None] * self.by_term[:, :, None, list(terms)]
+        more = -product.reshape(*self.by_term.shape[:2], -1) @ mix
+        nothing = np.zeros((*self.outputs.shape[:2], more.shape[2]))
+        return dataclasses.replace(
+            self,
+            inputs=_joined(self.inputs, more),
+            outputs=_joined(self.outputs, nothing),
+        )
+
+
+def _joined(old: np.ndarray, more: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(
+        np.concatenate([old[..., :-1], more, old[..., -1:]], axis=2)
+    )
+
+
+def linearize(
+    record: Record,
+    theta: np.ndarray,
+    field: Field,
+    directions: Sequence[Direction] = (),
+    constants: Constants = Constants(),
+) -> LinearFlight:
+    """Makes a flight linear about its smoothed measurement.
+
+    Args:
+        record: the flight.
+        theta: the model.
+        field: its residual field.
+        directions: the columns wanted.
+        constants: of this flight.
+    """
+    layout = record.layout
+    kinds, intervals = layout.compiled_kinds, len(record.time) - 1
+    wind = np.tile(np.asarray(constants.wind), (intervals, 1))
+    dynamics = layout.dynamics(theta)
+    nodes = _nodes(record, theta, field)
+    elevator, rate = pose_signals(record, theta)
+    elevator = elevator + constants.trim
+    plain = [d for d in directions if _is_plain(record, d, theta)]
+    moved = np.array([layout.dynamics(d.moved) for d in plain])
+    ends, by_x, by_term, by_plain = slopes_along(
+        kinds,
+        record.time,
+        nodes,
+        elevator,
+        rate,
+        wind,
+        dynamics,
+        moved.reshape(len(plain), len(dynamics)),
+        np.array([d.size for d in plain]),
+        field,
+    )
+    n = nodes.shape[1]
+    inputs = np.zeros((intervals, n, len(directions) + 1))
+    outputs = np.zeros((intervals + 1, 4, len(directions) + 1))
+    pose, pose_by_x, _ = measure_nodes(
+        kinds, nodes, dynamics, np.zeros(0, dtype=np.int64), layout.scale
+    )
+    path = logged_elevator(record, theta)
+    columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
+    others = {}
+    for j, direction in enumerate(directions):
+        if id(direction) in columns:
+            inputs[:, :, j] = -by_plain[:, :, columns[id(direction)]]
+        else:
+            key = direction.shapes
+            if key not in others or not key:
+                others[key] = _apart(record, direction, field, constants, wind)
+            base_nodes, base_ends = others[key]
+            signals = pose_signals(record, direction.moved)
+            moved_ends = _advance(
+                record, base_nodes, signals, direction.moved, field, constants, wind
+            )
+            inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
+        if direction.slot in layout.sensor_slots:
+            shown = sensed(layout, nodes, direction.moved)
+            outputs[:, :3, j] = (shown - pose) / direction.size
+        if record.has_servo and direction.slot >= layout.num_compiled:
+            moved_path = logged_elevator(record, direction.moved)
+            outputs[:, 3, j] = (moved_path - path) / direction.size
+    inputs[:, :, -1] = ends - nodes[1:]
+    outputs[:, :3, -1] = record.flight.pose - pose
+    if record.has_servo:
+        outputs[:, 3, -1] = record.flight.elevator - path - nodes[:, OFFSET]
+    return LinearFlight(
+        record=record,
+        nodes=nodes,
+        by_x=by_x,
+        by_air=np.ascontiguousarray(by_term[:, :, :2]),
+        by_term=by_term,
+        inputs=inputs,
+        pose_by_x=pose_by_x,
+        outputs=outputs,
+    )
+
+
+def _nodes(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
+    nodes = true_nodes(record, theta, field)
+    return nodes
+
+
+def _is_plain(record: Record, direction: Direction, theta: np.ndarray) -> bool:
+    """Whether the direction leaves the log's signals and the nodes as they are."""
+    layout = record.layout
+    if direction.slot >= layout.num_compiled:
+        return False
+    kind = layout.kinds.get(direction.kind)
+    return kind is None or not (kind.states and direction.shapes)
+
+
+def _apart(record, direction, field, constants, wind):
+    """Returns nodes and ends under a direction's own base."""
+    nodes = _nodes(record, direction.base, field)
+    signals = pose_signals(record, direction.base)
+    return nodes, _advance(
+        record, nodes, signals, direction.base, field, constants, wind
+    )
+
+
+def _advance(record, nodes, signals, theta, field, constants, wind):
+    elevator, rate = signals
+    layout = record.layout
+    return advance_nodes(
+        layout.compiled_kinds,
+        record.time,
+        nodes,
+        elevator + constants.trim,
+        rate,
+        layout.dynamics(theta),
+        field,
+        wind,
+    )

@@ -1,0 +1,260 @@
+"""How strong each noise is: sensors, moving air, and what differs per flight."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.compiled.filter_error import OWN_STATES, filter_flight
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.parallel import in_parallel
+from glider.sysid.replay.theta import OFFSET
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scales:
+    """Standard deviations of everything that is not the model.
+
+    Attributes:
+        position: of measured x and z [m].
+        pitch: of measured pitch [rad].
+        elevator: of the measured elevator [rad].
+        air: of the moving air, in x and in z [m/s].
+        air_time: over which it stays alike [s].
+        moment: of the pitch acceleration that no model has [rad/s²].
+        wind: of the flights' own steady winds, in x and in z [m/s].
+        trim: of their elevator trims [rad].
+        pitch_zero: of their pitch readings [rad].
+    """
+
+    position: float = 1e-3
+    pitch: float = 5e-3
+    elevator: float = 1e-2
+    air: float = 0.05
+    air_time: float = 0.25
+    moment: float = 1.0
+    wind: float = 0.05
+    trim: float = 5e-3
+    pitch_zero: float = 5e-3
+
+    @property
+    def logs(self) -> np.ndarray:
+        """Natural logarithms, in the order of the fields."""
+        return np.log(np.array(dataclasses.astuple(self)))
+
+    @classmethod
+    def from_logs(cls, logs: np.ndarray) -> "Scales":
+        """Returns the scales of such logarithms."""
+        return cls(**dict(zip(NAMES, map(float, np.exp(logs)), strict=True)))
+
+
+NAMES = tuple(field.name for field in dataclasses.fields(Scales))
+
+FLOOR = Scales(
+    position=1e-6,
+    pitch=1e-5,
+    elevator=1e-5,
+    air=1e-3,
+    air_time=0.04,
+    moment=1e-2,
+    wind=1e-3,
+    trim=1e-4,
+    pitch_zero=1e-4,
+)
+"""Least scales: what is weaker shows in no log."""
+
+CEILING = Scales(
+    position=0.2,
+    pitch=0.3,
+    elevator=0.3,
+    air=3.0,
+    air_time=2.0,
+    moment=200.0,
+    wind=3.0,
+    trim=0.5,
+    pitch_zero=0.3,
+)
+"""Largest scales: what is stronger is no throw of a glider."""
+
+MOMENT_TIME = 0.1
+"""Time over which a pitch acceleration that no model has stays alike [s]."""
+
+_LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
+"""Spread of a launch about its smoothed measurement, as the state [m, rad, s]."""
+
+_EXTRA = 0.05
+"""Spread of effects' own states about rest, in their scales."""
+
+_TIME_PRIOR = (np.log(0.25), 0.7)
+"""Mean and spread of log(air_time): where the air hardly moves, the log does not tell
+its time."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Filtered:
+    """A flight whitened.
+
+    Attributes:
+        innovations: (K + 1, 4, m) over their standard deviations.
+        log_variances: (K + 1, 4) of them; 0 where nothing was seen.
+    """
+
+    innovations: np.ndarray
+    log_variances: np.ndarray
+
+    @property
+    def gram(self) -> np.ndarray:
+        """Squares of the columns: the flight's information, (m, m)."""
+        flat = self.innovations.reshape(-1, self.innovations.shape[2])
+        return flat.T @ flat
+
+
+def whiten(flight: LinearFlight, scales: Scales) -> Filtered:
+    """Filters a flight."""
+    record = flight.record
+    n = flight.by_x.shape[1]
+    rows = len(record.time)
+    variance = np.empty((rows, 4))
+    variance[:, :2] = scales.position**2
+    variance[:, 2] = scales.pitch**2
+    variance[:, 3] = scales.elevator**2
+    variance *= record.doubt
+    launch = np.array(_LAUNCH)
+    if not record.has_servo:
+        launch[OFFSET] = 1e-6
+    start = np.empty(n + OWN_STATES)
+    start[:7] = launch**2
+    start[7:n] = (_EXTRA * record.layout.state_scale) ** 2
+    own = (
+        scales.air,
+        scales.air,
+        scales.moment,
+        scales.wind,
+        scales.wind,
+        scales.trim,
+        scales.pitch_zero,
+    )
+    start[n:] = np.square(own)
+    innovations = np.empty((rows, 4, flight.inputs.shape[2]))
+    variances = np.empty((rows, 4))
+    filter_flight(
+        record.time,
+        flight.by_x,
+        flight.by_air,
+        flight.inputs,
+        flight.pose_by_x,
+        flight.outputs,
+        record.seen,
+        variance,
+        start,
+        np.array([1.0 / scales.air_time, 1.0 / MOMENT_TIME]),
+        np.array([scales.air**2, scales.moment**2]),
+        innovations,
+        variances,
+    )
+    return Filtered(innovations=innovations, log_variances=np.log(variances))
+
+
+def _prior(logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Returns -log prior of the scales, its gradient and its curvature."""
+    mean, spread = _TIME_PRIOR
+    k = NAMES.index("air_time")
+    apart = (logs[k] - mean) / spread
+    gradient, curvature = np.zeros(len(logs)), np.zeros(len(logs))
+    gradient[k], curvature[k] = apart / spread, 1.0 / spread**2
+    return 0.5 * apart**2, gradient, curvature
+
+
+def negative_log_likelihood(
+    flights: Sequence[LinearFlight], scales: Scales
+) -> np.ndarray:
+    """Returns each flight's, at its single column (flights,) [nats]."""
+
+    def one(flight: LinearFlight) -> float:
+        found = whiten(flight, scales)
+        return float(0.5 * (np.sum(found.innovations**2) + found.log_variances.sum()))
+
+    return np.array(in_parallel(one, flights))
+
+
+def fit_scales(
+    flights: Sequence[LinearFlight],
+    scales: Scales,
+    free: Sequence[str] = NAMES,
+    iterations: int = 8,
+    tolerance: float = 0.05,
+) -> tuple[Scales, float]:
+    """Maximises the likelihood of the scales by Fisher scoring.
+
+    Args:
+        flights: each with one column, its error.
+        scales: where to start.
+        free: names of the scales to fit.
+        iterations: at most.
+        tolerance: stop when less would be gained [nats].
+
+    Returns:
+        the scales and the negative log-likelihood there [nats].
+    """
+    index = [NAMES.index(name) for name in free]
+    logs = scales.logs.copy()
+    low, high = FLOOR.logs, CEILING.logs
+    logs = np.clip(logs, low, high)
+    damping, step_of_log = 0.0, 1e-3
+
+    def scores(flight: LinearFlight) -> tuple[float, np.ndarray, np.ndarray]:
+        base = whiten(flight, Scales.from_logs(logs))
+        w, v = base.innovations[..., 0], base.log_variances
+        by_w, by_v = [], []
+        for j in index:
+            moved = logs.copy()
+            moved[j] += step_of_log
+            other = whiten(flight, Scales.from_logs(moved))
+            by_w.append((other.innovations[..., 0] - w) / step_of_log)
+            by_v.append((other.log_variances - v) / step_of_log)
+        dw, dv = np.array(by_w).reshape(len(index), -1), np.array(by_v)
+        dv = dv.reshape(len(index), -1)
+        gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
+        mean = dw + 0.5 * dv * w.ravel()
+        fisher = mean @ mean.T + 0.5 * dv @ dv.T
+        return 0.5 * float(np.sum(w * w) + v.sum()), gradient, fisher
+
+    def total() -> tuple[float, np.ndarray, np.ndarray]:
+        parts = in_parallel(scores, flights)
+        value, gradient, curvature = _prior(logs)
+        value += sum(p[0] for p in parts)
+        return (
+            value,
+            gradient[index] + sum(p[1] for p in parts),
+            np.diag(curvature[index]) + sum(p[2] for p in parts),
+        )
+
+    value, gradient, fisher = total()
+    for _ in range(iterations):
+        at_floor = (logs[index] <= low[index]) & (gradient > 0.0)
+        at_ceiling = (logs[index] >= high[index]) & (gradient < 0.0)
+        loose = np.flatnonzero(~(at_floor | at_ceiling))
+        if len(loose) == 0:
+            break
+        corner = fisher[np.ix_(loose, loose)]
+        corner = corner + np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
+        step = np.zeros(len(index))
+        step[loose] = -np.linalg.solve(corner, gradient[loose])
+        step = np.clip(step, -0.7, 0.7)
+        before = logs.copy()
+        logs[index] = np.clip(logs[index] + step, low[index], high[index])
+        promised = -float(gradient @ (logs - before)[index])
+        if promised < tolerance:
+            break
+        old = value, gradient, fisher
+        value, gradient, fisher = total()
+        if not value < old[0]:
+            logs, (value, gradient, fisher) = before, old
+            damping = max(10.0 * damping, 0.1)
+            if damping > 1e4:
+                break
+            continue
+        damping = 0.1 * damping if damping > 1e-2 else 0.0
+        if old[0] - value < tolerance:
+            break
+    return Scales.from_logs(logs), float(value)
