@@ -113,6 +113,7 @@ def planted(*effects, seed=0, **plan):
         ("stalled_downwash",),
         ("wind_shear",),
         ("added_mass",),
+        ("inertia",),  # Which added_mass holds too.
         ("wind", "profile_drag"),  # More kinds and pairs: bench_tracing.
     ],
     ids="+".join,
