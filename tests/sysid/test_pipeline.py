@@ -105,6 +105,15 @@ def planted(*effects, seed=0, **plan):
         ("tail_wake",),
         ("pose_latency",),
         ("marker_offset",),
+        ("camber",),
+        ("pitch_rate_lift",),
+        ("induced_drag",),
+        ("axial_drag",),
+        ("elevator_blowback",),
+        ("stalled_downwash",),
+        ("wind_shear",),
+        ("added_mass",),
+        ("inertia",),  # Which added_mass holds too.
         ("wind", "profile_drag"),  # More kinds and pairs: bench_tracing.
     ],
     ids="+".join,

@@ -24,6 +24,7 @@ from glider.sysid.search.candidates import (
     extend,
     fit_set,
     judge,
+    ranked,
     significant,
     without,
 )
@@ -116,7 +117,7 @@ def trace(search: Search, most: int = 3, earlier: Trace | None = None) -> Trace:
                 key = frozenset(child.kinds)
                 if key not in found or child.fit.cost < found[key].fit.cost:
                     found[key] = child
-        children = sorted(found.values(), key=lambda s: s.fit.cost)
+        children = ranked(found.values())
         if depth == 0:
             alone = children
         if not children:
@@ -191,7 +192,7 @@ def _refine(search: Search, chosen: EffectSet, most: int) -> EffectSet:
         children = extend(search, chosen, 3)
         if not children:
             break
-        best = judge(search, min(children, key=lambda s: s.fit.cost))
+        best = judge(search, ranked(children)[0])
         clear = significant(chosen.fit, best.fit, len(search.kinds))
         if not clear or evidence(chosen.fit, best.fit) < WEAK_EVIDENCE:
             break

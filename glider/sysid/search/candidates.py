@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -111,6 +111,8 @@ class Search:
         index = self.layout.index
         if index["parameters", "wing_offset"] in self.nuisance:
             slots.discard(index["center_of_pressure", "shift"])
+        if "inertia" in kinds or index["parameters", "pitch_inertia"] in self.nuisance:
+            slots.discard(index["added_mass", "inertia"])
         return tuple(sorted(slots | set(self.nuisance)))
 
     def on(self, problem: Problem) -> "Search":
@@ -172,7 +174,7 @@ def _sizes(layout: Layout, kind: EffectKind) -> set[int]:
 
 def extend(search: Search, parent: Fitted, most: int) -> list[Fitted]:
     """Fits a set with each promising further effect."""
-    ranked = []
+    promising = []
     free = set(search.free(parent.kinds))
     for name in search.kinds:
         if name in parent.kinds:
@@ -186,14 +188,29 @@ def extend(search: Search, parent: Fitted, most: int) -> list[Fitted]:
             promised = cost(information, solve(information))
             if promised < best[0]:
                 best = promised, start
-        ranked.append((*best, name))
-    ranked.sort(key=lambda entry: entry[0])
+        promising.append((*best, name))
+    promising.sort(key=lambda entry: entry[0])
     found = []
-    for _, start, name in ranked[:most]:
+    for _, start, name in promising[:most]:
         kinds = (*parent.kinds, name)
         result = fit(search.problem, start, search.free(kinds))
         found.append(Fitted(kinds=kinds, fit=result))
     return found
+
+
+def ranked(sets: Iterable[Fitted]) -> list[Fitted]:
+    """Returns sets best first, by cost and a price for every coefficient.
+
+    The price is that of the Bayesian information criterion at the best set's
+    dispersion: a kind that holds another one, as `added_mass` an `inertia`, always
+    fits a little better, and must not take its place for that.
+    """
+    found = sorted(sets, key=lambda s: s.fit.cost)
+    if not found:
+        return found
+    best = found[0].fit
+    price = max(best.dispersion, 1.0) * math.log(best.degrees.sum())
+    return sorted(found, key=lambda s: s.fit.cost + price * len(s.fit.free))
 
 
 def without(search: Search, chosen: EffectSet, kind: str) -> EffectSet:
