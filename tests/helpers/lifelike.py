@@ -6,10 +6,10 @@ wrong is known: each campaign comes with its Truth. The physics is in `lifelike_
 and the effects in `lifelike_forms`; neither shares code with the library.
 """
 
-import copy
 import dataclasses
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,7 +85,7 @@ class Truth:
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """ "kind.coefficient" to its value, where the library has the same one."""
+        """Name "kind.coefficient" to value, where the library has the same one."""
         return {
             f"{effect.name}.{name}": value
             for effect in self.effects
@@ -111,7 +111,10 @@ def draw_campaign(
     spreads: bool = True,
     broken: bool | None = None,
 ) -> tuple[Campaign, Truth]:
-    """Draws a campaign of a known vehicle with a servo, in which several things are off.
+    """Draws a campaign with a servo, of a known vehicle with several faults.
+
+    Each of effects, spreads, air, flying and sensors has a stream of random numbers of
+    its own: what is asked for here leaves the others as they are.
 
     Args:
         seed: of everything.
@@ -124,39 +127,42 @@ def draw_campaign(
     Returns:
         The campaign and its truth. The same arguments give the same.
     """
-    rng = np.random.default_rng([seed, 1])
+    streams = _streams(seed, 1)
     glider = Glider()
     if effects is None:
-        effects = int(rng.choice(COUNTS))
-    planted = _plant(rng, glider, effects)
-    drawn = _draw_spreads(rng, flights) if spreads else {}
-    air = _draw_air(rng, rng.random() < 2 / 3 if moving_air is None else moving_air)
-    is_broken = rng.random() < 1 / 3
+        effects = int(streams.effects.choice(COUNTS))
+    planted = _plant(streams.effects, glider, effects)
+    drawn = _draw_spreads(streams.spreads, flights) if spreads else {}
+    air = _draw_air(streams.air)
+    moves, breaks = streams.air.random() < 2 / 3, streams.sensors.random() < 1 / 3
+    if not (moves if moving_air is None else moving_air):
+        air = (0.0, 0.0)
     return _make(
-        rng,
+        streams,
         f"lifelike_{seed:03d}",
         glider,
         flights,
         planted,
         drawn,
         air,
-        is_broken if broken is None else broken,
+        breaks if broken is None else broken,
     )
 
 
 def turbulence_campaign(seed: int, flights: int = 25) -> tuple[Campaign, Truth]:
     """Draws a campaign in which nothing is wrong: moving air, and a trim a flight."""
-    rng = np.random.default_rng([seed, 2])
-    spread = rng.uniform(0.01, 0.03)
-    drawn = {"elevator_trim": (spread, spread * rng.normal(size=flights))}
+    streams = _streams(seed, 2)
+    spread = streams.spreads.uniform(0.01, 0.03)
+    departures = spread * streams.spreads.normal(size=flights)
+    drawn = {"elevator_trim": (spread, departures)}
     return _make(
-        rng,
+        streams,
         f"turbulence_{seed:03d}",
         Glider(),
         flights,
         (),
         drawn,
-        _draw_air(rng, True),
+        _draw_air(streams.air),
         False,
     )
 
@@ -167,7 +173,8 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     Camber, drag along the body and lift by pitch rate, and in half of the campaigns a
     stall, are what such a glider shows; the tail's angle differs a lot between throws.
     """
-    rng = np.random.default_rng([seed, 3])
+    streams = _streams(seed, 3)
+    rng = streams.effects
     mass = rng.uniform(0.04, 0.07)
     glider = Glider(
         mass=mass,
@@ -197,7 +204,8 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
         kinds.append(str(rng.choice(["attached_lift", "dynamic_stall"])))
     planted = _plant(rng, glider, kinds)
     trim, spread = rng.uniform(0.05, 0.15), rng.uniform(0.04, 0.08)
-    angles = trim + spread * rng.normal(size=flights)
+    departures = spread * streams.spreads.normal(size=flights)
+    rng = streams.flights
     capture = Capture(rate=240.0, position=0.0001, pitch=0.0009)
     rows = round(rng.uniform(0.8, 1.1) * capture.rate) + 1
     steps = round((rows - 1) / capture.rate / STEP)
@@ -208,9 +216,13 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     start[1] = speed + 1j * climb
     start[2] = -climb / speed - 0.08 + 0.05 * rng.normal(size=flights)
     start[3] = 0.5 * rng.normal(size=flights)
-    air_std, correlation = rng.uniform(0.01, 0.04), rng.uniform(0.1, 0.5)
-    air = gusts(rng, air_std, correlation, (2 * steps + 1, flights))
-    motion = fly(glider, start, np.tile(angles, (2 * steps + 1, 1)), air)
+    shape = (2 * steps + 1, flights)
+    air_std, correlation = (
+        streams.air.uniform(0.01, 0.04),
+        streams.air.uniform(0.1, 0.5),
+    )
+    air = gusts(streams.air, air_std, correlation, shape)
+    motion = fly(glider, start, np.broadcast_to(trim + departures, shape), air)
     campaign = Campaign(
         name=f"throws_{seed:03d}",
         path=Path(f"throws_{seed:03d}"),
@@ -220,19 +232,31 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
         elevator_rate_limit=None,
         pose_rate=capture.rate,
         command_rate=None,
-        flights=_log(rng, glider, motion, capture, None),
+        flights=_log(streams.sensors, glider, motion, capture, None),
     )
     truth = Truth(
         effects=planted,
         air_std=air_std,
         air_correlation=correlation,
         spreads={"elevator_trim": spread},
-        per_flight={"elevator_trim": angles},
-        vehicle=vehicle,
+        per_flight={"elevator_trim": departures},
+        vehicle=vehicle | {"elevator": trim},
         glider=glider,
         motion=motion,
     )
     return campaign, truth
+
+
+class _Streams(NamedTuple):
+    effects: np.random.Generator
+    spreads: np.random.Generator
+    air: np.random.Generator
+    flights: np.random.Generator
+    sensors: np.random.Generator
+
+
+def _streams(seed: int, family: int) -> _Streams:
+    return _Streams(*(np.random.default_rng([seed, family, i]) for i in range(5)))
 
 
 def _plant(
@@ -242,7 +266,7 @@ def _plant(
 ) -> tuple[Planted, ...]:
     """Changes the glider by effects, drawn where only their number is given."""
     if isinstance(effects, int):
-        effects = _draw_kinds(rng, effects)
+        effects = draw_kinds(rng, effects)
     planted: list[Planted] = []
     for effect in effects:
         kind, form = effect if isinstance(effect, tuple) else (effect, None)
@@ -251,7 +275,8 @@ def _plant(
     return tuple(planted)
 
 
-def _draw_kinds(rng: np.random.Generator, count: int) -> list[str]:
+def draw_kinds(rng: np.random.Generator, count: int) -> list[str]:
+    """Returns kinds of which no two are rivals."""
     kinds: list[str] = []
     for kind in rng.permutation(list(FORMS)):
         rivals = frozenset().union(*(r for r in RIVALS if kind in r))
@@ -280,13 +305,13 @@ def _draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
     return drawn
 
 
-def _draw_air(rng: np.random.Generator, moving: bool) -> tuple[float, float]:
-    std, correlation = rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5)
-    return (std, correlation) if moving else (0.0, correlation)
+def _draw_air(rng: np.random.Generator) -> tuple[float, float]:
+    """Returns the standard deviation [m/s] and correlation time [s] of gusts."""
+    return rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5)
 
 
 def _make(
-    rng: np.random.Generator,
+    streams: _Streams,
     name: str,
     glider: Glider,
     flights: int,
@@ -298,23 +323,22 @@ def _make(
     """Flies and logs a campaign of the vehicle that the practice campaigns tell of."""
     drawing, capture = Glider(), Capture()
     departures = {kind: values for kind, (_, values) in spreads.items()}
-    glider = copy.copy(glider)
     glider.elevator_trim = glider.elevator_trim + departures.get("elevator_trim", 0.0)
     glider.pitch_offset = glider.pitch_offset + departures.get("pitch_offset", 0.0)
     glider.wind = glider.wind + departures.get("wind", 0.0)
     rows = round(0.85 * capture.rate) + 1
     steps = round((rows - 1) / capture.rate / STEP)
-    commands = draw_commands(rng, flights)
+    commands = draw_commands(streams.flights, flights)
     elevator = elevator_paths(
         glider.servo, commands, 1.0 / COMMAND_RATE, 2 * steps, glider.elevator_limits
     )
     std, correlation = air
-    moving = gusts(rng, std, correlation, elevator.shape) if std else None
-    motion = fly(glider, draw_starts(rng, flights), elevator, moving)
-    logged = _log(rng, glider, motion, capture, commands)
+    moving = gusts(streams.air, std, correlation, elevator.shape) if std else None
+    motion = fly(glider, draw_starts(streams.flights, flights), elevator, moving)
+    logged = _log(streams.sensors, glider, motion, capture, commands)
     faults: dict[str, tuple[str, ...]] = {}
     if broken:
-        logged, faults = _break_rows(rng, logged)
+        logged, faults = _break_rows(streams.sensors, logged)
     campaign = Campaign(
         name=name,
         path=Path(name),
@@ -339,7 +363,7 @@ def _make(
     truth = Truth(
         effects=planted,
         air_std=std,
-        air_correlation=correlation if std else 0.0,
+        air_correlation=correlation,
         spreads={kind: spread for kind, (spread, _) in spreads.items()},
         per_flight=departures,
         broken=faults,
@@ -361,7 +385,7 @@ def draw_starts(rng: np.random.Generator, flights: int) -> np.ndarray:
 
 
 def draw_commands(rng: np.random.Generator, flights: int) -> np.ndarray:
-    """Returns tapes of elevator rates (43, flights) that chase targets in the travel."""
+    """Returns elevator rates (43, flights) that chase targets within the travel."""
     low, high = Glider().elevator_limits
     tape = np.empty((43, flights))
     angle, rate = np.zeros(flights), rng.normal(0.0, 4.0, flights)

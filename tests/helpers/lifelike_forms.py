@@ -25,7 +25,6 @@ class Planted:
         coefficients: true values of those that mean the same in the library.
         also: kinds that are right in its place.
         allowed: kinds that are not wrong beside it, and not asked for.
-        spread: name of a coefficient to its standard deviation over flights.
     """
 
     name: str
@@ -34,7 +33,6 @@ class Planted:
     coefficients: dict[str, float] = dataclasses.field(default_factory=dict)
     also: frozenset[str] = frozenset()
     allowed: frozenset[str] = frozenset()
-    spread: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def accepted(self) -> frozenset[str]:
@@ -350,8 +348,8 @@ def _shear_library(rng, g):
 
 
 def _shear_power_law(rng, g):
-    """A wind over a floor at z = -1.8 m, as (height)^0.25, 1 m/s or less at z = 0."""
-    size = _either_sign(rng, 0.6, 1.2)
+    """A wind over a floor at z = -1.8 m, as (height)^0.25: mostly a mean."""
+    size = _either_sign(rng, 0.4, 0.9)
     g.winds.append(
         lambda f: size * (np.maximum(f.z + 1.8, 0.02) / 1.8) ** 0.25,
     )
