@@ -58,6 +58,7 @@ class Truth:
         per_flight: kind to its (F,) departures in the flights.
         broken: name of a flight to what was done to its rows.
         vehicle: the true glider before effects, where the campaign does not tell.
+        capture: how it was measured.
         glider: the true glider itself.
         motion: the true flights, one row a STEP.
     """
@@ -69,6 +70,7 @@ class Truth:
     per_flight: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     broken: dict[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     vehicle: dict[str, float] = dataclasses.field(default_factory=dict)
+    capture: Capture = Capture()
     glider: Glider = dataclasses.field(repr=False)
     motion: Motion = dataclasses.field(repr=False)
 
@@ -203,19 +205,18 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     if rng.random() < 0.5:
         kinds.append(str(rng.choice(["attached_lift", "dynamic_stall"])))
     planted = _plant(rng, glider, kinds)
-    trim, spread = rng.uniform(0.05, 0.15), rng.uniform(0.04, 0.08)
+    trim, spread = rng.uniform(0.08, 0.2), rng.uniform(0.05, 0.11)
     departures = spread * streams.spreads.normal(size=flights)
     rng = streams.flights
     capture = Capture(rate=240.0, position=0.0001, pitch=0.0009)
-    rows = round(rng.uniform(0.8, 1.1) * capture.rate) + 1
-    steps = round((rows - 1) / capture.rate / STEP)
+    seconds = rng.uniform(0.6, 1.2, flights)
+    steps = round(seconds.max() / STEP)
     start = np.empty((4, flights), complex)
-    start[0] = 1j * (1.9 + 0.15 * rng.normal(size=flights))
-    climb = -0.5 + 0.4 * rng.normal(size=flights)
-    speed = 5.8 + 0.5 * rng.normal(size=flights)
-    start[1] = speed + 1j * climb
-    start[2] = -climb / speed - 0.08 + 0.05 * rng.normal(size=flights)
-    start[3] = 0.5 * rng.normal(size=flights)
+    start[0] = 1j * (1.8 + 0.2 * rng.normal(size=flights))
+    climb = np.arcsin(np.clip(0.25 + 0.2 * rng.normal(size=flights), -0.6, 0.6))
+    start[1] = (5.7 + 0.5 * rng.normal(size=flights)) * np.exp(1j * climb)
+    start[2] = -climb + 0.15 * rng.normal(size=flights)
+    start[3] = 2.0 * rng.normal(size=flights)
     shape = (2 * steps + 1, flights)
     air_std, correlation = (
         streams.air.uniform(0.01, 0.04),
@@ -223,6 +224,9 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     )
     air = gusts(streams.air, air_std, correlation, shape)
     motion = fly(glider, start, np.broadcast_to(trim + departures, shape), air)
+    landed = np.argmax(motion.position.imag < 0.1, axis=0) * STEP
+    seconds = np.where(landed > 0.0, np.minimum(seconds, landed), seconds)
+    logged = _log(streams.sensors, glider, motion, capture, None)
     campaign = Campaign(
         name=f"throws_{seed:03d}",
         path=Path(f"throws_{seed:03d}"),
@@ -232,7 +236,7 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
         elevator_rate_limit=None,
         pose_rate=capture.rate,
         command_rate=None,
-        flights=_log(streams.sensors, glider, motion, capture, None),
+        flights=tuple(map(_cut, logged, seconds)),
     )
     truth = Truth(
         effects=planted,
@@ -241,6 +245,7 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
         spreads={"elevator_trim": spread},
         per_flight={"elevator_trim": departures},
         vehicle=vehicle | {"elevator": trim},
+        capture=capture,
         glider=glider,
         motion=motion,
     )
@@ -367,6 +372,7 @@ def _make(
         spreads={kind: spread for kind, (spread, _) in spreads.items()},
         per_flight=departures,
         broken=faults,
+        capture=capture,
         glider=glider,
         motion=motion,
     )
@@ -391,12 +397,12 @@ def draw_commands(rng: np.random.Generator, flights: int) -> np.ndarray:
     angle, rate = np.zeros(flights), rng.normal(0.0, 4.0, flights)
     target = rng.uniform(-0.1, 0.8, flights)
     for row in tape:
-        jump = rng.random(flights) < 0.1
+        jump = rng.random(flights) < 0.15
         target = np.where(jump, rng.uniform(-0.2, 0.75, flights), target)
         rate = 0.5 * rate + 0.5 * 12.0 * (target - angle)
-        rate = rate + rng.normal(0.0, 1.3, flights)
+        rate = rate + rng.normal(0.0, 2.2, flights)
         room = COMMAND_RATE * np.array([low + 0.02 - angle, high - 0.02 - angle])
-        rate = np.clip(np.clip(rate, -12.0, 12.0), *room)
+        rate = np.clip(np.clip(rate, -11.7, 11.7), *room)
         row[:] = rate
         angle = angle + rate / COMMAND_RATE
     return tape
@@ -431,6 +437,12 @@ def _log(
         )
         for i in range(pose.shape[1])
     )
+
+
+def _cut(flight: Flight, seconds: float) -> Flight:
+    """Returns the first seconds of a flight without a servo."""
+    keep = flight.time <= seconds
+    return dataclasses.replace(flight, time=flight.time[keep], pose=flight.pose[keep])
 
 
 def _break_rows(

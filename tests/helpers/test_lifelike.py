@@ -1,5 +1,7 @@
 """The lifelike simulator is a second opinion: it must be right by itself."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,7 @@ from tests.helpers.lifelike_flight import (
     shown_pose,
 )
 from tests.helpers.lifelike_forms import FORMS, RIVALS
+from tests.helpers.lifelike_oracle import oracle_predict
 
 STEPS = 720
 """Of flights of 0.6 s, well beyond stall."""
@@ -222,3 +225,24 @@ def test_throws_tell_little_and_show_what_was_planted():
     assert {"camber", "axial_drag", "pitch_rate_lift"} <= truth.names
     assert all(f.elevator is None and f.command is None for f in campaign.flights)
     assert np.std(truth.per_flight["elevator_trim"]) > 0.02
+
+
+def test_who_knows_the_glider_foretells_its_flights():
+    campaign, truth = draw_campaign(
+        1, 6, [("wing_incidence", "library")], moving_air=False, broken=True
+    )
+
+    def error(truth):
+        """Median over flights of the last tenth of a second's largest error [m]."""
+        foretold = oracle_predict(campaign, truth)
+        motion = shown_pose(truth.glider, truth.motion)
+        left = [
+            foretold[f.name][-12:]
+            - motion[np.round(f.time[-12:] / STEP).astype(int), i]
+            for i, f in enumerate(campaign.flights)
+        ]
+        return np.median([np.abs(x[:, :2]).max() for x in left])
+
+    wrong = dataclasses.replace(truth.glider, wing_incidence=0.0)
+    assert error(truth) < 0.02
+    assert error(dataclasses.replace(truth, glider=wrong)) > 0.05
