@@ -6,10 +6,10 @@ wrong is known: each campaign comes with its Truth. The physics is in `lifelike_
 and the effects in `lifelike_forms`; neither shares code with the library.
 """
 
-import copy
 import dataclasses
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,6 +58,7 @@ class Truth:
         per_flight: kind to its (F,) departures in the flights.
         broken: name of a flight to what was done to its rows.
         vehicle: the true glider before effects, where the campaign does not tell.
+        capture: how it was measured.
         glider: the true glider itself.
         motion: the true flights, one row a STEP.
     """
@@ -69,6 +70,7 @@ class Truth:
     per_flight: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     broken: dict[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     vehicle: dict[str, float] = dataclasses.field(default_factory=dict)
+    capture: Capture = Capture()
     glider: Glider = dataclasses.field(repr=False)
     motion: Motion = dataclasses.field(repr=False)
 
@@ -85,7 +87,7 @@ class Truth:
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """ "kind.coefficient" to its value, where the library has the same one."""
+        """Name "kind.coefficient" to value, where the library has the same one."""
         return {
             f"{effect.name}.{name}": value
             for effect in self.effects
@@ -111,7 +113,10 @@ def draw_campaign(
     spreads: bool = True,
     broken: bool | None = None,
 ) -> tuple[Campaign, Truth]:
-    """Draws a campaign of a known vehicle with a servo, in which several things are off.
+    """Draws a campaign with a servo, of a known vehicle with several faults.
+
+    Each of effects, spreads, air, flying and sensors has a stream of random numbers of
+    its own: what is asked for here leaves the others as they are.
 
     Args:
         seed: of everything.
@@ -124,39 +129,42 @@ def draw_campaign(
     Returns:
         The campaign and its truth. The same arguments give the same.
     """
-    rng = np.random.default_rng([seed, 1])
+    streams = _streams(seed, 1)
     glider = Glider()
     if effects is None:
-        effects = int(rng.choice(COUNTS))
-    planted = _plant(rng, glider, effects)
-    drawn = _draw_spreads(rng, flights) if spreads else {}
-    air = _draw_air(rng, rng.random() < 2 / 3 if moving_air is None else moving_air)
-    is_broken = rng.random() < 1 / 3
+        effects = int(streams.effects.choice(COUNTS))
+    planted = _plant(streams.effects, glider, effects)
+    drawn = _draw_spreads(streams.spreads, flights) if spreads else {}
+    air = _draw_air(streams.air)
+    moves, breaks = streams.air.random() < 2 / 3, streams.sensors.random() < 1 / 3
+    if not (moves if moving_air is None else moving_air):
+        air = (0.0, 0.0)
     return _make(
-        rng,
+        streams,
         f"lifelike_{seed:03d}",
         glider,
         flights,
         planted,
         drawn,
         air,
-        is_broken if broken is None else broken,
+        breaks if broken is None else broken,
     )
 
 
 def turbulence_campaign(seed: int, flights: int = 25) -> tuple[Campaign, Truth]:
     """Draws a campaign in which nothing is wrong: moving air, and a trim a flight."""
-    rng = np.random.default_rng([seed, 2])
-    spread = rng.uniform(0.01, 0.03)
-    drawn = {"elevator_trim": (spread, spread * rng.normal(size=flights))}
+    streams = _streams(seed, 2)
+    spread = streams.spreads.uniform(0.01, 0.03)
+    departures = spread * streams.spreads.normal(size=flights)
+    drawn = {"elevator_trim": (spread, departures)}
     return _make(
-        rng,
+        streams,
         f"turbulence_{seed:03d}",
         Glider(),
         flights,
         (),
         drawn,
-        _draw_air(rng, True),
+        _draw_air(streams.air),
         False,
     )
 
@@ -167,7 +175,8 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     Camber, drag along the body and lift by pitch rate, and in half of the campaigns a
     stall, are what such a glider shows; the tail's angle differs a lot between throws.
     """
-    rng = np.random.default_rng([seed, 3])
+    streams = _streams(seed, 3)
+    rng = streams.effects
     mass = rng.uniform(0.04, 0.07)
     glider = Glider(
         mass=mass,
@@ -196,21 +205,28 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     if rng.random() < 0.5:
         kinds.append(str(rng.choice(["attached_lift", "dynamic_stall"])))
     planted = _plant(rng, glider, kinds)
-    trim, spread = rng.uniform(0.05, 0.15), rng.uniform(0.04, 0.08)
-    angles = trim + spread * rng.normal(size=flights)
+    trim, spread = rng.uniform(0.08, 0.2), rng.uniform(0.05, 0.11)
+    departures = spread * streams.spreads.normal(size=flights)
+    rng = streams.flights
     capture = Capture(rate=240.0, position=0.0001, pitch=0.0009)
-    rows = round(rng.uniform(0.8, 1.1) * capture.rate) + 1
-    steps = round((rows - 1) / capture.rate / STEP)
+    seconds = rng.uniform(0.6, 1.2, flights)
+    steps = round(seconds.max() / STEP)
     start = np.empty((4, flights), complex)
-    start[0] = 1j * (1.9 + 0.15 * rng.normal(size=flights))
-    climb = -0.5 + 0.4 * rng.normal(size=flights)
-    speed = 5.8 + 0.5 * rng.normal(size=flights)
-    start[1] = speed + 1j * climb
-    start[2] = -climb / speed - 0.08 + 0.05 * rng.normal(size=flights)
-    start[3] = 0.5 * rng.normal(size=flights)
-    air_std, correlation = rng.uniform(0.01, 0.04), rng.uniform(0.1, 0.5)
-    air = gusts(rng, air_std, correlation, (2 * steps + 1, flights))
-    motion = fly(glider, start, np.tile(angles, (2 * steps + 1, 1)), air)
+    start[0] = 1j * (1.8 + 0.2 * rng.normal(size=flights))
+    climb = np.arcsin(np.clip(0.25 + 0.2 * rng.normal(size=flights), -0.6, 0.6))
+    start[1] = (5.7 + 0.5 * rng.normal(size=flights)) * np.exp(1j * climb)
+    start[2] = -climb + 0.15 * rng.normal(size=flights)
+    start[3] = 2.0 * rng.normal(size=flights)
+    shape = (2 * steps + 1, flights)
+    air_std, correlation = (
+        streams.air.uniform(0.01, 0.04),
+        streams.air.uniform(0.1, 0.5),
+    )
+    air = gusts(streams.air, air_std, correlation, shape)
+    motion = fly(glider, start, np.broadcast_to(trim + departures, shape), air)
+    landed = np.argmax(motion.position.imag < 0.1, axis=0) * STEP
+    seconds = np.where(landed > 0.0, np.minimum(seconds, landed), seconds)
+    logged = _log(streams.sensors, glider, motion, capture, None)
     campaign = Campaign(
         name=f"throws_{seed:03d}",
         path=Path(f"throws_{seed:03d}"),
@@ -220,19 +236,32 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
         elevator_rate_limit=None,
         pose_rate=capture.rate,
         command_rate=None,
-        flights=_log(rng, glider, motion, capture, None),
+        flights=tuple(map(_cut, logged, seconds)),
     )
     truth = Truth(
         effects=planted,
         air_std=air_std,
         air_correlation=correlation,
         spreads={"elevator_trim": spread},
-        per_flight={"elevator_trim": angles},
-        vehicle=vehicle,
+        per_flight={"elevator_trim": departures},
+        vehicle=vehicle | {"elevator": trim},
+        capture=capture,
         glider=glider,
         motion=motion,
     )
     return campaign, truth
+
+
+class _Streams(NamedTuple):
+    effects: np.random.Generator
+    spreads: np.random.Generator
+    air: np.random.Generator
+    flights: np.random.Generator
+    sensors: np.random.Generator
+
+
+def _streams(seed: int, family: int) -> _Streams:
+    return _Streams(*(np.random.default_rng([seed, family, i]) for i in range(5)))
 
 
 def _plant(
@@ -242,7 +271,7 @@ def _plant(
 ) -> tuple[Planted, ...]:
     """Changes the glider by effects, drawn where only their number is given."""
     if isinstance(effects, int):
-        effects = _draw_kinds(rng, effects)
+        effects = draw_kinds(rng, effects)
     planted: list[Planted] = []
     for effect in effects:
         kind, form = effect if isinstance(effect, tuple) else (effect, None)
@@ -251,7 +280,8 @@ def _plant(
     return tuple(planted)
 
 
-def _draw_kinds(rng: np.random.Generator, count: int) -> list[str]:
+def draw_kinds(rng: np.random.Generator, count: int) -> list[str]:
+    """Returns kinds of which no two are rivals."""
     kinds: list[str] = []
     for kind in rng.permutation(list(FORMS)):
         rivals = frozenset().union(*(r for r in RIVALS if kind in r))
@@ -280,13 +310,13 @@ def _draw_spreads(rng: np.random.Generator, flights: int) -> Spreads:
     return drawn
 
 
-def _draw_air(rng: np.random.Generator, moving: bool) -> tuple[float, float]:
-    std, correlation = rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5)
-    return (std, correlation) if moving else (0.0, correlation)
+def _draw_air(rng: np.random.Generator) -> tuple[float, float]:
+    """Returns the standard deviation [m/s] and correlation time [s] of gusts."""
+    return rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5)
 
 
 def _make(
-    rng: np.random.Generator,
+    streams: _Streams,
     name: str,
     glider: Glider,
     flights: int,
@@ -298,23 +328,22 @@ def _make(
     """Flies and logs a campaign of the vehicle that the practice campaigns tell of."""
     drawing, capture = Glider(), Capture()
     departures = {kind: values for kind, (_, values) in spreads.items()}
-    glider = copy.copy(glider)
     glider.elevator_trim = glider.elevator_trim + departures.get("elevator_trim", 0.0)
     glider.pitch_offset = glider.pitch_offset + departures.get("pitch_offset", 0.0)
     glider.wind = glider.wind + departures.get("wind", 0.0)
     rows = round(0.85 * capture.rate) + 1
     steps = round((rows - 1) / capture.rate / STEP)
-    commands = draw_commands(rng, flights)
+    commands = draw_commands(streams.flights, flights)
     elevator = elevator_paths(
         glider.servo, commands, 1.0 / COMMAND_RATE, 2 * steps, glider.elevator_limits
     )
     std, correlation = air
-    moving = gusts(rng, std, correlation, elevator.shape) if std else None
-    motion = fly(glider, draw_starts(rng, flights), elevator, moving)
-    logged = _log(rng, glider, motion, capture, commands)
+    moving = gusts(streams.air, std, correlation, elevator.shape) if std else None
+    motion = fly(glider, draw_starts(streams.flights, flights), elevator, moving)
+    logged = _log(streams.sensors, glider, motion, capture, commands)
     faults: dict[str, tuple[str, ...]] = {}
     if broken:
-        logged, faults = _break_rows(rng, logged)
+        logged, faults = _break_rows(streams.sensors, logged)
     campaign = Campaign(
         name=name,
         path=Path(name),
@@ -339,10 +368,11 @@ def _make(
     truth = Truth(
         effects=planted,
         air_std=std,
-        air_correlation=correlation if std else 0.0,
+        air_correlation=correlation,
         spreads={kind: spread for kind, (spread, _) in spreads.items()},
         per_flight=departures,
         broken=faults,
+        capture=capture,
         glider=glider,
         motion=motion,
     )
@@ -361,18 +391,18 @@ def draw_starts(rng: np.random.Generator, flights: int) -> np.ndarray:
 
 
 def draw_commands(rng: np.random.Generator, flights: int) -> np.ndarray:
-    """Returns tapes of elevator rates (43, flights) that chase targets in the travel."""
+    """Returns elevator rates (43, flights) that chase targets within the travel."""
     low, high = Glider().elevator_limits
     tape = np.empty((43, flights))
     angle, rate = np.zeros(flights), rng.normal(0.0, 4.0, flights)
     target = rng.uniform(-0.1, 0.8, flights)
     for row in tape:
-        jump = rng.random(flights) < 0.1
+        jump = rng.random(flights) < 0.15
         target = np.where(jump, rng.uniform(-0.2, 0.75, flights), target)
         rate = 0.5 * rate + 0.5 * 12.0 * (target - angle)
-        rate = rate + rng.normal(0.0, 1.3, flights)
+        rate = rate + rng.normal(0.0, 2.2, flights)
         room = COMMAND_RATE * np.array([low + 0.02 - angle, high - 0.02 - angle])
-        rate = np.clip(np.clip(rate, -12.0, 12.0), *room)
+        rate = np.clip(np.clip(rate, -11.7, 11.7), *room)
         row[:] = rate
         angle = angle + rate / COMMAND_RATE
     return tape
@@ -407,6 +437,12 @@ def _log(
         )
         for i in range(pose.shape[1])
     )
+
+
+def _cut(flight: Flight, seconds: float) -> Flight:
+    """Returns the first seconds of a flight without a servo."""
+    keep = flight.time <= seconds
+    return dataclasses.replace(flight, time=flight.time[keep], pose=flight.pose[keep])
 
 
 def _break_rows(

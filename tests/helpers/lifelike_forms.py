@@ -25,7 +25,6 @@ class Planted:
         coefficients: true values of those that mean the same in the library.
         also: kinds that are right in its place.
         allowed: kinds that are not wrong beside it, and not asked for.
-        spread: name of a coefficient to its standard deviation over flights.
     """
 
     name: str
@@ -34,7 +33,6 @@ class Planted:
     coefficients: dict[str, float] = dataclasses.field(default_factory=dict)
     also: frozenset[str] = frozenset()
     allowed: frozenset[str] = frozenset()
-    spread: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def accepted(self) -> frozenset[str]:
@@ -201,11 +199,28 @@ def _profile_reynolds(rng, g):
 
 def _axial_library(rng, g):
     ca0 = rng.uniform(0.04, 0.1)
-    g.axial.append(lambda f: ca0)
+
+    def axial(f: Flow):
+        forward = np.cos(f.alpha)
+        return ca0 * forward * np.sqrt(1.01 / (forward**2 + 0.01))
+
+    g.axial.append(axial)
     return _one("axial_drag", ca0=ca0)
 
 
-def _induced(rng, g):
+def _axial_constant(rng, g):
+    ca0 = rng.uniform(0.04, 0.1)
+    g.axial.append(lambda f: ca0)
+    return (Planted(name="axial_drag", form="constant", words=f"ca0 {ca0:.3f}"),)
+
+
+def _induced_library(rng, g):
+    k = rng.uniform(0.05, 0.12)
+    g.drag.append(lambda f: k * np.sin(2.0 * f.alpha) ** 2)
+    return _one("induced_drag", k=k)
+
+
+def _induced_whole_wing(rng, g):
     k = rng.uniform(0.06, 0.15)
     g.drag.append(lambda f: k * (f.normal * np.cos(f.alpha)) ** 2)
     return (Planted(name="induced_drag", form="whole_wing", words=f"k {k:.3f}"),)
@@ -350,8 +365,8 @@ def _shear_library(rng, g):
 
 
 def _shear_power_law(rng, g):
-    """A wind over a floor at z = -1.8 m, as (height)^0.25, 1 m/s or less at z = 0."""
-    size = _either_sign(rng, 0.6, 1.2)
+    """A wind over a floor at z = -1.8 m, as (height)^0.25: mostly a mean."""
+    size = _either_sign(rng, 0.4, 0.9)
     g.winds.append(
         lambda f: size * (np.maximum(f.z + 1.8, 0.02) / 1.8) ** 0.25,
     )
@@ -411,23 +426,31 @@ def _downwash_library(rng, g):
     return _one("downwash", gradient=gradient)
 
 
-def _downwash_stalling(rng, g):
+def _stalled_library(rng, g):
+    gradient, stall = rng.uniform(0.35, 0.6), rng.uniform(0.25, 0.4)
+    fade = rng.uniform(0.04, 0.07)
+
+    def downwash(f: Flow):
+        attached = 0.5 - 0.5 * np.tanh(0.5 * (np.abs(f.alpha) - stall) / fade)
+        return gradient * f.speed * np.sin(f.alpha) * np.cos(f.alpha) * attached
+
+    g.downwash.append(downwash)
+    return _one("stalled_downwash", gradient=gradient, stall_angle=stall, fade=fade)
+
+
+def _stalled_smoothstep(rng, g):
     gradient, end = rng.uniform(0.35, 0.6), rng.uniform(0.35, 0.55)
 
     def downwash(f: Flow):
         part = _fall(np.abs(f.alpha), end - 0.2, end + 0.1)
-        flow = 1.0 - part**2 * (3.0 - 2.0 * part)
-        return gradient * f.speed * np.sin(f.alpha) * np.cos(f.alpha) * flow
+        attached = 1.0 - part**2 * (3.0 - 2.0 * part)
+        return gradient * f.speed * np.sin(f.alpha) * np.cos(f.alpha) * attached
 
     g.downwash.append(downwash)
-    words = f"gradient {gradient:.2f} until {end:.2f}"
+    words = f"gradient {gradient:.2f}, smoothstep to {end + 0.1:.2f}"
+    steady = frozenset({"downwash"})
     return (
-        Planted(
-            name="downwash",
-            form="stalling",
-            words=words,
-            also=frozenset({"stalled_downwash"}),
-        ),
+        Planted(name="stalled_downwash", form="smoothstep", words=words, also=steady),
     )
 
 
@@ -470,8 +493,8 @@ FORMS: dict[str, dict[str, Form]] = {
         "rising": _profile_rising,
         "reynolds": _profile_reynolds,
     },
-    "axial_drag": {"library": _axial_library},
-    "induced_drag": {"whole_wing": _induced},
+    "axial_drag": {"library": _axial_library, "constant": _axial_constant},
+    "induced_drag": {"library": _induced_library, "whole_wing": _induced_whole_wing},
     "pitch_rate_lift": {"library": _rate_lift_library, "fading": _rate_lift_fading},
     "pitch_damping": {"library": _damping_library, "quadratic": _damping_quadratic},
     "center_of_pressure": {
@@ -493,7 +516,11 @@ FORMS: dict[str, dict[str, Form]] = {
     "wind_shear": {"library": _shear_library, "power_law": _shear_power_law},
     "ground_effect": {"library": _ground_library, "inverse": _ground_inverse},
     "tail_wake": {"library": _wake_library, "raised_cosine": _wake_raised_cosine},
-    "downwash": {"library": _downwash_library, "stalling": _downwash_stalling},
+    "downwash": {"library": _downwash_library},
+    "stalled_downwash": {
+        "library": _stalled_library,
+        "smoothstep": _stalled_smoothstep,
+    },
     "thrust": {"library": _thrust},
     "marker_offset": {"library": _marker},
     "frame_tilt": {"library": _tilt},
@@ -507,7 +534,7 @@ RIVALS: tuple[frozenset[str], ...] = (
     frozenset({"wing_incidence", "pitch_offset", "frame_tilt", "camber"}),
     frozenset({"servo_lag", "command_delay"}),
     frozenset({"wind", "wind_shear", "ground_effect", "thrust"}),
-    frozenset({"tail_wake", "downwash", "elevator_area"}),
+    frozenset({"tail_wake", "downwash", "stalled_downwash", "elevator_area"}),
     frozenset({"pitch_rate_lift", "pitch_damping", "inertia"}),
 )
 """At most one of each is drawn into a campaign: two would hide in one another."""
