@@ -1,0 +1,137 @@
+"""All checks of a campaign in their order: what is left, turned, set aside and told."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.logs import Campaign, Flight
+from glider.errors import InputError
+from glider.physics.parameters import GliderParameters
+from glider.sysid.checks.clocks import check_clocks
+from glider.sysid.checks.frame import (
+    calc_heading,
+    check_frame,
+    fit_forces,
+    join,
+    usable_motion,
+)
+from glider.sysid.checks.masks import ALL, Masks, SetAside, name_rows
+from glider.sysid.checks.rows import find_faults
+from glider.sysid.checks.standing import find_hand, find_standing
+
+_MIN_ROWS = 20  # Usable rows of a flight, as the reader asks for.
+_MIN_SPAN = 0.15  # Time that they span [s].
+_MIN_SHARE = 0.5  # Of flights that must be left: else the campaign is at fault.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """A campaign after all checks: flights that fly, and rows that count."""
+
+    campaign: Campaign  # Axes turned where they were; flights set aside left out.
+    masks: dict[str, Masks]  # Of the flights that are left, by name.
+    set_aside: tuple[SetAside, ...]  # Rows and whole flights, by file.
+    warnings: tuple[str, ...]  # What was turned, and gaps.
+
+
+def inspect(campaign: Campaign) -> Inspection:
+    """Checks a campaign before anything is traced in it.
+
+    Raises:
+        InputError: it cannot be used; one sentence says why.
+    """
+    campaign, told = _drop_copies(campaign)
+    faults = find_faults(campaign)
+    masks = dict(faults.masks)
+    told += faults.set_aside
+    told += _mask(campaign, masks, find_standing, "the glider lies still or is held")
+    campaign, short = _drop_short(campaign, masks)
+    told += short
+    campaign, odd = _drop_tail_first(campaign, masks)
+    told += odd
+    campaign, warnings = check_frame(campaign, masks)
+    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
+
+    def held(flight: Flight, usable: np.ndarray) -> np.ndarray:
+        return find_hand(flight, usable, gravity)
+
+    told += _mask(campaign, masks, held, "a hand still pushes the glider")
+    campaign, short = _drop_short(campaign, masks)
+    check_clocks(campaign, masks)
+    names = {f.name for f in campaign.flights}
+    return Inspection(
+        campaign=campaign,
+        masks={name: masks[name] for name in sorted(names)},
+        set_aside=tuple(sorted(told + short, key=lambda s: s.file)),
+        warnings=warnings + faults.warnings,
+    )
+
+
+def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[SetAside, ...]]:
+    """Sets aside flights whose poses are those of an earlier one, row by row."""
+    seen: dict[bytes, str] = {}
+    reasons = {}
+    for flight in campaign.flights:
+        earlier = seen.setdefault(flight.pose.tobytes(), flight.name)
+        if earlier != flight.name:
+            reasons[flight.name] = f"the same rows as {earlier}"
+    return _drop(campaign, reasons, least=0.0)
+
+
+def _drop_short(
+    campaign: Campaign, masks: dict[str, Masks]
+) -> tuple[Campaign, tuple[SetAside, ...]]:
+    """Sets aside flights of which too few rows are left."""
+    reasons = {}
+    for flight in campaign.flights:
+        time = flight.time[masks[flight.name].usable]
+        if len(time) < _MIN_ROWS or np.ptp(time) < _MIN_SPAN:
+            reasons[flight.name] = (
+                f"only {len(time)} rows of it show a flight; at least {_MIN_ROWS} "
+                f"over {_MIN_SPAN} s are needed"
+            )
+    return _drop(campaign, reasons)
+
+
+def _drop_tail_first(
+    campaign: Campaign, masks: dict[str, Masks]
+) -> tuple[Campaign, tuple[SetAside, ...]]:
+    """Sets aside flights that go the other way, or tail first, unlike most others."""
+    motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
+    sign = fit_forces(join(list(motions.values()))).sign
+    ahead = {n: calc_heading(m, sign) >= 0.0 for n, m in motions.items()}
+    onward = {n: float(np.mean(m.velocity[:, 0])) >= 0.0 for n, m in motions.items()}
+    reasons = {}
+    for group, why in ((ahead, "tail first"), (onward, "the other way along x")):
+        most = sum(group.values()) * 2 >= len(group)
+        for name, value in group.items():
+            if value != most:
+                reasons.setdefault(name, f"it flies {why}, unlike most flights")
+    return _drop(campaign, reasons)
+
+
+def _drop(
+    campaign: Campaign, reasons: dict[str, str], least: float = _MIN_SHARE
+) -> tuple[Campaign, tuple[SetAside, ...]]:
+    """Returns the campaign without the flights that have a reason to be set aside."""
+    kept = tuple(f for f in campaign.flights if f.name not in reasons)
+    if len(kept) < least * len(campaign.flights):
+        name, why = next(iter(reasons.items()))
+        raise InputError(
+            f"{campaign.path}: {len(reasons)} of {len(campaign.flights)} flights "
+            f"cannot be used, {name} for one: {why}."
+        )
+    told = tuple(SetAside(file=n, rows=ALL, why=why) for n, why in reasons.items())
+    return dataclasses.replace(campaign, flights=kept), told
+
+
+def _mask(campaign, masks, find, why: str) -> tuple[SetAside, ...]:
+    """Sets aside what `find` finds in each flight, in its masks too."""
+    told = []
+    for flight in campaign.flights:
+        mask = masks[flight.name]
+        found = find(flight, mask.usable) & mask.usable
+        if found.any():
+            masks[flight.name] = dataclasses.replace(mask, pose=mask.pose | found)
+            told.append(SetAside(file=flight.name, rows=name_rows(found), why=why))
+    return tuple(told)
