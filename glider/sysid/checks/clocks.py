@@ -1,10 +1,12 @@
 """Does the elevator follow the commands that are logged beside it?
 
-The rate of the elevator is compared with the commands, over delays of up to half a
-second and with either sign (a turned sign is traced later). A delay, a lag or stops of
+The rate of the elevator is compared with the commands, over delays of up to
+0.35 s and with either sign (a turned sign is traced later). A delay, a lag or stops of
 the servo lower the correlation; another clock, another flight's commands or an empty
 column bring it to nothing.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,9 +14,10 @@ from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.sysid.checks.masks import Masks
 
-_DELAYS = np.arange(0.0, 0.5, 0.01)
+_DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator after its commands that are tried [s]: effects of the library
 (command_delay, servo_lag) stay below 0.3."""
+_SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.9 and more
 for a servo at once, 0.75 with a lag of 0.1 s; 0.25 at most for commands of another
@@ -22,6 +25,9 @@ flight (40 flights, the best of all delays)."""
 _MOVES = 0.03
 """An elevator that moves by less than this in all flights does not move [rad]."""
 _WINDOW = 0.04  # Time over which a rate is taken [s].
+_MIN_RATES = 15  # Rates that a correlation is of, at least.
+_FOLLOWS_ALONE = 0.4  # Correlation of one flight below which it is odd.
+_WIDE = 0.15  # Travel from which on one flight alone can be judged [rad].
 
 
 def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
@@ -53,28 +59,44 @@ def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
             f"{commanded:.2g} rad at most while it moves by {moved:.3g}; "
             "the commands that were given are needed."
         )
-    follows = calc_correlation(campaign, masks)
+    follows, _ = calc_correlation(campaign.flights, masks)
     if follows < _FOLLOWS:
+        shifted, shift = calc_correlation(campaign.flights, masks, _SHIFTS)
+        hint = f"; shifted by {shift:.2f} s they do" if shifted > 2 * _FOLLOWS else ""
         raise InputError(
             f"{campaign.path}: column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
-            "delay up to 0.5 s); both on the clock of 'time' are needed."
+            f"delay up to {_DELAYS[-1]:.2g} s{hint}); both on the clock of 'time' are "
+            "needed."
         )
 
 
-def calc_correlation(campaign: Campaign, masks: dict[str, Masks]) -> float:
-    """Returns how well elevators follow their commands at the best delay, 0 to 1."""
-    pairs = [_rates(f, masks[f.name].elevator) for f in campaign.flights]
-    best = 0.0
-    for k in range(len(_DELAYS)):
-        rate = np.concatenate([elevator for elevator, _ in pairs])
-        command = np.concatenate([commands[k] for _, commands in pairs])
-        known = np.isfinite(command)
-        rate, command = rate[known], command[known]
-        norm = np.linalg.norm(rate) * np.linalg.norm(command)
-        if len(rate) >= 20 and norm > 0.0:
-            best = max(best, abs(float(rate @ command)) / norm)
-    return best
+def find_strangers(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
+    """Returns names of flights whose elevator follows other commands than its own."""
+    if campaign.elevator != "servo":
+        return ()
+    return tuple(
+        f.name
+        for f in campaign.flights
+        if np.ptp(_integrate(f)) > _WIDE
+        and calc_correlation([f], masks)[0] < _FOLLOWS_ALONE
+    )
+
+
+def calc_correlation(
+    flights: Sequence[Flight], masks: dict[str, Masks], delays: np.ndarray = _DELAYS
+) -> tuple[float, float]:
+    """Returns how well elevators follow commands, 0 to 1, and at which delay [s]."""
+    pairs = [_rates(f, masks[f.name].elevator, delays) for f in flights]
+    rate = np.concatenate([elevator for elevator, _ in pairs])
+    commands = np.concatenate([commands for _, commands in pairs], axis=1)
+    known = np.isfinite(commands)
+    commands = np.where(known, commands, 0.0)
+    square = (known @ rate**2) * np.sum(commands**2, axis=1)
+    correlation = np.abs(commands @ rate) / np.sqrt(np.maximum(square, 1e-30))
+    correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
+    best = int(np.argmax(correlation))
+    return float(correlation[best]), float(delays[best])
 
 
 def _integrate(flight: Flight) -> np.ndarray:
@@ -84,15 +106,17 @@ def _integrate(flight: Flight) -> np.ndarray:
     return np.concatenate([[0.0], moved])
 
 
-def _rates(flight: Flight, faulty: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rates(
+    flight: Flight, faulty: np.ndarray, delays: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Returns mean rates (k,) of the elevator and (delays, k) of earlier commands."""
     assert flight.elevator is not None
     time, angle = flight.time[~faulty], flight.elevator[~faulty]
     if len(time) < 2:
-        return np.empty(0), np.empty((len(_DELAYS), 0))
+        return np.empty(0), np.empty((len(delays), 0))
     begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
     ends = np.stack([begin, begin + _WINDOW])
     rate = np.diff(np.interp(ends, time, angle), axis=0)[0]
-    path, at = _integrate(flight), ends - _DELAYS[:, None, None]
-    earlier = np.interp(at, flight.time, path, left=np.nan)
+    path, at = _integrate(flight), ends - delays[:, None, None]
+    earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
     return rate, earlier[:, 1] - earlier[:, 0]

@@ -3,11 +3,12 @@
 The air's force grows with the airspeed, gravity does not. So measured accelerations
 are fitted, at all flights' rows at once, by
 
-    a = c + |v| R(pitch) A R(pitch)ᵀ v,
+    a = c + |v - w| R(pitch) A R(pitch)ᵀ (v - w) + thrust + offset
 
-with any constant vector c and any 2 x 2 matrix A, of forces along the body axis and
-normal to it: flat plates, drag, camber, a wrong mass, area or zero of the pitch are all
-in A. The constant c is gravity, and says which way is down; it also knows the units,
+with any constant vector c, any wind w and any 2 x 2 matrix A, of forces along the body
+axis and normal to it: flat plates, drag, camber, a wrong mass, area or zero of the
+pitch are all in A; thrust acts along the body axis, and the offset is that of the
+tracked point from the center of mass. The constant c is gravity, and says which way is down; it also knows the units,
 for a fall of 9.81 m/s² tells the scale of positions and times. The fit is done with
 either sign of the pitch and the better one taken: a turned angle is traced later
 (`glider.sysid.search.signs`) and is no fault of the frame.
@@ -38,6 +39,11 @@ _SIZE = 1.9
 _CLEARLY = 1.25
 """Ratio of misfits, with gravity as told and with the constant free, from which on the
 data contradict what is told."""
+_ITERATIONS = 7
+_WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
+_STEP = 0.01  # Of the wind, for slopes [m/s].
+_WIND = 2.0  # Standard deviation of its prior, of the weight of one row [m/s].
+_MAX_WIND = 6.0  # [m/s]
 _FORCE = 10.0
 """Ratio of the wing's measured force to that of the vehicle, or its inverse, that
 passes: mass and areas may be off by 6 (the library's bounds)."""
@@ -49,6 +55,7 @@ class ForceFit(NamedTuple):
     sign: int  # Of the pitch, +1 as logged.
     constant: np.ndarray  # (2,) in x and z of the log [m/s²].
     forces: np.ndarray  # (4,) A: normal, along by normal flow; alike by axial [1/m].
+    wind: np.ndarray  # (2,) [m/s]
     misfit: float  # Robust RMS of what is left [m/s²].
 
 
@@ -117,31 +124,64 @@ def _axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
-    body, normal = _axes(sign * motion.pose[:, 2])
-    velocity = motion.velocity[:, :2]
-    columns = [
-        (motion.speed * np.sum(velocity * flow, axis=1))[:, None] * force
-        for flow in (normal, body)
-        for force in (normal, body)
-    ]
-    target = motion.acceleration[:, :2]
-    if down is None:
-        columns += [np.tile(axis, (len(target), 1)) for axis in np.eye(2)]
-    else:
-        target = target - down
-    design = np.stack(columns, axis=2).reshape(-1, len(columns))
-    left = target.reshape(-1)
-    weight = np.ones(len(left))
-    for _ in range(5):  # Huber's weights, by iteration.
+    """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
+    wind, forces = np.zeros(2), np.zeros(4)
+    offset = _offset_columns(motion, sign)
+    thrust = _axes(sign * motion.pose[:, 2])[0]
+    constants = [np.tile(axis, (len(motion.time), 1)) for axis in np.eye(2)]
+    if down is not None:
+        constants = []
+    target = motion.acceleration[:, :2] - (0.0 if down is None else down)
+    weight = np.ones(target.size)
+    for iteration in range(_ITERATIONS):
+        flows = _force_columns(motion, sign, wind)
+        slopes = [
+            np.tensordot(forces, _force_columns(motion, sign, wind + step), 1)
+            - np.tensordot(forces, flows, 1)
+            for step in _STEP * np.eye(2)
+        ]
+        columns = [*flows, *offset, thrust, *slopes, *constants]
+        design = np.stack(columns, axis=2).reshape(target.size, -1)
+        prior = np.zeros((2, design.shape[1]))
+        prior[:, _WIND_AT] = np.eye(2) * _STEP / _WIND
         solution = np.linalg.lstsq(
-            design * weight[:, None], left * weight, rcond=None
+            np.concatenate([design * weight[:, None], prior]),
+            np.concatenate([target.reshape(-1) * weight, -wind / _WIND]),
+            rcond=None,
         )[0]
-        rest = left - design @ solution
+        rest = target.reshape(-1) - design @ solution
         scale = 1.4826 * np.median(np.abs(rest)) + 1e-9
         weight = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(rest), 1e-12)))
+        forces = solution[:4]
+        if iteration > 0:  # The first has no forces yet that a wind could change.
+            change = _STEP * solution[_WIND_AT]
+            change *= min(1.0, 2.0 / max(float(np.hypot(*change)), 1e-12))
+            wind = np.clip(wind + change, -_MAX_WIND, _MAX_WIND)
     misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
-    constant = solution[4:] if down is None else down
-    return ForceFit(sign, constant, solution[:4], misfit)
+    constant = solution[_WIND_AT.stop :] if down is None else down
+    return ForceFit(sign, constant, forces, wind, misfit)
+
+
+def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
+    """Returns accelerations (4, k, 2) by each entry of the matrix A."""
+    body, normal = _axes(sign * motion.pose[:, 2])
+    air = motion.velocity[:, :2] - wind
+    speed = np.hypot(air[:, 0], air[:, 1])
+    return np.stack(
+        [
+            (speed * np.sum(air * flow, axis=1))[:, None] * force
+            for flow in (normal, body)
+            for force in (normal, body)
+        ]
+    )
+
+
+def _offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
+    """Returns accelerations (k, 2) of points 1 m ahead of and above the center."""
+    body, normal = _axes(sign * motion.pose[:, 2])
+    square = motion.velocity[:, 2:] ** 2
+    turning = sign * motion.acceleration[:, 2:]
+    return [-turning * normal - square * body, turning * body - square * normal]
 
 
 def _check_pitch(campaign: Campaign, motion: Motion) -> None:

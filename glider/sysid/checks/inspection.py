@@ -7,7 +7,7 @@ import numpy as np
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
-from glider.sysid.checks.clocks import check_clocks
+from glider.sysid.checks.clocks import check_clocks, find_strangers
 from glider.sysid.checks.frame import (
     calc_heading,
     check_frame,
@@ -21,6 +21,9 @@ from glider.sysid.checks.standing import find_hand, find_standing
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader asks for.
 _MIN_SPAN = 0.15  # Time that they span [s].
+_MAX_FAULTY = 0.6  # Share of a flight's rows that are faulty: the rest is no better.
+_HELD = "a hand still pushes the glider"
+_STRANGER = "its elevator does not follow its commands, unlike in most flights"
 _MIN_SHARE = 0.5  # Of flights that must be left: else the campaign is at fault.
 
 
@@ -40,11 +43,18 @@ def inspect(campaign: Campaign) -> Inspection:
     Raises:
         InputError: it cannot be used; one sentence says why.
     """
+
+    def thrown(flight: Flight, usable: np.ndarray) -> np.ndarray:
+        return find_hand(flight, usable, None)
+
     campaign, told = _drop_copies(campaign)
     faults = find_faults(campaign)
     masks = dict(faults.masks)
     told += faults.set_aside
+    campaign, torn = _drop_torn(campaign, masks)
+    told += torn
     told += _mask(campaign, masks, find_standing, "the glider lies still or is held")
+    told += _mask(campaign, masks, thrown, _HELD)
     campaign, short = _drop_short(campaign, masks)
     told += short
     campaign, odd = _drop_tail_first(campaign, masks)
@@ -55,14 +65,17 @@ def inspect(campaign: Campaign) -> Inspection:
     def held(flight: Flight, usable: np.ndarray) -> np.ndarray:
         return find_hand(flight, usable, gravity)
 
-    told += _mask(campaign, masks, held, "a hand still pushes the glider")
+    told += _mask(campaign, masks, held, _HELD)
     campaign, short = _drop_short(campaign, masks)
+    told += short
     check_clocks(campaign, masks)
+    odd_clocks = dict.fromkeys(find_strangers(campaign, masks), _STRANGER)
+    campaign, odd = _drop(campaign, odd_clocks)
     names = {f.name for f in campaign.flights}
     return Inspection(
         campaign=campaign,
         masks={name: masks[name] for name in sorted(names)},
-        set_aside=tuple(sorted(told + short, key=lambda s: s.file)),
+        set_aside=tuple(sorted(told + odd, key=lambda s: s.file)),
         warnings=warnings + faults.warnings,
     )
 
@@ -76,6 +89,19 @@ def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[SetAside, ...]]:
         if earlier != flight.name:
             reasons[flight.name] = f"the same rows as {earlier}"
     return _drop(campaign, reasons, least=0.0)
+
+
+def _drop_torn(
+    campaign: Campaign, masks: dict[str, Masks]
+) -> tuple[Campaign, tuple[SetAside, ...]]:
+    """Sets aside flights most of whose rows are faulty."""
+    shares = {f.name: float(np.mean(masks[f.name].pose)) for f in campaign.flights}
+    reasons = {
+        name: f"{100 * share:.0f} % of its rows are faulty"
+        for name, share in shares.items()
+        if share > _MAX_FAULTY
+    }
+    return _drop(campaign, reasons)
 
 
 def _drop_short(
@@ -98,9 +124,12 @@ def _drop_tail_first(
 ) -> tuple[Campaign, tuple[SetAside, ...]]:
     """Sets aside flights that go the other way, or tail first, unlike most others."""
     motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
+    motions = {name: m for name, m in motions.items() if len(m.time)}
+    if not motions:
+        return campaign, ()
+    onward = {n: float(np.mean(m.velocity[:, 0])) >= 0.0 for n, m in motions.items()}
     sign = fit_forces(join(list(motions.values()))).sign
     ahead = {n: calc_heading(m, sign) >= 0.0 for n, m in motions.items()}
-    onward = {n: float(np.mean(m.velocity[:, 0])) >= 0.0 for n, m in motions.items()}
     reasons = {}
     for group, why in ((ahead, "tail first"), (onward, "the other way along x")):
         most = sum(group.values()) * 2 >= len(group)

@@ -22,6 +22,7 @@ _EQUAL_NUMBERS = 5  # As many equal rows of one column may be.
 _SURELY = 6.0  # Standard deviations by which a frozen column should have moved.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _LONG_STEP = 3.0  # Steps longer than this many median ones are told as a gap.
+_NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator as close to its stop may rest there [rad].
 _CHANNELS = ("x", "z", "pitch")
@@ -42,13 +43,15 @@ def find_faults(campaign: Campaign) -> Faults:
     The noise is measured on all flights: one bad flight does not hide itself. False
     alarms: see `runs.THRESHOLD`. A row that sticks out by 4 noises or less passes.
     """
-    noise = _measure_noise(campaign)
+    noise, digits = _measure_noise(campaign), _measure_digits(campaign)
     elevator_noise = _measure_elevator_noise(campaign)
     masks, set_aside, warnings = {}, [], []
     for flight in campaign.flights:
         faults = {
             "is not a number": ~np.all(np.isfinite(flight.pose), axis=1),
-            "does not change while the glider moves: frozen": _frozen(flight, noise),
+            "does not change while the glider moves: frozen": _frozen(
+                flight, noise, digits
+            ),
         }
         usable = ~np.logical_or.reduce(list(faults.values()))
         own = np.clip(_flight_noise(flight, usable), noise, 3.0 * noise)
@@ -77,17 +80,27 @@ def _flight_noise(flight: Flight, usable: np.ndarray) -> np.ndarray:
     return measure_noise(differences) if len(differences) else np.zeros(3)
 
 
-def _frozen(flight: Flight, noise: np.ndarray) -> np.ndarray:
-    """Returns rows (n,) that repeat the row before while the glider moves."""
+def _measure_digits(campaign: Campaign) -> np.ndarray:
+    """Returns the least change (3,) of x, z, pitch between rows of all flights."""
+    changes = np.abs(np.concatenate([np.diff(f.pose, axis=0) for f in campaign.flights]))
+    changes[~(changes > 0.0)] = np.inf
+    return np.min(changes, axis=0)
+
+
+def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
+    """Returns rows (n,) that repeat the row before while the glider moves.
+
+    One column alone must have been about to move, or be noisier than its digits by so
+    much that equal numbers cannot be.
+    """
     same = np.diff(flight.pose, axis=0, prepend=np.nan) == 0.0
     frozen = np.zeros(len(same), dtype=bool)
     for first, last in stretches(np.all(same, axis=1)):
         if last - first + 2 >= _EQUAL_POSES:
             frozen[first : last + 1] = True
     for k in range(3):
-        changes = np.abs(np.diff(flight.pose[:, k]))
-        digit = np.min(changes[changes > 0.0], initial=np.inf)
-        least = max(_SURELY * noise[k], _QUANTA * digit if digit < np.inf else 0.0)
+        noisy = noise[k] > _NOISY * digits[k]
+        least = -1.0 if noisy else max(_SURELY * noise[k], _QUANTA * digits[k])
         for first, last in stretches(same[:, k]):
             long = last - first + 2 >= _EQUAL_NUMBERS
             if long and _missed(flight, k, first - 1, last) > least:
@@ -127,12 +140,13 @@ def _elevator_faults(
     sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + room
     frozen = np.zeros(len(angle), dtype=bool)
     commanded = np.concatenate([[0.0], np.cumsum(flight.command[:-1] * steps)])
-    low, high = np.min(angle), np.max(angle)
+    stops = [g(f.elevator) for f in campaign.flights for g in (np.min, np.max)]
+    stops = campaign.elevator_limits or (min(stops), max(stops))
     for first, last in stretches(np.diff(angle, prepend=np.nan) == 0.0):
         if last - first + 2 < _EQUAL_NUMBERS:
             continue
         value, moved = angle[first], np.ptp(commanded[first - 1 : last + 1])
-        at_stop = min(abs(value - low), abs(value - high)) < _NEAR_STOP
+        at_stop = min(abs(abs(value) - abs(stop)) for stop in stops) < _NEAR_STOP
         if moved > max(_MIN_COMMANDED, _SURELY * noise) and not at_stop:
             frozen[first : last + 1] = True
     return {

@@ -7,7 +7,6 @@ is displaced, and the most rows that can be one motion are kept.
 """
 
 import dataclasses
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -96,13 +95,12 @@ def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
             continue
         events += 1
         worst = int(np.argmax(excess))
-        for kind, at, count in _explanations(track, run, worst):
-            if kind == "rows":
-                sticks_out[run[at : at + count]] = True
-                runs.append(np.delete(run, slice(at, at + count)))
-            else:
-                runs += [run[:at], run[at:]]
-            break
+        at, count = _explain(track, run, worst)
+        if count:
+            sticks_out[run[at : at + count]] = True
+            runs.append(np.delete(run, slice(at, at + count)))
+        else:
+            runs += [run[:at], run[at:]]
     kept = np.zeros(len(track.time), dtype=bool)
     for run in _longest_chain(track, finished):
         kept[run] = True
@@ -118,34 +116,37 @@ def _excess(track: Track, run: np.ndarray) -> np.ndarray:
     return np.max(np.abs(differences) / bound, axis=1, initial=0.0)
 
 
-def _explanations(
-    track: Track, run: np.ndarray, worst: int
-) -> Iterator[tuple[str, int, int]]:
-    """Yields the least that makes the track smooth near a stencil: one row, a cut, ...
+def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
+    """Returns the least that makes a track smooth near a stencil.
 
-    Yields ("rows", first, count) or ("cut", first row after it, 0); if nothing makes
-    all of it smooth, the one that leaves least.
+    One row that sticks out, a cut, two or three rows: the first of these that leaves
+    nothing to explain, or whatever leaves least.
+
+    Returns:
+        The row of the run to begin with, and how many to take out; 0 is a cut.
     """
     first, last = max(worst - _STENCIL, 0), worst + 2 * _STENCIL
-    options: list[tuple[float, tuple[str, int, int]]] = []
     near = range(worst, worst + _STENCIL)
-    ways = [("rows", i, 1) for i in near] + [("cut", i, 0) for i in near if i > worst]
-    ways += [("rows", i, c) for c in (2, 3) for i in near if i + c <= len(run)]
-    for order, (kind, at, count) in enumerate(ways):
-        if kind == "rows":
-            rest = np.concatenate([run[first:at], run[at + count : last]])
-            left = _excess(track, rest)
+    ways = [(i, c) for c in (1, 0, 2, 3) for i in near if i > 0 or c > 0]
+    least, best = np.inf, ways[0]
+    for at, count in ways:
+        left, right = run[first:at], run[at + count : last]
+        if count == 0:
+            over = _total_excess(track, left) + _total_excess(track, right)
         else:
-            left = np.concatenate(
-                [_excess(track, run[first:at]), _excess(track, run[at:last])]
-            )
-        over = float(np.sum(np.maximum(left**2 - 1.0, 0.0)))
-        options.append((over + 1e-6 * order, (kind, at, count)))
-        if kind == "rows" and count == 1 and at == worst + _STENCIL - 1:
-            clean = [o for o in options if o[0] < 1e-3]
-            if clean:
-                break
-    yield min(options)[1]
+            over = _total_excess(track, np.concatenate([left, right]))
+            long = min(len(left), len(right)) >= _STENCIL
+            if over == 0.0 and long and not _meet(track, left, right):
+                over = 1e-3  # One row is a part of a jump.
+        if over < least:
+            least, best = over, (at, count)
+        if (at, count) == (near[-1], count) and least == 0.0:
+            break
+    return best
+
+
+def _total_excess(track: Track, rows: np.ndarray) -> float:
+    return float(np.sum(np.maximum(_excess(track, rows) ** 2 - 1.0, 0.0)))
 
 
 def _split_at_gaps(track: Track, rows: np.ndarray) -> list[np.ndarray]:

@@ -14,8 +14,13 @@ _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
 _PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
 _SHORTEST = 0.06  # Rows that lie must last, at least [s].
 _SLIDE = 0.01  # Height within which a glider slides before it lies [m].
-_HAND = 6.0  # Force per mass along the path, above what is usual later [m/s²].
-_HAND_GAIN = 1.0  # Speed that a hand must give in the log [m/s].
+_HAND = 6.0
+"""Force per mass along the path, above that of the flight's second half, that only a
+hand has [m/s²]; wind, drag and a thrust of half the weight stay below."""
+_THROW = 16.0
+"""The same of the acceleration, where it is not known which way is down: a dropped
+glider has 9.8 [m/s²]."""
+_HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
 _LATER = 0.5  # From this share of the log on the force is "usual".
 
 
@@ -51,26 +56,34 @@ def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     return standing
 
 
-def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
+def find_hand(
+    flight: Flight, usable: np.ndarray, gravity: float | None
+) -> np.ndarray:
     """Returns rows (n,) True at the start, where a hand still speeds the glider up.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
     along the path is compared with that of the flight's second half.
+
+    Args:
+        flight: in any axes, or with z up where gravity is given.
+        usable: (n,) rows to look at.
+        gravity: [m/s²]; None where it is not known yet which way is down: then only a
+            throw that is stronger than gravity shows.
     """
     held = np.zeros(len(usable), dtype=bool)
     motion = calc_motion(flight.time[usable], flight.pose[usable])
     if len(motion.time) < 8:
         return held
     speed = np.maximum(motion.speed, 1e-3)
-    force = motion.acceleration[:, :2] + np.array([0.0, gravity])
+    force = motion.acceleration[:, :2] + np.array([0.0, gravity or 0.0])
     along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
     middle = motion.time[0] + _LATER * (motion.time[-1] - motion.time[0])
     usual = np.median(along[motion.time >= middle])
-    pushes = along - max(float(usual), 0.0) > _HAND
+    pushes = along - max(float(usual), 0.0) > (_THROW if gravity is None else _HAND)
     if not pushes[0]:
         return held
     free = len(pushes) if pushes.all() else int(np.argmin(pushes))
-    if free == len(pushes) or speed[free] - speed[0] < _HAND_GAIN:
+    if free == len(pushes) or speed[free] < _HAND_GAIN * speed[0]:
         return held
     # The cubics see the hand until their windows are past it.
     half = motion.time[0] - flight.time[usable][0]
