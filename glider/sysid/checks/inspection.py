@@ -1,6 +1,7 @@
 """All checks of a campaign in their order: what is left, turned, set aside and told."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,13 +18,14 @@ from glider.sysid.checks.frame import (
 )
 from glider.sysid.checks.masks import ALL, Masks, SetAside, name_rows
 from glider.sysid.checks.rows import find_faults
-from glider.sysid.checks.standing import find_hand, find_standing
+from glider.sysid.checks.standing import find_hand
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader asks for.
 _MIN_SPAN = 0.15  # Time that they span [s].
-_MAX_FAULTY = 0.6  # Share of a flight's rows that are faulty: the rest is no better.
+_MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _HELD = "a hand still pushes the glider"
 _STRANGER = "its elevator does not follow its commands, unlike in most flights"
+_MIN_DENSITY = 0.5  # Share of usable rows between the first and the last of a flight.
 _MIN_SHARE = 0.5  # Of flights that must be left: else the campaign is at fault.
 
 
@@ -51,9 +53,9 @@ def inspect(campaign: Campaign) -> Inspection:
     faults = find_faults(campaign)
     masks = dict(faults.masks)
     told += faults.set_aside
-    campaign, torn = _drop_torn(campaign, masks)
+    check_clocks(campaign, masks)
+    campaign, torn = _drop_servoless(campaign, masks)
     told += torn
-    told += _mask(campaign, masks, find_standing, "the glider lies still or is held")
     told += _mask(campaign, masks, thrown, _HELD)
     campaign, short = _drop_short(campaign, masks)
     told += short
@@ -68,7 +70,6 @@ def inspect(campaign: Campaign) -> Inspection:
     told += _mask(campaign, masks, held, _HELD)
     campaign, short = _drop_short(campaign, masks)
     told += short
-    check_clocks(campaign, masks)
     odd_clocks = dict.fromkeys(find_strangers(campaign, masks), _STRANGER)
     campaign, odd = _drop(campaign, odd_clocks)
     names = {f.name for f in campaign.flights}
@@ -91,13 +92,13 @@ def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[SetAside, ...]]:
     return _drop(campaign, reasons, least=0.0)
 
 
-def _drop_torn(
+def _drop_servoless(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[SetAside, ...]]:
-    """Sets aside flights most of whose rows are faulty."""
-    shares = {f.name: float(np.mean(masks[f.name].pose)) for f in campaign.flights}
+    """Sets aside flights whose elevator is faulty in most rows."""
+    shares = {f.name: float(np.mean(masks[f.name].elevator)) for f in campaign.flights}
     reasons = {
-        name: f"{100 * share:.0f} % of its rows are faulty"
+        name: f"{100 * share:.0f} % of the rows of its elevator are faulty"
         for name, share in shares.items()
         if share > _MAX_FAULTY
     }
@@ -107,15 +108,18 @@ def _drop_torn(
 def _drop_short(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[SetAside, ...]]:
-    """Sets aside flights of which too few rows are left."""
+    """Sets aside flights of which too few rows are left, or too few here and there."""
     reasons = {}
     for flight in campaign.flights:
-        time = flight.time[masks[flight.name].usable]
-        if len(time) < _MIN_ROWS or np.ptp(time) < _MIN_SPAN:
+        rows = np.flatnonzero(masks[flight.name].usable)
+        time = flight.time[rows]
+        if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_SPAN:
             reasons[flight.name] = (
                 f"only {len(time)} rows of it show a flight; at least {_MIN_ROWS} "
                 f"over {_MIN_SPAN} s are needed"
             )
+        elif len(rows) < _MIN_DENSITY * (rows[-1] - rows[0] + 1):
+            reasons[flight.name] = "most of its rows are faulty"
     return _drop(campaign, reasons)
 
 
@@ -128,9 +132,15 @@ def _drop_tail_first(
     if not motions:
         return campaign, ()
     onward = {n: float(np.mean(m.velocity[:, 0])) >= 0.0 for n, m in motions.items()}
+    either = [
+        {n: calc_heading(m, sign) >= 0.0 for n, m in motions.items()}
+        for sign in (1, -1)
+    ]
+    if all(len(set(group.values())) == 1 for group in (onward, *either)):
+        return campaign, ()
     sign = fit_forces(join(list(motions.values()))).sign
-    ahead = {n: calc_heading(m, sign) >= 0.0 for n, m in motions.items()}
-    reasons = {}
+    ahead = either[0] if sign == 1 else either[1]
+    reasons: dict[str, str] = {}
     for group, why in ((ahead, "tail first"), (onward, "the other way along x")):
         most = sum(group.values()) * 2 >= len(group)
         for name, value in group.items():
@@ -154,7 +164,12 @@ def _drop(
     return dataclasses.replace(campaign, flights=kept), told
 
 
-def _mask(campaign, masks, find, why: str) -> tuple[SetAside, ...]:
+def _mask(
+    campaign: Campaign,
+    masks: dict[str, Masks],
+    find: Callable[[Flight, np.ndarray], np.ndarray],
+    why: str,
+) -> tuple[SetAside, ...]:
     """Sets aside what `find` finds in each flight, in its masks too."""
     told = []
     for flight in campaign.flights:

@@ -22,7 +22,7 @@ class Planarity:
 
     @property
     def tilt(self) -> float:
-        """One number: the largest of the angles, the sideways course among them [rad]."""
+        """One number: the largest of the angles, of the course too [rad]."""
         return max(self.roll, self.yaw, float(np.arcsin(min(self.sideways, 1.0))))
 
     @property

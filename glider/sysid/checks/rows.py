@@ -1,4 +1,4 @@
-"""Rows of a log that show no flight: frozen, sticking out, displaced, missing.
+"""Rows of a log that show no flight: frozen, standing, sticking out, displaced.
 
 Nothing here knows where down is or what a glider does: only that it moves smoothly,
 and that cameras have noise. Rows are set aside, never mended.
@@ -16,6 +16,7 @@ from glider.sysid.checks.runs import (
     fourth_differences,
     measure_noise,
 )
+from glider.sysid.checks.standing import find_standing
 
 _EQUAL_POSES = 3  # As many equal rows of x, z and pitch at once are frozen.
 _EQUAL_NUMBERS = 5  # As many equal rows of one column may be.
@@ -54,6 +55,8 @@ def find_faults(campaign: Campaign) -> Faults:
             ),
         }
         usable = ~np.logical_or.reduce(list(faults.values()))
+        faults["lies still, or is held"] = find_standing(flight, usable)
+        usable &= ~faults["lies still, or is held"]
         own = np.clip(_flight_noise(flight, usable), noise, 3.0 * noise)
         track = Track(time=flight.time, pose=flight.pose, noise=own)
         verdict = find_one_motion(track, usable)
@@ -82,7 +85,9 @@ def _flight_noise(flight: Flight, usable: np.ndarray) -> np.ndarray:
 
 def _measure_digits(campaign: Campaign) -> np.ndarray:
     """Returns the least change (3,) of x, z, pitch between rows of all flights."""
-    changes = np.abs(np.concatenate([np.diff(f.pose, axis=0) for f in campaign.flights]))
+    changes = np.abs(
+        np.concatenate([np.diff(f.pose, axis=0) for f in campaign.flights])
+    )
     changes[~(changes > 0.0)] = np.inf
     return np.min(changes, axis=0)
 
@@ -111,7 +116,10 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
 def _missed(flight: Flight, column: int, first: int, last: int) -> float:
     """Returns how far a column would have moved while it is equal, by its neighbors."""
     reach, missed = 6, [0.0]
-    for rows in (slice(max(first - reach, 0), first + 1), slice(last + 1, last + reach)):
+    for rows in (
+        slice(max(first - reach, 0), first + 1),
+        slice(last + 1, last + reach),
+    ):
         time, values = flight.time[rows], flight.pose[rows, column]
         if len(time) >= 4:
             slope = np.polyfit(time - time[0], values, 1)[0]
@@ -140,8 +148,8 @@ def _elevator_faults(
     sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + room
     frozen = np.zeros(len(angle), dtype=bool)
     commanded = np.concatenate([[0.0], np.cumsum(flight.command[:-1] * steps)])
-    stops = [g(f.elevator) for f in campaign.flights for g in (np.min, np.max)]
-    stops = campaign.elevator_limits or (min(stops), max(stops))
+    angles = np.concatenate([np.asarray(f.elevator) for f in campaign.flights])
+    stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
     for first, last in stretches(np.diff(angle, prepend=np.nan) == 0.0):
         if last - first + 2 < _EQUAL_NUMBERS:
             continue

@@ -40,6 +40,17 @@ def from_behind(flight: Flight) -> Flight:
     return with_pose(flight, np.column_stack([-x, z, np.pi - pitch]))
 
 
+def level(rng):
+    """Makes noise of z: another axis of the room."""
+
+    def edit(flight):
+        pose = flight.pose.copy()
+        pose[:, 1] = rng.normal(0.0, 4e-4, len(pose))
+        return with_pose(flight, pose)
+
+    return edit
+
+
 def stretch_time(factor):
     return lambda f: dataclasses.replace(f, time=f.time * factor)
 
@@ -158,3 +169,15 @@ def with_servo(elevator=None, command=None):
 def tell(campaign: Campaign, **vehicle) -> Campaign:
     """Returns the campaign with other numbers in campaign.yaml."""
     return dataclasses.replace(campaign, vehicle={**campaign.vehicle, **vehicle})
+
+
+def shift_commands(late):
+    """Moves the commands by `late` seconds; beyond their ends they are zero."""
+
+    def edit(f):
+        at = f.time - late
+        known = (at >= f.time[0]) & (at <= f.time[-1])
+        row = np.clip(np.searchsorted(f.time, at, side="right") - 1, 0, None)
+        return dataclasses.replace(f, command=np.where(known, f.command[row], 0.0))
+
+    return edit
