@@ -16,6 +16,7 @@ FLOORS = [
     "glider.compiled",
     "glider.campaign",
     "glider.systems",
+    "glider.sysid.checks",
     "glider.sysid.result",
     "glider.sysid.replay",
     "glider.sysid.fit",

@@ -11,6 +11,7 @@ import numpy as np
 
 from glider.campaign.csv_table import Table
 from glider.campaign.logs import (
+    ATTITUDE_COLUMNS,
     MAX_ANGLE,
     POSE_COLUMNS,
     SERVO_COLUMNS,
@@ -36,6 +37,9 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
     wanted = POSE_COLUMNS
     if campaign.elevator == "servo":
         wanted += SERVO_COLUMNS
+    spatial = all(name in table.columns for name in ATTITUDE_COLUMNS)
+    if spatial:
+        wanted += ATTITUDE_COLUMNS
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
@@ -48,12 +52,17 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
         )
     _check_units(table, columns, campaign)
     pitch = np.unwrap(columns["pitch"])
+    attitude = None
+    if spatial:
+        roll, yaw = np.unwrap(columns["roll"]), np.unwrap(columns["yaw"])
+        attitude = np.column_stack([columns["y"], roll, yaw])
     return Flight(
         name=table.path.name,
         time=time,
         pose=np.column_stack([columns["x"], columns["z"], pitch]),
         elevator=columns.get("elevator"),
         command=columns.get("elevator_rate_command"),
+        attitude=attitude,
     )
 
 
@@ -68,10 +77,14 @@ def _check_units(
         elevator_bound = min(far, MAX_ANGLE)
     if campaign.elevator_rate_limit is not None:
         rate_bound = 10 * campaign.elevator_rate_limit
+    tumble = "degrees; a tumble must be wrapped into ±pi"
     for name, bound, unit, likely in (
         ("x", _MAX_POSITION, "m", "millimeters"),
         ("z", _MAX_POSITION, "m", "millimeters"),
-        ("pitch", MAX_ANGLE, "rad", "degrees; a tumble must be wrapped into ±pi"),
+        ("y", _MAX_POSITION, "m", "millimeters"),
+        ("pitch", MAX_ANGLE, "rad", tumble),
+        ("roll", MAX_ANGLE, "rad", tumble),
+        ("yaw", MAX_ANGLE, "rad", tumble),
         ("elevator", elevator_bound, "rad", "degrees"),
         ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
     ):

@@ -19,6 +19,7 @@ from glider.physics.parameters import (
 
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
+ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
 
 MAX_ANGLE = 2 * math.pi
 """Largest angle in a log [rad]: more would be degrees."""
@@ -33,6 +34,7 @@ class Flight:
     pose: np.ndarray  # (n, 3) x [m], z [m], pitch [rad].
     elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
     command: np.ndarray | None  # (n,) elevator_rate_command, held [rad/s].
+    attitude: np.ndarray | None = None  # (n, 3) y [m], roll, yaw [rad] if logged.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import numpy as np
 import yaml
 
 from glider.campaign.logs import (
+    ATTITUDE_COLUMNS,
     MAX_ANGLE,
     POSE_COLUMNS,
     SERVO_COLUMNS,
@@ -44,16 +45,18 @@ def save_campaign(path: Path | str, campaign: Campaign) -> None:
 def save_flight(path: Path | str, flight: Flight) -> None:
     """Writes one flight_*.csv, nine digits (time: fifteen, for epoch times).
 
-    A pitch that has tumbled beyond a full turn is wrapped into ±π, as motion
+    An angle that has tumbled beyond a full turn is wrapped into ±π, as motion
     capture logs it.
     """
     x, z, pitch = flight.pose.T
-    if np.any(np.abs(pitch) > MAX_ANGLE):
-        pitch = np.angle(np.exp(1j * pitch))
-    names, columns = POSE_COLUMNS, [flight.time, x, z, pitch]
+    names, columns = POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:
         names += SERVO_COLUMNS
         columns += [flight.elevator, flight.command]
+    if flight.attitude is not None:
+        y, roll, yaw = flight.attitude.T
+        names += ATTITUDE_COLUMNS
+        columns += [y, _wrap(roll), _wrap(yaw)]
     np.savetxt(
         path,
         np.column_stack(columns),
@@ -62,3 +65,10 @@ def save_flight(path: Path | str, flight: Flight) -> None:
         header=",".join(names),
         comments="",
     )
+
+
+def _wrap(angle: np.ndarray) -> np.ndarray:
+    """Returns angles (n,) wrapped into ±π where they pass a full turn [rad]."""
+    if np.any(np.abs(angle) > MAX_ANGLE):
+        return np.angle(np.exp(1j * angle))
+    return angle

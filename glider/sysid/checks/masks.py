@@ -1,0 +1,50 @@
+"""What is set aside: rows by masks, and the sentence that tells it."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.logs import Flight
+
+ALL = "all"
+"""What `SetAside.rows` says of a whole flight."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SetAside:
+    """Rows of a file that are not to be used, and why."""
+
+    file: str  # E.g. "flight_003.csv".
+    rows: str  # Lines of the file (the header is line 1), e.g. "41-80", or ALL.
+    why: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Masks:
+    """Rows of one flight that are to be set aside: True where so."""
+
+    pose: np.ndarray  # (n,) of x, z and pitch.
+    elevator: np.ndarray  # (n,)
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Rows (n,) whose pose may be used."""
+        return ~self.pose
+
+
+def no_masks(flight: Flight) -> Masks:
+    """Returns masks that set nothing aside."""
+    none = np.zeros(len(flight.time), dtype=bool)
+    return Masks(pose=none, elevator=none.copy())
+
+
+def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Returns first and last (inclusive) of each run of True in flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def name_rows(flags: np.ndarray) -> str:
+    """Returns rows as lines of the file, e.g. "12, 41-80"."""
+    parts = [f"{a + 2}" if a == b else f"{a + 2}-{b + 2}" for a, b in stretches(flags)]
+    return ", ".join(parts)

@@ -1,0 +1,54 @@
+"""Velocity and acceleration of a log without a model: local cubics."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+SPAN = 0.1
+"""Duration that a cubic is fitted over [s]: at 120 Hz and 0.4 mm of noise it leaves
+0.3 m/s² in an acceleration."""
+
+_LONGEST = 1.5  # Duration of a window with missing rows over that of one without.
+
+
+class Motion(NamedTuple):
+    """Motion at k rows of a log; x, z, pitch in the columns."""
+
+    time: np.ndarray  # (k,) [s]
+    pose: np.ndarray  # (k, 3) [m, m, rad]
+    velocity: np.ndarray  # (k, 3)
+    acceleration: np.ndarray  # (k, 3)
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Speed along the path (k,) [m/s]."""
+        return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+
+def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motion:
+    """Fits a cubic round every `stride`-th row, but where many rows are missing.
+
+    Args:
+        time: (n,) of the usable rows [s].
+        pose: (n, 3) x, z [m], pitch [rad].
+        stride: rows from one cubic to the next.
+    """
+    if len(time) < 7:
+        return Motion(np.empty(0), *(np.empty((0, 3)) for _ in range(3)))
+    step = float(np.median(np.diff(time)))
+    half = min(max(round(SPAN / step / 2), 3), (len(time) - 1) // 2)
+    rows = np.arange(half, len(time) - half, stride)[:, None]
+    window = rows + np.arange(-half, half + 1)
+    since = time[window] - time[rows]
+    whole = since[:, -1] - since[:, 0] < _LONGEST * 2 * half * step
+    window, since, rows = window[whole], since[whole], rows[whole, 0]
+    scale = half * step
+    powers = (since / scale)[..., None] ** np.arange(4)
+    # Centered pose: the offset of a position must not cost digits.
+    coefficients = np.linalg.pinv(powers) @ (pose[window] - pose[rows][:, None])
+    return Motion(
+        time=time[rows],
+        pose=pose[rows] + coefficients[:, 0],
+        velocity=coefficients[:, 1] / scale,
+        acceleration=2 * coefficients[:, 2] / scale**2,
+    )

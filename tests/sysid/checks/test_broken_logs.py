@@ -1,0 +1,270 @@
+"""A broken log is refused, mended or told; nothing else of the campaign is touched."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from glider.campaign.reader import load_campaign
+from glider.errors import InputError
+from glider.sysid.checks.inspection import inspect
+from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
+from tests.sysid.checks import breaking as b
+
+ODD = 5  # The flight that is broken where only one is.
+NAME = f"flight_{ODD:03d}.csv"
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    """Twelve flights in still air."""
+    whole = load_campaign(campaign_path("still_air"))
+    return dataclasses.replace(whole, flights=whole.flights[:12])
+
+
+def refusal(campaign):
+    """Returns the one sentence by which a campaign is refused."""
+    with pytest.raises(InputError) as info:
+        inspect(campaign)
+    message = str(info.value)
+    assert "\n" not in message
+    assert message.endswith(".") or message.endswith("?).")
+    return message
+
+
+def rows_set_aside(campaign, edit):
+    """Breaks one flight; returns its set-aside rows from 0 on, and the inspection."""
+    found = inspect(b.change(campaign, edit, only=ODD))
+    assert {s.file for s in found.set_aside} <= {NAME}
+    return list(np.flatnonzero(found.masks[NAME].pose)), found
+
+
+@pytest.mark.parametrize("name", PRACTICE + BLIND)
+def test_a_good_campaign_is_left_as_it_is(name):
+    campaign = load_campaign(campaign_path(name))
+    found = inspect(campaign)
+    assert found.set_aside == ()
+    assert found.warnings == ()
+    assert found.campaign == campaign
+    assert not any(m.pose.any() or m.elevator.any() for m in found.masks.values())
+
+
+WRONG = {
+    "exchange": (b.exchange, "fall along -x.*'z' must point up"),
+    "behind": (b.from_behind, "go along -x, with the nose there"),
+    "half turn": (b.half_turn, "tail first .column 'pitch' is off by half a turn"),
+    "slow clock": (b.stretch_time(2.0), "accelerate by 2.*'gravity' is 9.81"),
+    "fast clock": (b.stretch_time(0.5), "accelerate by 3.*'gravity' is 9.81"),
+    "feet": (b.scale(3.28, 3.28, 1.0), "accelerate by 3.* positions in meters"),
+    "decimeters": (b.scale(0.1, 0.1, 1.0), "accelerate by .* positions in meters"),
+    "backwards": (b.backwards, "do they run backwards"),
+    "level": (b.scale(1.0, 0.0, 1.0), "column 'z' does not change in any flight"),
+    "y for z": (b.level(RNG), "column 'z' does not change in any flight"),
+    "no pitch": (b.scale(1.0, 1.0, 0.0), "column 'pitch' does not change in any"),
+    "degrees": (b.scale(1.0, 1.0, 57.3), "column 'pitch' fits the motion in degrees"),
+    "no elevator": (
+        b.with_servo(elevator=lambda f: 0.0 * f.elevator),
+        "column 'elevator' moves by 0 rad",
+    ),
+    "no commands": (
+        b.with_servo(command=lambda f: 0.0 * f.command),
+        "column 'elevator_rate_command' moves the elevator by 0 rad",
+    ),
+    "late commands": (b.shift_commands(0.5), "does not follow.*shifted by -0.5"),
+    "early commands": (b.shift_commands(-0.5), "does not follow.*shifted by 0.5"),
+    "noise for an elevator": (
+        b.with_servo(elevator=lambda f: RNG.normal(0.0, 0.2, len(f.time))),
+        "column 'elevator' does not follow",
+    ),
+    "a clock a second off": (
+        b.shift_commands(1.0),
+        "'elevator_rate_command' moves the elevator by 0 rad",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_wrong_campaign_is_refused(campaign, kind):
+    edit, sentence = WRONG[kind]
+    assert re.search(sentence, refusal(b.change(campaign, edit)))
+
+
+@pytest.mark.parametrize(
+    ("told", "sentence"),
+    [
+        ({"gravity": 0.0}, "accelerate by 9.* and 'gravity' is 0;"),
+        ({"gravity": 1.62}, "accelerate by 9.* and 'gravity' is 1.62;"),
+        ({"gravity": 32.2}, "accelerate by 9.* and 'gravity' is 32.2;"),
+        ({"air_density": 0.0012}, "is 0.00133; kg/m³"),
+        ({"wing_area": 885.0}, "kg/m³, m² and kg are needed"),
+    ],
+)
+def test_wrong_numbers_of_the_vehicle_are_refused(campaign, told, sentence):
+    assert re.search(sentence, refusal(b.tell(campaign, **told)))
+
+
+def test_unknown_gravity_is_that_of_the_earth(campaign):
+    vehicle = {k: v for k, v in campaign.vehicle.items() if k != "gravity"}
+    on_earth = dataclasses.replace(campaign, vehicle=vehicle)
+    assert inspect(on_earth).warnings == ()
+    assert "'gravity' is 9.81" in refusal(b.change(on_earth, b.stretch_time(2.0)))
+
+
+@pytest.mark.parametrize("pitch", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("x", "z", "words"),
+    [
+        (1.0, -1.0, ["'z' pointed down"]),
+        (-1.0, 1.0, ["'x' pointed backwards"]),
+        (-1.0, -1.0, ["'z' pointed down", "'x' pointed backwards"]),
+    ],
+)
+def test_a_turned_axis_is_turned_back_and_told(campaign, x, z, words, pitch):
+    found = inspect(b.change(campaign, b.scale(x, z, pitch)))
+    assert len(found.warnings) == len(words)
+    assert all(w in told for w, told in zip(words, found.warnings, strict=True))
+    for flight, right in zip(found.campaign.flights, campaign.flights, strict=True):
+        np.testing.assert_array_equal(flight.pose, right.pose * [1.0, 1.0, pitch])
+
+
+@pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, -1)])
+def test_turned_angles_pass(campaign, signs):
+    """They are traced later."""
+    pitch, elevator, command = signs
+
+    def edit(f):
+        servo = b.with_servo(
+            lambda f: elevator * f.elevator, lambda f: command * f.command
+        )
+        return servo(b.scale(1.0, 1.0, pitch)(f))
+
+    found = inspect(b.change(campaign, edit))
+    assert found.warnings == ()
+    assert found.set_aside == ()
+
+
+FAULTY_ROWS = {
+    "frozen": (b.freeze(40, 5), range(41, 46), "frozen"),
+    "frozen for long": (b.freeze(40, 20), range(41, 61), "frozen"),
+    "frozen until the end": (b.freeze(70, 99), range(71, 103), "frozen"),
+    "pitch alone": (b.freeze(40, 20, (2,)), range(41, 61), "frozen"),
+    "z alone": (b.freeze(40, 20, (1,)), range(41, 61), "frozen"),
+    "one outlier": (b.spikes([50]), [50], "sticks out"),
+    "a first row": (b.spikes([0]), [0], "sticks out"),
+    "a last row": (b.spikes([102]), [102], "sticks out"),
+    "a burst": (b.spikes([50, 51]), [50, 51], "sticks out"),
+    "ten outliers": (b.spikes(list(range(5, 95, 9))), range(5, 95, 9), "sticks out"),
+    "a short jump": (b.jump(40, 50), range(40, 50), "jumps"),
+    "a long jump": (b.jump(40, 60), range(40, 60), "jumps"),
+    "a jump that stays": (b.jump(60), range(60, 103), "jumps"),
+    "an early jump": (b.jump(20), range(20), "jumps"),
+    "a jump of the pitch": (b.jump(60, by=(0, 0, 0.2)), range(60, 103), "jumps"),
+    "not a number": (b.jump(50, 53, by=(np.nan, 0, 0)), range(50, 53), "not a number"),
+}
+
+
+@pytest.mark.parametrize("kind", FAULTY_ROWS)
+def test_faulty_rows_are_set_aside_alone(campaign, kind):
+    edit, rows, word = FAULTY_ROWS[kind]
+    found, inspection = rows_set_aside(campaign, edit)
+    assert set(rows) <= set(found)
+    assert len(set(found) - set(rows)) <= 2
+    assert any(word in s.why for s in inspection.set_aside)
+
+
+def test_rows_are_named_as_lines_of_the_file(campaign):
+    _, found = rows_set_aside(campaign, b.freeze(40, 5))
+    [fault] = found.set_aside
+    assert (fault.file, fault.rows) == (NAME, "43-47")  # The header is line 1.
+
+
+def test_landing_is_set_aside(campaign):
+    found, _ = rows_set_aside(campaign, b.land(60, RNG))
+    assert set(range(62, 103)) <= set(found)
+    assert min(found) >= 58
+
+
+@pytest.mark.parametrize("first", [35, 60])
+def test_all_flights_may_land(campaign, first):
+    found = inspect(b.change(campaign, b.land(first, RNG)))
+    assert len(found.campaign.flights) == 12
+    for mask in found.masks.values():
+        assert mask.pose[first + 1 :].all()
+        assert not mask.pose[: first - 3].any()
+
+
+@pytest.mark.parametrize(("count", "push"), [(30, 12.0), (30, 25.0), (0, 20.0)])
+def test_rows_in_the_hand_are_set_aside(campaign, count, push):
+    edit = b.hold_before(count, push, RNG)
+    before = [len(edit(f).time) - len(f.time) for f in campaign.flights]
+    found = inspect(b.change(campaign, edit))
+    assert len(found.campaign.flights) == 12
+    assert found.warnings == ()
+    for mask, rows in zip(found.masks.values(), before, strict=True):
+        assert mask.pose[:rows].all()
+        assert mask.pose[rows:].sum() <= 20
+
+
+def test_a_gap_is_told_and_no_fault(campaign):
+    rows, found = rows_set_aside(campaign, b.lose(30, 40))
+    assert rows == []
+    assert [w.split(" (")[0] for w in found.warnings] == [f"{NAME}: a gap of 40 rows"]
+
+
+WHOLE_FLIGHTS = {
+    "stands": (b.land(0, RNG), "rows of it show a flight"),
+    "tail first": (b.half_turn, "tail first"),
+    "the other way": (b.from_behind, "the other way"),
+    "backwards in time": (b.backwards, "tail first"),
+    "pitch stuck": (b.freeze(0, 200, (2,)), "rows of it show a flight"),
+    "every other row": (b.spikes(list(range(1, 101, 2))), "most of its rows"),
+    "elevator stuck": (b.with_servo(elevator=lambda f: 0 * f.elevator), "its elevator"),
+    "other commands": (
+        b.with_servo(elevator=lambda f: np.cumsum(RNG.normal(0.0, 0.02, len(f.time)))),
+        "does not follow its commands",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WHOLE_FLIGHTS)
+def test_a_flight_that_stands_out_is_set_aside(campaign, kind):
+    edit, why = WHOLE_FLIGHTS[kind]
+    found = inspect(b.change(campaign, edit, only=ODD))
+    [fault] = [s for s in found.set_aside if s.rows == "all"]
+    assert fault.file == NAME
+    assert why in fault.why
+    assert len(found.campaign.flights) == 11
+    assert NAME not in found.masks
+
+
+def test_a_copy_is_set_aside(campaign):
+    again = dataclasses.replace(campaign.flights[2], name="flight_900.csv")
+    found = inspect(dataclasses.replace(campaign, flights=(*campaign.flights, again)))
+    [fault] = found.set_aside
+    assert (fault.file, fault.why) == (
+        "flight_900.csv",
+        "the same rows as flight_002.csv",
+    )
+    assert found.campaign.flights == campaign.flights
+
+
+def test_a_campaign_of_mostly_broken_flights_is_refused(campaign):
+    assert "cannot be used" in refusal(b.change(campaign, b.land(0, RNG)))
+
+
+def test_faulty_rows_of_an_elevator_leave_the_pose(campaign):
+    def edit(flight):
+        angle = flight.elevator.copy()
+        angle[30] += 0.5
+        return dataclasses.replace(flight, elevator=angle)
+
+    rows, found = rows_set_aside(campaign, edit)
+    assert rows == []
+    assert list(np.flatnonzero(found.masks[NAME].elevator)) == [30]
+
+
+def test_a_flight_elsewhere_is_no_fault(campaign):
+    rows, found = rows_set_aside(campaign, b.jump(0, by=(0.5, -0.3, 0.0)))
+    assert (rows, found.warnings) == ([], ())

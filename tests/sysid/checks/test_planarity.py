@@ -1,0 +1,90 @@
+"""Planarity of throws; attitude in logs, in and out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.campaign.reader import load_campaign
+from glider.campaign.writer import save_campaign
+from glider.errors import InputError
+from glider.sysid.checks.inspection import inspect
+from glider.sysid.checks.planarity import planarity
+from tests.helpers.campaigns import campaign_path
+from tests.sysid.checks.breaking import change, scale
+
+
+def tilt(roll=0.0, yaw=0.0, course=0.0):
+    """Adds an attitude: constant angles, and a course off the plane [rad]."""
+
+    def edit(flight):
+        x = flight.pose[:, 0]
+        y = np.tan(course) * (x - x[0])
+        none = np.zeros(len(x))
+        attitude = np.column_stack([y, roll + none, yaw + none])
+        return dataclasses.replace(flight, attitude=attitude)
+
+    return edit
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    whole = load_campaign(campaign_path("still_air"))
+    return dataclasses.replace(whole, flights=whole.flights[:4])
+
+
+def test_without_attitude_nothing_is_known(campaign):
+    assert campaign.flights[0].attitude is None
+    assert planarity(campaign.flights[0]) is None
+
+
+@pytest.mark.parametrize(
+    ("roll", "yaw", "course", "word"),
+    [
+        (0.1, -0.2, 0.05, "planar: roll up to 6°, yaw up to 11°, 5 %"),
+        (-0.6, 0.0, 0.0, "not planar: roll up to 34°, yaw up to 0°, 0 %"),
+        (0.0, 0.5, 0.5, "not planar: roll up to 0°, yaw up to 29°"),
+    ],
+)
+def test_the_largest_departure_counts(campaign, roll, yaw, course, word):
+    found = planarity(tilt(roll, yaw, course)(campaign.flights[0]))
+    assert found.sentence.startswith(word)
+    expected = max(abs(roll), abs(yaw), course)
+    assert found.tilt == pytest.approx(expected, rel=0.05)
+
+
+def test_attitude_comes_back_from_a_folder(campaign, tmp_path):
+    tilted = change(campaign, tilt(0.1, -3.5, 0.2))
+    save_campaign(tmp_path / "c", tilted)
+    again = load_campaign(tmp_path / "c")
+    for flight, right in zip(again.flights, tilted.flights, strict=True):
+        np.testing.assert_allclose(flight.attitude, right.attitude, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("cell", "sentence"),
+    [("nan", "column 'roll', row 5.*finite"), ("40", "column 'roll'.*degrees")],
+)
+def test_a_bad_attitude_is_refused(campaign, tmp_path, cell, sentence):
+    save_campaign(tmp_path / "c", change(campaign, tilt(0.125)))
+    file = tmp_path / "c" / campaign.flights[0].name
+    lines = file.read_text().split("\n")
+    lines[4] = lines[4].replace("0.125", cell)
+    file.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=sentence):
+        load_campaign(tmp_path / "c")
+
+
+def test_y_without_angles_is_ignored(campaign, tmp_path):
+    save_campaign(tmp_path / "c", change(campaign, tilt(0.1)))
+    for file in (tmp_path / "c").glob("flight_*.csv"):
+        file.write_text(file.read_text().replace("roll", "wobble"))
+    assert load_campaign(tmp_path / "c").flights[0].attitude is None
+
+
+def test_a_turned_frame_turns_the_attitude(campaign):
+    """Turning z is half a turn about x: roll stays, y and yaw turn."""
+    down = change(change(campaign, tilt(0.1, 0.2, 0.1)), scale(1.0, -1.0, 1.0))
+    found = inspect(down).campaign.flights[0].attitude
+    right = down.flights[0].attitude * [-1.0, 1.0, -1.0]
+    np.testing.assert_array_equal(found, right)
