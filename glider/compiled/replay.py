@@ -15,6 +15,8 @@ from glider.physics.chain import (
     theta_of,
 )
 from glider.physics.effects import NO_FIELD, EffectKind, Field
+from glider.physics.numbers import Theta
+from glider.physics.parameters import Parameters
 
 
 def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):
@@ -60,6 +62,23 @@ def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):
         x[6] = pitch[2, 1]
 
 
+def banked(theta, factor):
+    """Returns the numbers with the wing's area times a factor."""
+    p = theta.p
+    tilted = Parameters(
+        p.mass,
+        p.pitch_inertia,
+        p.wing_area * factor,
+        p.elevator_area,
+        p.wing_offset,
+        p.hinge_offset,
+        p.elevator_offset,
+        p.air_density,
+        p.gravity,
+    )
+    return Theta(tilted, theta.c, theta.field)
+
+
 def log_rollout(times, start, elevator, rate, numbers, field, states):
     """Flies from one start along a log's times, elevator prescribed.
 
@@ -103,7 +122,7 @@ def log_translation(times, start, pitch, elevator, rate, numbers, field, states)
         states[k + 1] = x
 
 
-def log_advance(times, nodes, elevator, rate, wind, numbers, field, ends):
+def log_advance(times, nodes, elevator, rate, wind, bank, numbers, field, ends):
     """Flies each interval of a log from its own node; ends (K, n) is written."""
     theta = theta_of(numbers, field)
     free_pitch = np.empty((0, 2))
@@ -120,7 +139,7 @@ def log_advance(times, nodes, elevator, rate, wind, numbers, field, ends):
             wind[k, 0],
             wind[k, 1],
             free_pitch,
-            theta,
+            banked(theta, bank[k]),
             work,
         )
 
@@ -170,7 +189,8 @@ def log_shoot(
     x = np.empty_like(nodes[0])
     work = np.empty((2, n), x.dtype)
     wind = np.zeros((times.shape[0] - 1, 2))
-    log_advance(times, nodes, elevator, rate, wind, numbers, field, ends)
+    bank = np.ones(times.shape[0] - 1)
+    log_advance(times, nodes, elevator, rate, wind, bank, numbers, field, ends)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         for j in range(n):
@@ -200,6 +220,7 @@ def log_slopes(
     elevator,
     rate,
     wind,
+    bank,
     numbers,
     moved,
     sizes,
@@ -220,6 +241,7 @@ def log_slopes(
         elevator: (K, 3).
         rate: (K,).
         wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area.
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
@@ -258,7 +280,7 @@ def log_slopes(
                 wind[k, 0],
                 wind[k, 1],
                 free_pitch,
-                own,
+                banked(own, bank[k]),
                 work,
             )
             if in_theta < 0 and in_term >= 0:
@@ -366,6 +388,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 LOOPS = Family(
     (
+        banked,
         log_step,
         log_rollout,
         log_translation,
@@ -451,6 +474,7 @@ def advance_nodes(
     numbers: np.ndarray,
     field: Field,
     wind: np.ndarray | None = None,
+    bank: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns the ends (K, n) of a log's intervals, each flown from its own node.
 
@@ -459,8 +483,10 @@ def advance_nodes(
     ends = np.empty_like(nodes[1:])
     if wind is None:
         wind = np.zeros((len(ends), 2))
+    if bank is None:
+        bank = np.ones(len(ends))
     LOOPS.over(kinds, True).log_advance(
-        times, nodes, elevator, rate, wind, numbers, field, ends
+        times, nodes, elevator, rate, wind, bank, numbers, field, ends
     )
     return ends
 
@@ -578,6 +604,7 @@ def slopes_along(
     elevator: np.ndarray,
     rate: np.ndarray,
     wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     moved: np.ndarray,
     sizes: np.ndarray,
@@ -588,6 +615,7 @@ def slopes_along(
     Args:
         kinds, times, nodes, elevator, rate, numbers: as in `advance_nodes`.
         wind: (K, 2) velocity of the air in each interval [m/s].
+        bank: (K,) factor of the wing's area there.
         moved: (m, len(numbers)) the numbers, moved along each of m directions.
         sizes: (m,) how far they are moved.
         field: the residual field.
@@ -612,6 +640,7 @@ def slopes_along(
         elevator,
         rate,
         wind,
+        bank,
         numbers,
         moved,
         sizes,

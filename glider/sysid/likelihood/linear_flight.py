@@ -128,7 +128,7 @@ def linearize(
     """
     layout = record.layout
     kinds, intervals = layout.compiled_kinds, len(record.time) - 1
-    wind = np.tile(np.asarray(constants.wind), (intervals, 1))
+    wind = np.asarray(constants.wind) + record.side_wind
     dynamics = layout.dynamics(theta)
     nodes = _nodes(record, theta, field)
     elevator, rate = pose_signals(record, theta)
@@ -142,6 +142,7 @@ def linearize(
         elevator,
         rate,
         wind,
+        record.bank,
         dynamics,
         moved.reshape(len(plain), len(dynamics)),
         np.array([d.size for d in plain]),
@@ -230,4 +231,5 @@ def _advance(record, nodes, signals, theta, field, constants, wind):
         layout.dynamics(theta),
         field,
         wind,
+        record.bank,
     )

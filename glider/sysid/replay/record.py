@@ -10,6 +10,7 @@ from glider.campaign.logs import (
 )
 from glider.physics.actuator_replay import command_steps
 from glider.physics.effects import Replay
+from glider.sysid.replay.attitude import in_plane
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.smoothing import smoothing_maps
 from glider.sysid.replay.theta import (
@@ -35,6 +36,9 @@ class Record:
         commands: (k,) [rad/s].
         limits: travel of the elevator [rad], or None.
         rest: where the elevator stood before the first command [rad].
+        bank: (n - 1,) factor of the wing's force in the plane where it is rolled, see
+            `glider.sysid.replay.attitude`; one without attitude.
+        side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
         replays: what `glider.sysid.replay.signals` was asked last, by its settings.
     """
 
@@ -49,6 +53,8 @@ class Record:
     commands: np.ndarray
     limits: tuple[float, float] | None
     rest: float
+    bank: np.ndarray
+    side_wind: np.ndarray
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
@@ -109,6 +115,10 @@ def _record(
     layout: Layout,
 ) -> Record:
     n = len(time)
+    bank, side_wind = np.ones(n - 1), np.zeros((n - 1, 2))
+    if flight.attitude is not None:
+        sideways = maps[0][1, :n] @ flight.attitude[:, 0]
+        flight, bank, side_wind = in_plane(flight, sideways)
     curves = np.stack([maps[j] @ flight.pose[:, j] for j in range(3)], axis=2)
     nodes = np.zeros((n, layout.num_states))
     nodes[:, 0:3] = curves[0, :n]
@@ -136,4 +146,6 @@ def _record(
         commands=commands,
         limits=campaign.elevator_limits if flight.command is not None else None,
         rest=rest,
+        bank=bank,
+        side_wind=side_wind,
     )
