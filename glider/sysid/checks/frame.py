@@ -33,6 +33,7 @@ from glider.sysid.checks.masks import Masks
 from glider.sysid.checks.motion import Motion, calc_motion
 
 _STRIDE = 3  # Rows from one acceleration to the next: those between are no news.
+_MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
 _UPRIGHT = 1.1
 """Angle of the constant from straight down that passes [rad]: a frame may be tilted by
@@ -81,13 +82,13 @@ def check_frame(
     """
     gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
     motion = join([usable_motion(f, masks) for f in campaign.flights])
-    if len(motion.time) < _MIN_ROWS:
+    if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
     _check_columns(campaign, motion)
     fit = fit_forces(motion)
     warnings: list[str] = []
     turned = _check_down(campaign, motion, fit, gravity, warnings)
-    _check_time(campaign, fit)
+    _check_time(campaign, motion, fit, gravity)
     turned = _check_ahead(turned, motion, fit, warnings)
     _check_force(campaign, fit)
     return turned, tuple(warnings)
@@ -247,13 +248,25 @@ def _check_down(
     return _turn(campaign, z=True)
 
 
-def _check_time(campaign: Campaign, fit: ForceFit) -> None:
-    """Refuses flights that gain energy from still air: time runs backwards."""
-    if fit.forces[0] + fit.forces[3] > 0.2:
+def _check_time(
+    campaign: Campaign, motion: Motion, fit: ForceFit, gravity: float
+) -> None:
+    """Refuses flights that gain energy from still air: time runs backwards.
+
+    A few glides alone do not determine forces and gravity at once: it must hold with
+    gravity as told, too.
+    """
+    down = np.array([0.0, np.copysign(gravity, fit.constant[1])])
+    if _pushes(fit) and _pushes(fit_forces(motion, down)):
         raise InputError(
             f"{campaign.path}: the air pushes the gliders along instead of slowing "
             "them; rows in the order of time are needed (do they run backwards?)."
         )
+
+
+def _pushes(fit: ForceFit) -> bool:
+    """Whether the force of the air does work on the glider; measured: -0.7 or less."""
+    return bool(fit.forces[0] + fit.forces[3] > 0.2)
 
 
 def _check_ahead(

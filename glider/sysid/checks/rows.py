@@ -26,7 +26,6 @@ _LONG_STEP = 3.0  # Steps longer than this many median ones are told as a gap.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator as close to its stop may rest there [rad].
-_CHANNELS = ("x", "z", "pitch")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ _JERK = np.array([300.0, 300.0, 3000.0])
 
 _SMALL = np.array([[0.004, 0.004, 0.04], [0.3, 0.3, 2.0]])
 """Jumps of pose [m, m, rad] and of its rate [.../s] that pass, however quiet the
-cameras are: a relabelled marker or a collision does more, and a real airframe shakes."""
+cameras are: a relabelled marker or a collision does more, a shaking airframe less."""
 
 _ENDS = 7  # Rows from whose parabola a run is extrapolated.
 _STENCIL = 5  # Rows of a fourth difference.

@@ -268,3 +268,12 @@ def test_faulty_rows_of_an_elevator_leave_the_pose(campaign):
 def test_a_flight_elsewhere_is_no_fault(campaign):
     rows, found = rows_set_aside(campaign, b.jump(0, by=(0.5, -0.3, 0.0)))
     assert (rows, found.warnings) == ([], ())
+
+
+@pytest.mark.parametrize("name", PRACTICE + BLIND)
+def test_one_flight_alone_is_not_refused(name):
+    """It does not determine gravity, so its axes are not judged."""
+    campaign = load_campaign(campaign_path(name))
+    for flight in campaign.flights[:3]:
+        found = inspect(dataclasses.replace(campaign, flights=(flight,)))
+        assert (found.set_aside, found.warnings) == ((), ())
