@@ -70,13 +70,13 @@ CEILING = Scales(
     position=0.2,
     pitch=0.3,
     elevator=0.3,
-    air=3.0,
+    air=1.0,
     air_time=2.0,
     moment=200.0,
     servo=0.3,
-    wind=3.0,
-    trim=0.5,
-    pitch_zero=0.3,
+    wind=1.0,
+    trim=0.1,
+    pitch_zero=0.03,
 )
 """Largest scales: what is stronger is no throw of a glider."""
 

@@ -11,7 +11,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle
 
-PRIOR_SCALES = 5.0
+PRIOR_SCALES = 3.0
 """Spread of an effect's coefficients beforehand, in their scales."""
 
 SHAPE_SCALES = 3.0

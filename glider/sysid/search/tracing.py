@@ -38,7 +38,12 @@ Progress = Callable[[str], None]
 def trace(task: Task, scales: Scales, progress: Progress) -> Fitted:
     """Returns the model with the effects that the flights show, fitted."""
     model = start_of(task, scales, with_curves=True)
-    tried: dict[frozenset[str], Fitted] = {}
+    if task.vehicle.prior is not None:
+        progress("forces along the measured attitude")
+        model = along_attitude(task, model)
+    tried: dict[frozenset[str], Fitted] = {frozenset(model.kinds): model}
+    if not model.kinds:
+        tried = {}
     for round_ in range(ROUNDS):
         progress(f"searching for effects, round {round_ + 1}")
         candidates = gather(task, model)
@@ -54,7 +59,61 @@ def trace(task: Task, scales: Scales, progress: Progress) -> Fitted:
         begun = begin(candidates, evidence, members, scales)
         model = fit_strength(task, fit_model(task, begun))
         tried[kinds] = model
-    return min(tried.values(), key=lambda m: m.cost + PRICE * len(m.kinds))
+    best = min(tried.values(), key=price_of)
+    return prune(task, best, progress)
+
+
+def price_of(model: Fitted) -> float:
+    """Returns a model's cost with the price of its effects [nats]."""
+    return model.cost + PRICE * len(model.kinds)
+
+
+def prune(task: Task, model: Fitted, progress: Progress) -> Fitted:
+    """Drops the effects that are not worth their price when all else is refitted."""
+    for kind in reversed(model.kinds):
+        progress(f"is {kind} needed?")
+        fewer = fit_model(task, without(task, model, kind), iterations=4)
+        if price_of(fewer) < price_of(model):
+            model = fewer
+    return model
+
+
+def without(task: Task, model: Fitted, kind: str) -> Fitted:
+    """Returns a model without one of its effects, not fitted anew."""
+    kinds = tuple(k for k in model.kinds if k != kind)
+    theta = model.theta.copy()
+    slots = list(task.layout.slots_of(kind))
+    theta[slots] = task.vehicle.theta[slots]
+    return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
+
+
+def along_attitude(task: Task, model: Fitted) -> Fitted:
+    """Returns a start for a glider of which little is known: forces alone.
+
+    The flights are taken along their measured attitude, with errors that last for
+    whole flights: what bends the path counts, not what makes it tremble.
+    """
+    model = fit_model(task, dataclasses.replace(model, coordinates=np.zeros(0)))
+    candidates = gather(task, model)
+    scales = dataclasses.replace(model.scales, **ALONG_ATTITUDE)
+    evidence, variants = candidates.evidence(candidates.grams(scales).sum(axis=0))
+    score = Scorer(evidence, variants, PRICE)
+    members = best_set(score)
+    begun = begin(candidates, evidence, members, model.scales)
+    begun = dataclasses.replace(begun, coordinates=np.zeros(task.curves.count))
+    return fit_strength(task, fit_model(task, begun))
+
+
+ALONG_ATTITUDE = {
+    "position": 0.05,
+    "pitch": 2e-3,
+    "moment": 200.0,
+    "air": 1e-3,
+    "wind": 1e-3,
+    "pitch_zero": 3e-3,
+}
+"""Scales of flights along their measured attitude: the moment tells nothing, and the
+path is known to a few centimetres, as good as models of thrown gliders get."""
 
 
 def begin(
