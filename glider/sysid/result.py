@@ -8,13 +8,22 @@ import numpy as np
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 
-Z_SIGNIFICANT = 4.0
-"""Lack of fit in standard deviations of pure noise (`LackOfFit.z`) from which on
-something is left. Set by hand: with it, `bench_tracing alarms` finds no effect in
-twenty campaigns that have none."""
+VERDICTS = (
+    "no_effect",
+    "effect_found",
+    "partly_explained",
+    "unexplained",
+    "not_trusted",
+)
+"""Nothing is wrong; all that is wrong has a name; some of it; none of it; what was found
+does not hold on flights that were held out."""
 
 MODELS = ("as_drawn", "refitted", "corrected")
 """Nominal model; flat plate with its own parameters refitted; with the effects."""
+
+CALIBRATED = "calibrated"
+"""A further model: the refitted plate with a constant error of the pitch reading taken
+out. Calibration is not physics, so it has a line of its own."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,6 +47,11 @@ class FoundEffect:
         share: of the nominal model's error that it explains, 0 to 1.
         indistinguishable_from: kinds that the data cannot tell from it.
         depends_on: variables that it varies with.
+        inclusion: share of resampled sets of flights in which it is chosen, 0 to 1.
+        spread: coefficient to how much it differs from flight to flight, one standard
+            deviation; only those that do.
+        shape_fits: whether the library's formula has the right shape; else the model
+            carries a curve beside it.
     """
 
     kind: str
@@ -47,6 +61,106 @@ class FoundEffect:
     share: float
     indistinguishable_from: tuple[str, ...]
     depends_on: tuple[str, ...]
+    inclusion: float = 1.0
+    spread: dict[str, float] = dataclasses.field(default_factory=dict)
+    shape_fits: bool = True
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Something that differs from flight to flight, about the model's own value.
+
+    Attributes:
+        std: standard deviation over flights.
+        unit: of it.
+        values: name of each fitted flight to its own value.
+    """
+
+    std: float
+    unit: str
+    values: dict[str, float]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Curve:
+    """What a plate lacks in one term, over the angle of attack, with a band.
+
+    Attributes:
+        term: "c_normal", "c_axial", "c_moment" [m] or "elevator_factor".
+        alpha: (n,) [rad].
+        lack: (n,) all that the plate lacks there: named effects and what is carried.
+        std: (n,) standard error of it.
+        named: (n,) the part that has a name.
+    """
+
+    term: str
+    alpha: np.ndarray
+    lack: np.ndarray
+    std: np.ndarray
+    named: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Air:
+    """How the air moves: its velocity in x and in z, one standard deviation.
+
+    A model's own error looks like moving air too.
+    """
+
+    std_m_s: float
+    correlation_s: float
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Left:
+    """What the corrected model leaves of held-out flights.
+
+    Attributes:
+        ratio_to_noise: RMS of the position's error over the measurement's noise.
+        position_m: that RMS [m].
+        depends_on: variables that what is left varies with, most first.
+    """
+
+    ratio_to_noise: float
+    position_m: float
+    depends_on: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fold:
+    """Some flights held out, the models refitted to the others.
+
+    Attributes:
+        held_out: names of the flights.
+        refitted: errors of the refitted plate on them.
+        corrected: errors of the plate with the effects.
+    """
+
+    held_out: tuple[str, ...]
+    refitted: "Errors"
+    corrected: "Errors"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SetAside:
+    """Rows of a log that are not used: "all", or lines of the file as "41-80"."""
+
+    file: str
+    rows: str
+    why: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Combination:
+    """A set of effects that was fitted in full.
+
+    Attributes:
+        kinds: of its effects.
+        evidence: log-likelihood gained over the plate alone [nats].
+    """
+
+    kinds: tuple[str, ...]
+    evidence: float
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -121,13 +235,23 @@ class Result:
         path: of its folder.
         fit_flights: names of the flights used to fit.
         held_out_flights: names of the flights that errors are measured on.
-        verdict: "no_effect", "effect_found" or "unexplained".
+        verdict: one of VERDICTS.
+        reason: a sentence that says why.
         effects: strongest first.
-        errors: model name (of MODELS) to its errors; as_drawn is None where the
-            vehicle is not known.
-        left_z: what the corrected model leaves on held-out flights, in standard
-            deviations of pure noise (below Z_SIGNIFICANT: nothing).
+        errors: model name (of MODELS, and CALIBRATED) to its errors; as_drawn is None
+            where the vehicle is not known.
+        folds: errors over all flights, each held out once.
+        left: what the corrected model leaves.
         candidates: evidence of each kind when tried alone [nats].
+        combinations: sets of effects that were fitted, best first.
+        correlations: "kind.coefficient" to the same to the correlation of their errors.
+        spreads: name to what differs from flight to flight, only what does.
+        air: how it moves.
+        curves: what the plate lacks, over the angle of attack.
+        vehicle: name of a parameter that was not told to its estimate.
+        warnings: sentences about the campaign and the result.
+        set_aside: rows that were not used.
+        planarity: name of a flight to a sentence, where the log has roll and yaw.
         noise_position_m: standard deviation of the measured x and z.
         noise_pitch_rad: of the measured pitch.
         model: the corrected glider.
@@ -146,10 +270,21 @@ class Result:
     fit_flights: tuple[str, ...]
     held_out_flights: tuple[str, ...]
     verdict: str
+    reason: str
     effects: tuple[FoundEffect, ...]
     errors: dict[str, Errors | None]
-    left_z: float
+    folds: tuple[Fold, ...]
+    left: Left
     candidates: dict[str, float]
+    combinations: tuple[Combination, ...]
+    correlations: dict[str, dict[str, float]]
+    spreads: dict[str, Spread]
+    air: Air
+    curves: tuple[Curve, ...]
+    vehicle: dict[str, Estimate]
+    warnings: tuple[str, ...]
+    set_aside: tuple[SetAside, ...]
+    planarity: dict[str, str]
     noise_position_m: float
     noise_pitch_rad: float
     model: GliderModel

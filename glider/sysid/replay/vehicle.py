@@ -34,6 +34,16 @@ _OFFSET_SPREAD = 0.03
 """Distance that an unknown wing's center of pressure may lie from the center of mass
 [m]; unknown areas and inertia may be off the default glider's by half."""
 
+_RELATIVE_SPREAD = {"elevator_area": 0.1}
+"""A tail's area shows in the moment only over the inertia: it is kept near its usual
+share."""
+
+_TRIM_SPREAD = 0.1
+"""Angle at which an elevator without a servo may stand [rad]."""
+
+_MARKER_SPREAD = 0.02
+"""Distance that a tracked point may lie from a center of mass that is not told [m]."""
+
 PRIOR_SCALES = 4.0
 """Spread of effects' coefficients beforehand, in their scales, where there is no
 nominal model to hold them against."""
@@ -92,11 +102,15 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     nuisance = [index["parameters", name] for name in unknown]
     dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
     if campaign.elevator != "servo":
-        dropped |= {kind.kind for kind in layout.replayed_kinds} | {"elevator_trim"}
-    if campaign.elevator == "fixed":
+        dropped |= {kind.kind for kind in layout.replayed_kinds}
+        dropped |= {"elevator_trim", "elevator_blowback"}
+    if campaign.elevator != "servo":
         nuisance.append(index["elevator_trim", "angle"])
     if "mass" not in known or "wing_area" in unknown:
         dropped.add("mass")
+    if "wing_offset" in unknown:  # Then nobody has told where its center of mass is.
+        nuisance += layout.slots_of("marker_offset")
+        dropped.add("marker_offset")
     if "pitch_inertia" in unknown:
         dropped.add("inertia")
     if "elevator_area" in unknown:
@@ -107,7 +121,11 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         spread = PRIOR_SCALES * layout.scale
         for name in unknown:
             i = index["parameters", name]
-            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else 0.5 * theta[i]
+            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else _RELATIVE_SPREAD.get(name, 0.5) * theta[i]
+        if campaign.elevator != "servo":
+            spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
+        if "wing_offset" in unknown:
+            spread[list(layout.slots_of("marker_offset"))] = _MARKER_SPREAD
         prior = theta.copy(), spread
     return Vehicle(
         layout=layout,
