@@ -79,7 +79,7 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def log_rollout(times, start, elevator, rate, numbers, field, states):
+def log_rollout(times, start, elevator, rate, wind, bank, numbers, field, states):
     """Flies from one start along a log's times, elevator prescribed.
 
     Args:
@@ -87,6 +87,8 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
         start: (n,).
         elevator: (K, 3) as in `log_step`.
         rate: (K,).
+        wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area.
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual Field.
         states: (K + 1, n), written.
@@ -99,12 +101,21 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
+            times[k],
+            x,
+            step,
+            elevator[k],
+            rate[k],
+            wind[k, 0],
+            wind[k, 1],
+            free_pitch,
+            banked(theta, bank[k]),
+            work,
         )
         states[k + 1] = x
 
 
-def log_translation(times, start, pitch, elevator, rate, numbers, field, states):
+def log_translation(times, start, pitch, elevator, rate, wind, bank, numbers, field, states):
     """Flies as `log_rollout` does, with the pitch and its rate prescribed as well.
 
     Args:
@@ -117,7 +128,16 @@ def log_translation(times, start, pitch, elevator, rate, numbers, field, states)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, pitch[k], theta, work
+            times[k],
+            x,
+            step,
+            elevator[k],
+            rate[k],
+            wind[k, 0],
+            wind[k, 1],
+            pitch[k],
+            banked(theta, bank[k]),
+            work,
         )
         states[k + 1] = x
 
@@ -423,6 +443,8 @@ def roll_out(
     start: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
+    wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
@@ -434,12 +456,14 @@ def roll_out(
         start: (n,).
         elevator: (K, 3) its path at the start, middle and end of each step [rad].
         rate: (K,) its mean rates [rad/s].
+        wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area, see `glider.sysid.replay.attitude`.
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual field.
     """
     states = np.empty((len(times), len(start)))
     LOOPS.over(kinds, True).log_rollout(
-        times, start, elevator, rate, numbers, field, states
+        times, start, elevator, rate, wind, bank, numbers, field, states
     )
     return states
 
@@ -451,6 +475,8 @@ def translate(
     pitch: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
+    wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
@@ -460,7 +486,7 @@ def translate(
     """
     states = np.empty((len(times), len(start)))
     LOOPS.over(kinds, True).log_translation(
-        times, start, pitch, elevator, rate, numbers, field, states
+        times, start, pitch, elevator, rate, wind, bank, numbers, field, states
     )
     return states
 

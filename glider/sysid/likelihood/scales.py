@@ -154,7 +154,6 @@ def whiten(
     variance[:, :2] = scales.position**2
     variance[:, 2] = scales.pitch**2
     variance[:, 3] = scales.elevator**2
-    variance *= record.doubt
     usual = start_variances(flight, scales)
     start = usual if start is None else start
     times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)

@@ -94,3 +94,9 @@ class Task:
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""
         return dataclasses.replace(self, records=records)
+
+    def thinned(self, count: int) -> "Task":
+        """Returns the task on at most `count` of its flights, evenly picked."""
+        last = len(self.records) - 1
+        keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
+        return self.on([self.records[i] for i in keep])
