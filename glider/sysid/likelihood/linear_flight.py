@@ -228,8 +228,8 @@ def _advance(record, nodes, signals, theta, field, constants, wind):
         nodes,
         elevator + constants.trim,
         rate,
-        layout.dynamics(theta),
-        field,
         wind,
         record.bank,
+        layout.dynamics(theta),
+        field,
     )

@@ -24,6 +24,7 @@ from glider.sysid.likelihood.scales import (
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.parallel import in_parallel
+from glider.sysid.replay.noise import Noise
 
 FEWEST_ITERATIONS = 2
 """Before a fit may stop: the first step changes the scales too."""
@@ -67,8 +68,11 @@ class Fitted:
         return len(self.coordinates) > 0
 
 
-def start_of(task: Task, scales: Scales, with_curves: bool) -> Fitted:
-    """Returns the nominal model, nothing fitted yet."""
+def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
+    """Returns the nominal model, nothing fitted yet, in still air."""
+    scales = Scales(
+        position=noise.position, pitch=noise.pitch, elevator=max(noise.elevator, 1e-4)
+    )
     count = task.curves.count if with_curves else 0
     return Fitted(
         kinds=(),

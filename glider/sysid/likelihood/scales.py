@@ -197,6 +197,14 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return wanted + change
 
 
+def own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns a flight's own wind (x, z) [m/s], trim and pitch zero [rad], (4,)."""
+    n = flight.by_x.shape[1]
+    own = smoothed_start(flight, scales)[n + PROCESSES :]
+    before = flight.constants
+    return own + np.array([*before.wind, before.trim, 0.0])
+
+
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
     """Returns a flight's own wind and trim, given all its rows."""
     n = flight.by_x.shape[1]

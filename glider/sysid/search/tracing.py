@@ -24,6 +24,7 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
 from glider.sysid.search.fields import (
     SURVEY_FLIGHTS,
     FoundField,
@@ -85,10 +86,10 @@ class Search:
         return found
 
 
-def trace(task: Task, scales: Scales, progress: Progress) -> Traced:
+def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
     """Finds the effects that the flights show."""
     search = Search(task, progress)
-    start = start_of(task, scales, with_curves=task.vehicle.prior is None)
+    start = start_of(task, noise, with_curves=task.vehicle.prior is None)
     if task.vehicle.prior is None:
         model = by_sets(search, start)
     else:
