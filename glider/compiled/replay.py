@@ -115,7 +115,9 @@ def log_rollout(times, start, elevator, rate, wind, bank, numbers, field, states
         states[k + 1] = x
 
 
-def log_translation(times, start, pitch, elevator, rate, wind, bank, numbers, field, states):
+def log_translation(
+    times, start, pitch, elevator, rate, wind, bank, numbers, field, states
+):
     """Flies as `log_rollout` does, with the pitch and its rate prescribed as well.
 
     Args:

@@ -51,9 +51,9 @@ from glider.sysid.result import (
     Result,
     SetAside,
 )
-from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import PRICE, FIELD_PRICE, Traced, trace
 from glider.sysid.search.fields import survey
+from glider.sysid.search.signs import find_signs
+from glider.sysid.search.tracing import FIELD_PRICE, PRICE, Traced, trace
 from glider.sysid.search.weighing import uncertainty_of, weigh
 
 MOST_COMBINATIONS = 10
@@ -216,13 +216,12 @@ class Analysis:
         )
         calibrated = fit_model(task, calibrated, iterations=4)
         drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
-        if vehicle.is_known:
-            drawn = fit_model(task, drawn, iterations=1)
+        own = traced.model.scales
         return {
-            "as_drawn": flown_by(task, drawn),
-            "refitted": flown_by(task, plate),
-            CALIBRATED: flown_by(task, calibrated),
-            "corrected": flown_by(task, traced.model),
+            "as_drawn": flown_by(task, drawn, own),
+            "refitted": flown_by(task, plate, own),
+            CALIBRATED: flown_by(task, calibrated, own),
+            "corrected": flown_by(task, traced.model, own),
         }
 
 
@@ -233,9 +232,7 @@ def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:
 def _records(
     campaign: Campaign, noise: Noise, vehicle: Vehicle, inspection: Inspection
 ) -> list[Record]:
-    return prepare(
-        campaign.flights, campaign, noise, vehicle.layout, inspection.masks
-    )
+    return prepare(campaign.flights, campaign, noise, vehicle.layout, inspection.masks)
 
 
 def _table(flown: Flown, records: Sequence[Record]) -> ResidualTable:

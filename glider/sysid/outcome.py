@@ -77,8 +77,8 @@ SPREAD_EVIDENCE = 6.0
 """Evidence that a difference from flight to flight needs [nats]."""
 
 CURVE_Z = 5.0
-"""Standard errors by which a curve must differ from nothing, somewhere in the middle 90 %
-of the flown angles: of its about ten independent places none does so by chance."""
+"""Standard errors by which a curve must differ from nothing, somewhere in the middle
+90 % of the flown angles: of its ten independent places none does so by chance."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -437,4 +437,3 @@ def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
 
 
 _BINS = 15
-

@@ -15,8 +15,8 @@ VERDICTS = (
     "unexplained",
     "not_trusted",
 )
-"""Nothing is wrong; all that is wrong has a name; some of it; none of it; what was found
-does not hold on flights that were held out."""
+"""Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
+was found does not hold on flights that were held out."""
 
 MODELS = ("as_drawn", "refitted", "corrected")
 """Nominal model; flat plate with its own parameters refitted; with the effects."""

@@ -1,4 +1,4 @@
-"""Does a correction hold? Flights held out in folds, both models refitted without them."""
+"""Does a correction hold? Flights held out in folds, both models refitted."""
 
 import dataclasses
 
@@ -9,6 +9,7 @@ from glider.sysid.fit.prediction import (
     errors_of,
     flight_errors,
     predict,
+    rollout_scales,
 )
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
@@ -19,7 +20,7 @@ from glider.sysid.likelihood.model_fit import (
     linear_flights,
     with_prior,
 )
-from glider.sysid.likelihood.scales import negative_log_likelihood, whiten
+from glider.sysid.likelihood.scales import Scales, negative_log_likelihood, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.record import Record
@@ -28,8 +29,8 @@ from glider.sysid.result import Fold
 FOLDS = 5
 
 CLIP = 3.0
-"""Gains of single flights are held within this many median deviations of the median: one
-flight may not decide."""
+"""Gains of single flights are held within this many median deviations of the
+median: one flight may not decide."""
 
 LEAST_T = 2.0
 """Mean gain over its standard error from which on it holds: by chance one campaign in
@@ -77,14 +78,23 @@ def robust_t(gains: np.ndarray) -> float:
     return float(np.mean(held) / max(error, 1e-12))
 
 
-def flown_by(task: Task, model: Fitted) -> Flown:
-    """Returns a fitted model as one that flies logs again."""
-    return Flown(
+def flown_by(task: Task, model: Fitted, scales: Scales) -> Flown:
+    """Returns a fitted model as one that flies logs again.
+
+    Args:
+        task: on the flights that it was fitted to.
+        model: fitted.
+        scales: of sensors, and of what differs from flight to flight, as the best model
+            has them: a wrong model would make much of them.
+    """
+    flown = Flown(
         theta=model.theta,
         field=field_of(task, model),
-        scales=model.scales,
+        scales=scales,
         own_trims=task.own_trims,
     )
+    scales = rollout_scales(flown, task.records, scales)
+    return dataclasses.replace(flown, scales=scales)
 
 
 def hold_out(
@@ -110,7 +120,7 @@ def hold_out(
         for j, refit in enumerate(refits):
             model, costs = refit.without(part)
             gain[part] += costs if j == 0 else -costs
-            flown = flown_by(task, model)
+            flown = flown_by(task, model, corrected.scales)
             predictions = in_parallel(_predictor(flown), unseen)
             errors.append(errors_of(flown, unseen, predictions))
             for i, record, predicted in zip(part, unseen, predictions, strict=True):

@@ -13,7 +13,12 @@ from glider.compiled.filter_error import PROCESSES
 from glider.compiled.replay import roll_out, translate
 from glider.physics.effects import Field
 from glider.sysid.likelihood.linear_flight import Constants, linearize
-from glider.sysid.likelihood.scales import Scales, smoothed_start
+from glider.sysid.likelihood.scales import (
+    FLOOR,
+    Scales,
+    fit_scales,
+    smoothed_start,
+)
 from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
@@ -28,9 +33,6 @@ BEGINNING = 0.2
 BEGINNING_WITH_TRIM = 0.4
 """The same where something of the flight's own is fitted too."""
 
-OWN_EFFECTS_COUNT = 3.0
-"""A spread over flights counts where it is this many times the floor of its scale."""
-
 _FEWEST_ROWS = 10
 
 
@@ -41,7 +43,8 @@ class Flown:
     Attributes:
         theta: its numbers.
         field: its residual field.
-        scales: of noise, and of what differs from flight to flight.
+        scales: of errors along its rollouts, and of what differs from flight to
+            flight, see `rollout_scales`.
         own_trims: whether each flight has an elevator angle of its own.
     """
 
@@ -71,6 +74,33 @@ def beginning_rows(record: Record, own_trims: bool) -> int:
     share = BEGINNING_WITH_TRIM if own_trims else BEGINNING
     rows = int(np.searchsorted(record.time, share * record.time[-1]))
     return min(max(rows, _FEWEST_ROWS), len(record.time))
+
+
+def rollout_scales(model: Flown, records: Sequence[Record], scales: Scales) -> Scales:
+    """Returns the errors of a model's rollouts over the beginnings of flights.
+
+    A rollout knows no gusts: its errors last, and a launch must suit all rows of the
+    beginning, not only the first.
+
+    Args:
+        model: whose own scales do not count.
+        records: flights that it was fitted to.
+        scales: of the sensors, and of what differs from flight to flight.
+    """
+    still = dataclasses.replace(
+        scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
+    )
+    flights = []
+    for record in records[:: max(1, len(records) // _ASKED)]:
+        rows = beginning_rows(record, model.own_trims)
+        flights.append(linearize(record.first(rows), model.theta, model.field))
+    return fit_scales(flights, still, _OF_ROLLOUTS, iterations=20)[0]
+
+
+_ASKED = 12
+"""Flights whose beginnings are asked for the errors of rollouts."""
+
+_OF_ROLLOUTS = ("position", "pitch")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -109,7 +139,7 @@ def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
     """Predicts one flight from its beginning, or fits the whole of it."""
     rows = len(record.time) if whole else beginning_rows(record, model.own_trims)
     launch = find_launch(model, record, rows)
-    layout, intervals = record.layout, len(record.time) - 1
+    layout = record.layout
     elevator, rate = pose_signals(record, model.theta)
     signals = (
         elevator + launch.constants.trim,

@@ -52,7 +52,7 @@ class Candidates:
         return [*vehicle, *range(count, count + len(self.model.coordinates))]
 
     def grams(self, scales: Scales) -> np.ndarray:
-        """Returns every flight's information on all columns, (flights, m + 1, m + 1)."""
+        """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
         return np.stack(in_parallel(lambda f: whiten(f, scales).gram, self.flights))
 
     def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
@@ -81,9 +81,7 @@ class Candidates:
         whole[-1, :] = whole[:, -1]
         whole[-1, -1] = restored @ gram @ restored
         always = self.always
-        reduced = eliminate(
-            whole, always, precision[always], (mean - value)[always]
-        )
+        reduced = eliminate(whole, always, precision[always], (mean - value)[always])
         keep = [j for j in range(len(slots)) if j not in set(always)]
         place = {j: k for k, j in enumerate(keep)}
         layout = task.layout

@@ -11,15 +11,16 @@ import numpy as np
 
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import FieldData, make_field
+from glider.sysid.likelihood.curves import TERM_INDICES
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight, linearize
-from glider.sysid.likelihood.curves import TERM_INDICES
 from glider.sysid.likelihood.scales import (
     Scales,
     fit_scales,
     flight_constants,
     negative_log_likelihood,
+    start_scales,
     whiten,
 )
 from glider.sysid.likelihood.task import Task
@@ -70,9 +71,6 @@ class Fitted:
 
 def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
     """Returns the nominal model, nothing fitted yet, in still air."""
-    scales = Scales(
-        position=noise.position, pitch=noise.pitch, elevator=max(noise.elevator, 1e-4)
-    )
     count = task.curves.count if with_curves else 0
     return Fitted(
         kinds=(),
@@ -80,7 +78,7 @@ def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
         free=task.free(()),
         coordinates=np.zeros(count),
         strength=1.0,
-        scales=scales,
+        scales=start_scales(noise),
         constants={},
     )
 

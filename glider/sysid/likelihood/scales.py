@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, PROCESSES, filter_flight
+from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
 from glider.sysid.parallel import in_parallel
+from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.theta import OFFSET
 
 
@@ -51,6 +52,19 @@ class Scales:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Scales))
+
+
+def start_scales(noise: Noise) -> Scales:
+    """Returns where a fit of the scales starts: little but the sensors' noise."""
+    return Scales(
+        position=noise.position,
+        pitch=noise.pitch,
+        elevator=max(noise.elevator, _LEAST_ELEVATOR),
+    )
+
+
+_LEAST_ELEVATOR = 1e-4
+"""Least noise of an elevator [rad], where there is none."""
 
 FLOOR = Scales(
     position=1e-6,
@@ -118,7 +132,7 @@ class Filtered:
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
-    record, n = flight.record, flight.by_x.shape[1]
+    record = flight.record
     launch = np.array(_LAUNCH)
     if not record.has_servo:
         launch[OFFSET] = 1e-6

@@ -2,9 +2,9 @@
 
 The wing's force is along its normal n, which a rolled glider holds out of the plane of
 flight. In the plane it acts along (n_x, n_z), a shorter vector: the pitch that a planar
-glider would have is atan(n_x / n_z), and the force, which grows with v·n too, is smaller
-by n_x² + n_z². What the sideways velocity adds to v·n is like air that moves along the
-normal.
+glider would have is atan(n_x / n_z), and the force, which grows with v·n too, is
+smaller by n_x² + n_z². What the sideways velocity adds to v·n is like air that moves
+along the normal.
 """
 
 import numpy as np

@@ -123,7 +123,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         spread = PRIOR_SCALES * layout.scale
         for name in unknown:
             i = index["parameters", name]
-            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else _RELATIVE_SPREAD.get(name, 0.5) * theta[i]
+            relative = _RELATIVE_SPREAD.get(name, 0.5)
+            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
         if campaign.elevator != "servo":
             spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
         if "wing_offset" in unknown:

@@ -159,9 +159,7 @@ def _gain(
 def survey(task: Task, model: Fitted) -> Survey:
     """Returns what a field over each variable would explain on top of a model."""
     few = task.thinned(SURVEY_FLIGHTS)
-    flights = linear_flights(
-        few, model, slopes(task.layout, model.theta, model.free)
-    )
+    flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
     gains = {}
     for form, variable in SURVEYED:
         basis = make_basis(few, model.theta, form, variable, COARSE)
@@ -220,9 +218,7 @@ def fit_field(task: Task, model: Fitted, found: Survey) -> FoundField:
                 for k, name in enumerate(terms)
             },
         )
-        model = fit_model(
-            task, dataclasses.replace(model, extra=data), iterations=2
-        )
+        model = fit_model(task, dataclasses.replace(model, extra=data), iterations=2)
     return FoundField(
         model=model,
         basis=basis,

@@ -129,7 +129,7 @@ def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
 
 
 def leaves_something(model: Fitted) -> bool:
-    """Whether a model leaves more than sensors' noise: moving air, or its own errors."""
+    """Whether a model leaves more than the sensors' noise: moving air, own errors."""
     scales = model.scales
     return scales.air > 0.02 or scales.moment > 0.3 or model.strength > 0.5
 
@@ -286,7 +286,8 @@ def along_attitude(search: Search, model: Fitted) -> Fitted:
     }
     members = best_set(score)
     begun = begin(candidates, evidence, members, scales)
-    search.progress(f"along the measured attitude: {', '.join(begun.kinds) or 'the plate'}")
+    names = ", ".join(begun.kinds) or "the plate"
+    search.progress(f"along the measured attitude: {names}")
     begun = fit_model(task, begun, scales_free=False)
     return search.fit(dataclasses.replace(begun, scales=model.scales))
 
