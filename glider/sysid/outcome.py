@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.compiled.parallel import in_parallel
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
@@ -19,7 +20,6 @@ from glider.sysid.likelihood.scales import (
     own_values,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
 from glider.sysid.result import (

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.fit.prediction import (
     Flown,
     errors_of,
@@ -22,7 +23,6 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood, whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.record import Record
 from glider.sysid.result import Fold
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.filter_error import PROCESSES
+from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import roll_out, translate
 from glider.physics.effects import Field
 from glider.sysid.likelihood.linear_flight import Constants, linearize
@@ -19,7 +20,6 @@ from glider.sysid.likelihood.scales import (
     fit_scales,
     smoothed_start,
 )
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table

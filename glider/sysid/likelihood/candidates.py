@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.linear_flight import LinearFlight
@@ -16,7 +17,6 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 
 Variant = tuple[int, ...]
 """Columns of an effect with one choice of its starting shapes."""

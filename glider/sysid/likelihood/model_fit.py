@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import FieldData, make_field
 from glider.sysid.likelihood.curves import TERM_INDICES
@@ -24,7 +25,6 @@ from glider.sysid.likelihood.scales import (
     whiten,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.noise import Noise
 
 FEWEST_ITERATIONS = 2

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.filter_error import PROCESSES, filter_flight
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.theta import OFFSET
 

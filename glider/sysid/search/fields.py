@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
 from glider.sysid.likelihood.directions import slopes
@@ -21,7 +22,6 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 from glider.sysid.replay.residual import flow_variables
 
 FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import covariance
@@ -14,7 +15,6 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 from glider.sysid.search.subsets import Members, Scorer, climb
 
 RESAMPLES = 25
