@@ -22,7 +22,6 @@ from glider.sysid.fit.simulate import (
     simulate_campaign,
 )
 from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.vehicle import make_vehicle
@@ -114,8 +113,7 @@ def test_a_glider_that_tumbles_meets_the_angles_that_the_plant_knows():
     records = prepare(campaign.flights, campaign, noise)
     turning = make_table(records, theta, [0.0, 0.0]).variables["alpha"]
     assert turning.max() > np.pi
-    problem = Problem(records=records, noise=noise)
-    alpha = coefficient_data(problem, theta).variables["alpha"]
+    alpha = coefficient_data(records, theta).variables["alpha"]
     assert np.abs(alpha).max() <= np.pi
     turns = (turning - alpha) / (2.0 * np.pi)
     np.testing.assert_allclose(turns, turns.round(), atol=1e-6)

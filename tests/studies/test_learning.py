@@ -7,7 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.effects.field import COEFFICIENTS, with_weights
 from glider.physics.model import (
     GliderModel,
     load_model,
@@ -43,7 +43,6 @@ from glider.studies.low_reynolds import (
     low_reynolds_coefficients,
     low_reynolds_field,
 )
-from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.fit.regression import least_squares
 from tests.helpers.flights import LAGGING
 
@@ -153,14 +152,14 @@ def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned
     """Where it flew: 26 weights are more than two flights tell apart."""
     rng, basis = np.random.default_rng(0), residual_basis()
     weights = rng.normal(0.0, 0.2, (26, 3)) * [1.0, 1.0, 0.05]
-    truth = dataclasses.replace(HEAVY, field=with_weights(basis, "forces", weights))
+    truth = dataclasses.replace(HEAVY, field=with_weights(basis, COEFFICIENTS, weights))
     equations = []
     for bend in (0.0, 1.0):
         states, inputs = euler_flight(truth, planned, bend)
         step = planned.times[1]
         equations.append(weight_equations(HEAVY, basis, states, inputs, step))
     both = equations[0] + equations[1]
-    found = with_weights(basis, "forces", solve_weights(both, 1e-9))
+    found = with_weights(basis, COEFFICIENTS, solve_weights(both, 1e-9))
     learned = dataclasses.replace(HEAVY, field=found)
     got = accelerations(learned, states[:-1], inputs)
     wanted = accelerations(truth, states[:-1], inputs)
