@@ -1,0 +1,156 @@
+"""The filter's likelihood is that of one big Gaussian, written out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import NO_FIELD
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.scales import (
+    MOMENT_TIME,
+    SERVO_TIME,
+    Scales,
+    negative_log_likelihood,
+    start_variances,
+    whiten,
+)
+from tests.helpers.tasks import fly, task_of
+
+ROWS = 14
+SCALES = Scales(air=0.2, air_time=0.1, moment=5.0, wind=0.1, trim=0.01, pitch_zero=0.01)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """A short flight with columns of a force, a sensor, the servo and a state."""
+    task, _ = task_of(fly(flights=2, duration=0.3))
+    layout, record = task.layout, task.records[0].first(ROWS)
+    kinds = ("profile_drag", "marker_offset", "servo_lag", "dynamic_stall")
+    free = [i for kind in kinds for i in layout.slots_of(kind)]
+    theta = task.vehicle.theta.copy()
+    theta[list(layout.slots_of("servo_lag"))] = 0.02
+    theta[layout.slots_of("dynamic_stall")[0]] = 0.3
+    return linearize(record, theta, NO_FIELD, slopes(layout, theta, free))
+
+
+def unseen(flight, *entries):
+    """The flight with some rows of some channels not measured."""
+    seen = flight.record.seen.copy()
+    for rows, channel in entries:
+        seen[rows, channel] = False
+    record = dataclasses.replace(flight.record, seen=seen)
+    return dataclasses.replace(flight, record=record)
+
+
+class Written:
+    """The linear system of a flight, from its definition."""
+
+    def __init__(self, flight, scales):
+        self.flight, self.scales = flight, scales
+        self.n = flight.by_x.shape[1]
+        self.times = np.array(
+            [scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME]
+        )
+
+    def ahead(self, k, state):
+        """Motion, then gust (2), moment, servo, wind (2), trim, pitch zero."""
+        flight, n = self.flight, self.n
+        motion, (gx, gz, moment, servo, wx, wz, trim, zero) = state[:n], state[n:]
+        step = flight.record.time[k + 1] - flight.record.time[k]
+        new = flight.by_x[k] @ motion
+        new += flight.by_air[k] @ np.array([gx + wx, gz + wz])
+        by_elevator = flight.by_x[k][:, 3].copy()
+        by_elevator[3] = 0.0  # The offset itself stays.
+        new += by_elevator * (trim + servo)
+        new[2] += 0.5 * step**2 * moment
+        new[6] += step * moment
+        keep = np.exp(-step / self.times)
+        return np.concatenate(
+            [new, keep * np.array([gx, gz, moment, servo]), [wx, wz, trim, zero]]
+        )
+
+    def seen(self, k, state):
+        n = self.n
+        pose = self.flight.pose_by_x[k] @ state[:n]
+        pose[2] += state[n + 7]
+        return np.append(pose, state[3] + state[n + 3])
+
+    def respond(self, start, pushes):
+        """Returns what is seen (K + 1, 4) of a start, pushed in each interval."""
+        rows, state = [], start
+        for k in range(len(self.flight.record.time)):
+            rows.append(self.seen(k, state))
+            if k < len(pushes):
+                state = self.ahead(k, state) + pushes[k]
+        return np.array(rows)
+
+    def gaussian(self):
+        """Returns errors (N, m) less what they are expected to be, covariance (N, N)."""
+        flight, s, n = self.flight, self.scales, self.n
+        rows, total = len(flight.record.time), n + 8
+        still = np.zeros((rows - 1, total))
+        factors = []
+        deviation = np.sqrt(start_variances(flight, s))
+        for i in range(total):
+            factors.append(self.respond(deviation[i] * np.eye(total)[i], still))
+        steady = np.array([s.air, s.air, s.moment, s.servo])
+        for k in range(rows - 1):
+            step = flight.record.time[k + 1] - flight.record.time[k]
+            for p in range(4):
+                push = still.copy()
+                left = 1.0 - np.exp(-2.0 * step / self.times[p])
+                push[k, n + p] = steady[p] * np.sqrt(left)
+                factors.append(self.respond(np.zeros(total), push))
+        mask = flight.record.seen
+        table = np.array([f[mask] for f in factors]).T
+        own = np.tile([s.position, s.position, s.pitch, s.elevator], (rows, 1))
+        covariance = table @ table.T + np.diag(own[mask] ** 2)
+        errors = []
+        for j in range(flight.inputs.shape[2]):
+            pushes = np.zeros((rows - 1, total))
+            pushes[:, :n] = flight.inputs[:, :, j]
+            expected = self.respond(flight.start[:, j], pushes)
+            errors.append((flight.outputs[:, :, j] - expected)[mask])
+        return np.array(errors).T, covariance
+
+
+MISSING = [
+    (),
+    ((slice(4, 8), slice(0, 3)), (slice(4, 6), 3), (0, 2), (ROWS - 1, 0)),
+    ((slice(None), 3),),
+]
+
+
+@pytest.mark.parametrize("entries", MISSING, ids=["all", "gaps", "no elevator"])
+def test_squares_and_volume_are_those_of_the_gaussian(flight, entries):
+    flight = unseen(flight, *entries)
+    found = whiten(flight, SCALES)
+    errors, covariance = Written(flight, SCALES).gaussian()
+    expected = errors.T @ np.linalg.solve(covariance, errors)
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(
+        found.gram / np.outer(size, size), expected / np.outer(size, size), atol=1e-6
+    )
+    _, log_volume = np.linalg.slogdet(covariance)
+    assert found.log_variances.sum() == pytest.approx(log_volume, rel=1e-6)
+    nats = 0.5 * (expected[-1, -1] + log_volume)
+    value = negative_log_likelihood([flight.error_only()], SCALES)
+    np.testing.assert_allclose(value, nats, rtol=1e-6)
+
+
+def test_what_was_not_seen_does_not_count(flight):
+    flight = unseen(flight, *MISSING[1])
+    wild = np.where(flight.record.seen[:, :, None], flight.outputs, 1e9)
+    other = whiten(dataclasses.replace(flight, outputs=wild), SCALES)
+    np.testing.assert_array_equal(other.gram, whiten(flight, SCALES).gram)
+
+
+def test_changed_coefficients_are_one_column(flight):
+    """The error at changes δ has the square [-δ; 1]' G [-δ; 1]."""
+    change = np.random.default_rng(0).normal(size=flight.inputs.shape[2] - 1) * 1e-3
+    mix = np.append(-change, 1.0)
+    gram = whiten(flight, SCALES).gram
+    moved = whiten(flight.combined(change), SCALES).gram
+    np.testing.assert_allclose(moved, [[mix @ gram @ mix]], rtol=1e-8)

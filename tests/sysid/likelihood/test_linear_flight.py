@@ -1,0 +1,70 @@
+"""A column is what the errors do when its coefficient moves."""
+
+import numpy as np
+import pytest
+
+from glider.campaign.motion_capture import MotionCapture
+from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.effects.field import FIELD_TERMS, FieldData, make_field
+from glider.sysid.likelihood.directions import slopes, starts_of
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.scales import whiten
+from tests.helpers.columns import SCALES, column_error
+from tests.helpers.tasks import fly, task_of
+
+NAMES = [k for k, kind in KINDS.items() if kind.stage != "log"]
+
+
+FINE = MotionCapture(position=1e-7, pitch=1e-7, elevator=1e-7)
+"""Cameras without noise: the columns are of first order in the errors."""
+
+
+def fly_finely(*effects):
+    return task_of(fly(*effects, flights=2, duration=0.4, capture=FINE))[0]
+
+
+@pytest.fixture(scope="module")
+def task():
+    return fly_finely()
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_columns_of_an_effect_that_acts_are_derivatives(kind):
+    values = {
+        c.name: c.grid[0] if c.is_shape else 0.4 * c.scale
+        for c in KINDS[kind].coefficients
+    }
+    task = fly_finely(KINDS[kind](**values))
+    layout, theta = task.layout, task.vehicle.theta.copy()
+    slots = layout.slots_of(kind)
+    theta[list(slots)] = list(values.values())
+    for direction in slopes(layout, theta, slots):
+        assert column_error(task.records[0], theta, direction) < 0.03
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
+    """Of its size, under each of its starting shapes; a shape alone goes by secants."""
+    layout, theta = task.layout, task.vehicle.theta
+    if all(c.is_shape for c in KINDS[kind].coefficients):
+        for (secant,) in starts_of(layout, KINDS[kind], theta):
+            assert secant.moved[secant.slot] == theta[secant.slot] + secant.size
+            assert secant.size in KINDS[kind].coefficients[0].grid
+        return
+    for columns in starts_of(layout, KINDS[kind], theta):
+        for direction in columns:
+            assert column_error(task.records[0], theta, direction) < 0.03
+
+
+@pytest.mark.parametrize("term", FIELD_TERMS)
+def test_columns_of_a_field_are_derivatives(task, term):
+    """A constant of each term, put in as a field and as a column."""
+    record, theta, small = task.records[0], task.vehicle.theta, 1e-4
+    one = np.ones((len(record.time) - 1, 1))
+    flight = linearize(record, theta, NO_FIELD)
+    wide = flight.with_forces(one, [FIELD_TERMS.index(term)], np.eye(1))
+    field = make_field(FieldData(constant=True, weights={term: [small]}))
+    column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
+    there = whiten(linearize(record, theta, field), SCALES).innovations[..., 0]
+    numeric = (error - there) / small
+    np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
