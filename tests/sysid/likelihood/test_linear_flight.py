@@ -31,7 +31,7 @@ def task():
 @pytest.mark.parametrize("kind", NAMES)
 def test_columns_of_an_effect_that_acts_are_derivatives(kind):
     values = {
-        c.name: c.grid[0] if c.is_shape else 0.4 * c.scale
+        c.name: 0.9 * c.grid[0] if c.is_shape else 0.4 * c.scale
         for c in KINDS[kind].coefficients
     }
     task = fly_finely(KINDS[kind](**values))

@@ -1,0 +1,82 @@
+"""Marginal likelihoods in closed form are those of Gaussians, written out."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from glider.sysid.likelihood.evidence import Evidence, eliminate
+
+WIDE = np.full(5, 1e6)
+
+
+@pytest.fixture
+def table():
+    """Forty whitened rows: five columns and the error."""
+    rng = np.random.default_rng(0)
+    table = rng.normal(size=(40, 6))
+    table[:, 5] += table[:, :2] @ [0.7, -0.4]
+    return table
+
+
+PRECISION = np.array([0.5, 2.0, 0.1, 1.0, 4.0])
+
+
+def evidence_of(table, lower=-WIDE, upper=WIDE):
+    return Evidence(
+        gram=table.T @ table, precision=PRECISION, lower=lower, upper=upper
+    )
+
+
+@pytest.mark.parametrize("columns", [[0], [3], [0, 1], [4, 2, 0], [0, 1, 2, 3, 4]])
+def test_the_gain_is_that_of_the_marginal_gaussian(table, columns):
+    x, y = table[:, columns], table[:, 5]
+    spread = np.eye(len(y)) + x @ np.diag(1.0 / PRECISION[columns]) @ x.T
+    expected = multivariate_normal(cov=spread).logpdf(y)
+    expected -= multivariate_normal(cov=np.eye(len(y))).logpdf(y)
+    found = evidence_of(table)
+    assert found.log_marginal(columns) == pytest.approx(expected, rel=1e-9)
+    assert found.log_marginal(columns[::-1]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_nothing_gains_nothing(table):
+    assert evidence_of(table).log_marginal([]) == 0.0
+    assert evidence_of(table).step([]).shape == (0,)
+
+
+def test_the_step_is_the_posterior_mean(table):
+    x, y = table[:, [0, 3]], table[:, 5]
+    rows = np.vstack([x, np.diag(np.sqrt(PRECISION[[0, 3]]))])
+    expected = np.linalg.lstsq(rows, np.append(y, [0.0, 0.0]), rcond=None)[0]
+    np.testing.assert_allclose(evidence_of(table).step([0, 3]), expected)
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_what_is_not_physical_is_impossible(table, side):
+    step = evidence_of(table).step([0])[0]
+    assert step > 0.5
+    bound = {"lower": WIDE.copy(), "upper": WIDE.copy()}
+    bound["lower"] *= -1.0
+    bound[side][0] = 0.0 if side == "upper" else 2.0 * step
+    tight = evidence_of(table, bound["lower"], bound["upper"])
+    assert tight.log_marginal([0]) == -np.inf
+    assert tight.log_marginal([1]) > -np.inf
+
+
+def test_what_always_acts_is_integrated_out(table):
+    """Their columns widen the noise; their expected change is taken off the error."""
+    always, keep = [1, 4], [0, 2, 3, 5]
+    own, mean = np.array([2.0, 0.3]), np.array([0.5, -1.0])
+    x = table[:, always]
+    noise = np.eye(len(table)) + x @ np.diag(1.0 / own) @ x.T
+    rest = table[:, keep].copy()
+    rest[:, -1] -= x @ mean
+    expected = rest.T @ np.linalg.solve(noise, rest)
+    found = eliminate(table.T @ table, always, own, mean)
+    np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(found[:, :3], expected[:, :3], rtol=1e-7, atol=1e-8)
+
+
+def test_with_nothing_to_eliminate_all_stays(table):
+    gram = table.T @ table
+    none = eliminate(gram, [], np.zeros(0), np.zeros(0))
+    np.testing.assert_array_equal(none, gram)
