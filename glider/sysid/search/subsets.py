@@ -60,11 +60,13 @@ class Scorer:
                     yield other
 
 
-def climb(score: Scorer, members: Members, may_grow: bool = True) -> Members:
-    """Returns the set that no drop, swap or (where it may grow) addition betters."""
+def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
+    """Returns the set that no swap betters, and no drop or addition where it may."""
     while True:
-        options = [*score.smaller(members), *score.swapped(members)]
-        if may_grow and len(members) < MOST_EFFECTS:
+        options = [*score.swapped(members)]
+        if not same_size:
+            options += score.smaller(members)
+        if not same_size and len(members) < MOST_EFFECTS:
             options += score.larger(members)
         if not options:
             return members
@@ -75,7 +77,11 @@ def climb(score: Scorer, members: Members, may_grow: bool = True) -> Members:
 
 
 def best_set(score: Scorer, start: Members = ()) -> Members:
-    """Returns the best set found by a beam from nothing and a climb from a start."""
+    """Returns the best set found by a beam from nothing and a climb from a start.
+
+    The beam's sets are swapped only: one that dropped members would be back at a size
+    that the beam has left, though two members may hide what a third one shows.
+    """
     found = [climb(score, start)]
     beam: list[Members] = [()]
     best = max(found, key=score)
@@ -86,7 +92,7 @@ def best_set(score: Scorer, start: Members = ()) -> Members:
         ranked = sorted(pool.values(), key=score, reverse=True)[:BEAM]
         if not ranked:
             break
-        reached = [climb(score, m, may_grow=False) for m in ranked]
+        reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())
         top = max(beam, key=score)
         if score(top) > score(best) + 1e-6:

@@ -1,0 +1,103 @@
+"""The search finds the set that trying all of them would find."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from glider.sysid.likelihood.evidence import Evidence
+from glider.sysid.search.subsets import MOST_EFFECTS, Scorer, best_set, climb
+
+PRICE = 3.0
+
+
+def scorer(table, variants, price=PRICE):
+    count = table.shape[1] - 1
+    evidence = Evidence(
+        gram=table.T @ table,
+        precision=np.full(count, 0.01),
+        lower=np.full(count, -np.inf),
+        upper=np.full(count, np.inf),
+    )
+    return Scorer(evidence, variants, price)
+
+
+@pytest.fixture
+def decoyed():
+    """Two true effects, and one that looks like their sum."""
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(200, 4))
+    x[:, 2] = x[:, 0] + x[:, 1] + 0.3 * rng.normal(size=200)
+    y = x[:, 0] + x[:, 1] + 0.5 * rng.normal(size=200)
+    table = np.column_stack([x, y])
+    return scorer(table, {"a": [(0,)], "b": [(1,)], "decoy": [(2,)], "none": [(3,)]})
+
+
+def kinds_of(members):
+    return {kind for kind, _ in members}
+
+
+def test_a_decoy_is_best_alone_and_still_loses(decoyed):
+    alone = max(decoyed.larger(()), key=decoyed)
+    assert kinds_of(alone) == {"decoy"}
+    assert kinds_of(best_set(decoyed)) == {"a", "b"}
+    wrong = (("decoy", (2,)), ("none", (3,)))
+    assert kinds_of(best_set(decoyed, wrong)) == {"a", "b"}
+
+
+def test_a_climb_swaps_what_another_does_better(decoyed):
+    start = (("a", (0,)), ("decoy", (2,)))
+    assert kinds_of(climb(decoyed, start)) == {"a", "b"}
+    assert len(climb(decoyed, (("none", (3,)),), same_size=True)) == 1
+
+
+def test_a_member_costs_its_price_and_order_does_not_count(decoyed):
+    pair = (("a", (0,)), ("b", (1,)))
+    assert decoyed(pair) == decoyed(pair[::-1])
+    assert decoyed(pair) == decoyed.evidence.log_marginal([0, 1]) - 2.0 * PRICE
+    assert decoyed(()) == 0.0
+
+
+def test_neighbours_are_one_step_away(decoyed):
+    pair = (("a", (0,)), ("b", (1,)))
+    assert {len(m) for m in decoyed.larger(pair)} == {3}
+    assert [kinds_of(m) for m in decoyed.smaller(pair)] == [{"b"}, {"a"}]
+    for other in decoyed.swapped(pair):
+        assert len(kinds_of(other)) == 2
+        assert len(set(other) & set(pair)) == 1
+
+
+def every_set(variants, most):
+    for count in range(most + 1):
+        for kinds in itertools.combinations(variants, count):
+            for chosen in itertools.product(*(variants[k] for k in kinds)):
+                yield tuple(zip(kinds, chosen, strict=True))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 7])
+def test_the_best_of_all_sets_is_found(seed):
+    """Six kinds, two starting shapes each, columns alike; in 5, only three gain."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(60, 3)) @ rng.normal(size=(3, 12))
+    x += 0.5 * rng.normal(size=x.shape)
+    y = x[:, rng.choice(12, 3, replace=False)].sum(axis=1) + rng.normal(size=60)
+    variants = {f"kind {k}": [(2 * k,), (2 * k + 1,)] for k in range(6)}
+    score = scorer(np.column_stack([x, y]), variants)
+    best = max(every_set(variants, 6), key=score)
+    assert score(best_set(score)) == pytest.approx(score(best))
+    assert len(best) > 1
+
+
+def test_noise_gets_no_name():
+    rng = np.random.default_rng(0)
+    score = scorer(rng.normal(size=(300, 11)), {str(k): [(k,)] for k in range(10)})
+    assert best_set(score) == ()
+    assert best_set(score, (("3", (3,)),)) == ()
+
+
+def test_a_set_grows_to_the_most_effects_and_no_farther():
+    count = MOST_EFFECTS + 3
+    x = np.eye(count)
+    table = np.column_stack([x, np.full(count, 50.0)])
+    score = scorer(table, {str(k): [(k,)] for k in range(count)})
+    assert len(best_set(score)) == MOST_EFFECTS
