@@ -1,56 +1,76 @@
-"""What a set of effects leaves free, and which of two sets is the better one."""
+"""What a set of effects leaves free, and what it is worth, whatever acts already."""
 
-import types
+import dataclasses
 
 import numpy as np
 import pytest
 
-from glider.sysid.fit.output_error import Fit
-from glider.sysid.replay.theta import LIBRARY_LAYOUT
-from glider.sysid.search.candidates import Fitted, Search, ranked
+from glider.physics.effects import KINDS
+from glider.sysid.likelihood.candidates import gather, saturated_scales
+from glider.sysid.likelihood.model_fit import fit_model
+from tests.helpers.tasks import begin, fly, task_of
 
 
-@pytest.mark.parametrize(
-    ("unknown", "kinds", "slot"),
-    [
-        ("wing_offset", ("center_of_pressure",), ("center_of_pressure", "shift")),
-        ("pitch_inertia", ("added_mass",), ("added_mass", "inertia")),
-        (None, ("added_mass", "inertia"), ("added_mass", "inertia")),
-    ],
-)
-def test_what_is_one_with_another_unknown_is_not_fitted(unknown, kinds, slot):
-    index = LIBRARY_LAYOUT.index
-    nuisance = () if unknown is None else (index["parameters", unknown],)
-
-    def free(kinds, nuisance):
-        problem = types.SimpleNamespace(layout=LIBRARY_LAYOUT)
-        search = Search(problem=problem, theta=np.zeros(0), nuisance=nuisance)
-        return search.free(kinds)
-
-    assert index[slot] in free(kinds[:1], ())
-    together = free(kinds, nuisance)
-    assert index[slot] not in together
-    everything = {i for kind in kinds for i in LIBRARY_LAYOUT.slots_of(kind)}
-    assert set(together) == (everything | set(nuisance)) - {index[slot]}
+@pytest.fixture(scope="module")
+def dragged():
+    """A little drag, and the model that has been fitted to it."""
+    task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.01), flights=4))
+    few = ("profile_drag", "axial_drag", "attached_lift", "servo_lag")
+    task = dataclasses.replace(task, kinds=few)
+    plate = fit_model(task, begin(task, noise))
+    return task, plate, fit_model(task, begin(task, noise, ["profile_drag"]))
 
 
-def fitted(kind, cost, coefficients):
-    information = np.zeros((1, coefficients + 1, coefficients + 1))
-    information[0, -1, -1] = cost
-    fit = Fit(
-        theta=np.zeros(0),
-        free=tuple(range(coefficients)),
-        information=information,
-        degrees=np.array([1000]),
-    )
-    return Fitted(kinds=(kind,), fit=fit)
+@pytest.mark.parametrize("is_told", [True, False], ids=["told", "not told"])
+def test_a_shifted_center_of_pressure_is_one_with_an_unknown_wing_offset(is_told):
+    campaign = fly(flights=2, duration=0.2)
+    if not is_told:
+        known = {k: v for k, v in campaign.vehicle.items() if k != "wing_offset"}
+        campaign = dataclasses.replace(campaign, vehicle=known)
+    task, _ = task_of(campaign)
+    index, slots_of = task.layout.index, task.layout.slots_of
+    free = set(task.free(("center_of_pressure", "profile_drag")))
+    everything = {*slots_of("center_of_pressure"), *slots_of("profile_drag")}
+    shift = {index["center_of_pressure", "shift"]}
+    if is_told:
+        assert free == everything
+    else:
+        assert free == (everything - shift) | set(task.vehicle.nuisance)
+        assert index["parameters", "wing_offset"] in free
 
 
-@pytest.mark.parametrize("dispersion", [1.0, 50.0])
-@pytest.mark.parametrize(("gain", "best"), [(5.0, "inertia"), (10.0, "added_mass")])
-def test_a_kind_that_holds_another_must_fit_clearly_better(dispersion, gain, best):
-    small = fitted("inertia", 1000.0 * dispersion, 1)
-    large = fitted("added_mass", (1000.0 - gain) * dispersion, 2)
-    assert ranked([small, large])[0].kinds == (best,)
-    assert ranked([large, small])[0].kinds == (best,)
-    assert ranked([]) == []
+def test_each_starting_shape_is_a_variant(dragged):
+    task, plate, _ = dragged
+    candidates = gather(task, plate)
+    counts = {kind: len(own) for kind, own in candidates.variants.items()}
+    shapes = [c.grid for c in KINDS["attached_lift"].coefficients if c.is_shape]
+    assert counts["profile_drag"] == counts["axial_drag"] == 1
+    assert counts["attached_lift"] == np.prod([len(grid) for grid in shapes])
+    assert counts["servo_lag"] == len(KINDS["servo_lag"].coefficients[0].grid)
+    columns = [c for own in candidates.variants.values() for v in own for c in v]
+    assert sorted(columns) == list(range(len(candidates.directions)))
+
+
+def test_an_effect_is_worth_the_same_whether_it_acts_or_not(dragged):
+    """Linear about the plate, or about the model with it, counted from nothing."""
+    task, plate, model = dragged
+    gains = []
+    for about in (plate, model):
+        candidates = gather(task, about)
+        gram = candidates.grams(model.scales).sum(axis=0)
+        evidence, variants = candidates.evidence(gram)
+        (drag,) = variants["profile_drag"]
+        gains.append((evidence.log_marginal(drag), evidence.step(drag)[0]))
+    (before, step), (after, again) = gains
+    assert before > 50.0
+    assert after == pytest.approx(before, rel=0.05)
+    assert step == pytest.approx(0.01, rel=0.05)
+    assert again == pytest.approx(0.01, rel=0.05)
+
+
+def test_what_a_model_lacks_is_not_taken_for_noise(dragged):
+    task, plate, model = dragged
+    scales, change = saturated_scales(gather(task, plate), plate.scales, 3)
+    assert plate.scales.air > 5.0 * model.scales.air
+    assert scales.air < 2.0 * model.scales.air + 0.005
+    assert np.all(np.isfinite(change))

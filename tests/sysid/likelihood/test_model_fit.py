@@ -1,4 +1,4 @@
-"""The joint fit: exact on its own rollouts, honest about its errors."""
+"""Coefficients fitted to flights: right within honest standard errors."""
 
 import dataclasses
 
@@ -6,154 +6,139 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.physics.model import GliderModel
-from glider.sysid.likelihood.information import (
-    bounded_step,
-    cost,
-    held_out_costs,
-    moved,
-    solve,
-)
-from glider.sysid.fit.output_error import fit, fit_covariance, gather
-from glider.sysid.fit.simulate import (
-    CampaignPlan,
-    simulate_campaign,
-    theta_of,
-)
-from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.sensitivity import linearize
-from glider.sysid.replay.shooting import (
-    fit_start,
-    fly_record,
-)
-from glider.sysid.replay.theta import LIBRARY_LAYOUT
-
-INDEX, slots_of = LIBRARY_LAYOUT.index, LIBRARY_LAYOUT.slots_of
-default_theta = LIBRARY_LAYOUT.default_theta
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.replay.record import Record
+from glider.sysid.search.weighing import uncertainty_of
+from tests.helpers.tasks import begin, fit_kinds, fly, task_of
 
 
-def make_problem(model, seed=0, **plan):
-    campaign = simulate_campaign(
-        model, CampaignPlan(**plan), np.random.default_rng(seed)
-    )
-    noise = measure_noise(campaign)
-    return Problem(records=prepare(campaign.flights, campaign, noise), noise=noise)
+def errors_of(task, model, kind, truth):
+    """Returns the errors of a kind's coefficients and their standard errors."""
+    slots = task.layout.slots_of(kind)
+    known = uncertainty_of(task, model)
+    found = model.theta[list(slots)]
+    return found - truth, np.array([known.std(i) for i in slots])
 
 
 @pytest.fixture(scope="module")
 def windy():
-    model = GliderModel(effects=(KINDS["wind"](x=-0.4, z=0.1),))
-    return model, make_problem(model, flights=8)
+    return fly(KINDS["wind"](x=-0.4, z=0.1), flights=6)
 
 
-def test_truth_leaves_only_noise(windy):
-    model, problem = windy
-    found = fit(problem, theta_of(model), ())
-    assert found.dispersion == pytest.approx(1.0, abs=0.1)
+@pytest.fixture(scope="module")
+def fitted(windy):
+    return fit_kinds(windy, "wind")
 
 
-def test_wind_is_found_within_its_standard_error(windy):
-    model, problem = windy
-    found = fit(problem, default_theta(model.parameters), slots_of("wind"))
-    error = found.theta[list(slots_of("wind"))] - [-0.4, 0.1]
-    std = np.sqrt(np.diag(fit_covariance(found)))
+def test_wind_is_found_within_its_standard_error(fitted):
+    error, std = errors_of(*fitted, "wind", [-0.4, 0.1])
     assert np.all(np.abs(error) < 4.0 * std)
     assert np.all(std < 0.01)
 
 
+def test_the_truth_leaves_only_noise(fitted):
+    task, model = fitted
+    assert model.scales.position == pytest.approx(4e-4, rel=0.15)
+    assert model.scales.air < 0.01
+
+
+def test_what_acts_is_more_likely_than_the_plate_alone(windy, fitted):
+    _, plate = fit_kinds(windy)
+    assert fitted[1].cost < plate.cost - 100.0
+    assert plate.scales.wind > 0.1  # What no model has, each flight has for itself.
+
+
+def test_a_fit_that_begins_at_the_truth_ends_there(windy):
+    task, noise = task_of(windy)
+    start = begin(task, noise, ["wind"])
+    theta = start.theta.copy()
+    theta[list(task.layout.slots_of("wind"))] = [-0.4, 0.1]
+    near = fit_model(task, dataclasses.replace(start, theta=theta))
+    far = fit_model(task, start)
+    assert near.cost == pytest.approx(far.cost, abs=1.0)
+    np.testing.assert_allclose(near.theta, far.theta, atol=2e-3)
+
+
+def test_a_shape_is_fitted_from_its_first_guess():
+    campaign = fly(KINDS["servo_lag"](time_constant=0.033), flights=4)
+    task, model = fit_kinds(campaign, "servo_lag")
+    error, std = errors_of(task, model, "servo_lag", [0.033])
+    assert abs(error[0]) < 4.0 * std[0] < 0.002
+
+
+def test_scales_may_be_kept(windy):
+    task, noise = task_of(windy)
+    start = begin(task, noise, ["wind"])
+    model = fit_model(task, start, scales_free=False)
+    assert model.scales == start.scales
+    assert model.theta[task.layout.slots_of("wind")[0]] == pytest.approx(-0.4, abs=0.1)
+
+
+def test_what_is_known_beforehand_pulls(windy):
+    """A wing area that is told to a millionth is not taken from the flights."""
+    known = {k: v for k, v in windy.vehicle.items() if k != "wing_area"}
+    known["wing_area"] = 1.1 * windy.vehicle["wing_area"]
+    task, noise = task_of(dataclasses.replace(windy, vehicle=known))
+    slot = task.layout.index["parameters", "wing_area"]
+    told = task.vehicle.theta[slot]
+    for spread, lowest, highest in ((1e-8, 0.999, 1.001), (0.05, 0.85, 0.95)):
+        spreads = np.full(len(task.vehicle.theta), 1.0)
+        spreads[slot] = spread
+        vehicle = dataclasses.replace(
+            task.vehicle, nuisance=(slot,), prior=(task.vehicle.theta, spreads)
+        )
+        held = dataclasses.replace(task, vehicle=vehicle)
+        model = fit_model(held, begin(held, noise, ["wind"]))
+        assert lowest < model.theta[slot] / told < highest
+
+
+def with_gap(campaign, rows):
+    first, *others = campaign.flights
+    keep = np.ones(len(first.time), dtype=bool)
+    keep[rows] = False
+    cut = dataclasses.replace(
+        first,
+        time=first.time[keep],
+        pose=first.pose[keep],
+        elevator=first.elevator[keep],
+        command=first.command[keep],
+    )
+    return dataclasses.replace(campaign, flights=(cut, *others))
+
+
+def test_forty_missing_rows_change_no_coefficient():
+    campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=2)
+    whole = fit_kinds(campaign, "profile_drag")
+    gapped = fit_kinds(with_gap(campaign, slice(30, 70)), "profile_drag")
+    (before,), (std,) = errors_of(*whole, "profile_drag", [0.05])
+    (after,), (wider,) = errors_of(*gapped, "profile_drag", [0.05])
+    assert abs(before) < 4.0 * std and abs(after) < 4.0 * wider
+    assert abs(after - before) < 3.0 * wider
+    assert std < wider * 1.2  # Fewer rows tell no more.
+
+
+def test_rows_that_nobody_saw_may_hold_anything():
+    """Poses of unseen rows do not get into a fit."""
+    campaign = with_gap(fly(KINDS["profile_drag"](cd0=0.05), flights=2), slice(30, 70))
+    task, noise = task_of(campaign)
+
+    def spoilt(record: Record) -> Record:
+        pose = np.where(record.seen[:, :3], record.pose, 1e3)
+        return dataclasses.replace(record, pose=pose)
+
+    start = begin(task, noise, ["profile_drag"])
+    other = task.on([spoilt(record) for record in task.records])
+    results = [fit_model(t, start, iterations=2) for t in (task, other)]
+    np.testing.assert_array_equal(results[0].theta, results[1].theta)
+
+
+@pytest.mark.slow
 def test_standard_errors_cover_over_campaigns():
     """Over campaigns the error in standard errors has a spread near one."""
-    model = GliderModel(effects=(KINDS["profile_drag"](cd0=0.05),))
     scores = []
     for seed in range(12):
-        problem = make_problem(model, seed=seed, flights=5)
-        found = fit(
-            problem,
-            default_theta(model.parameters),
-            slots_of("profile_drag"),
-        )
-        error = found.theta[INDEX["profile_drag", "cd0"]] - 0.05
-        scores.append(error / np.sqrt(fit_covariance(found)[0, 0]))
+        campaign = fly(KINDS["profile_drag"](cd0=0.05), seed=seed, flights=5)
+        task, model = fit_kinds(campaign, "profile_drag")
+        (error,), (std,) = errors_of(task, model, "profile_drag", [0.05])
+        scores.append(error / std)
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 1.8
-
-
-def test_signatures_are_derivatives_of_the_errors(windy):
-    """A column is what the errors of free rollouts do when a coefficient moves."""
-    model, problem = windy
-    record = problem.records[0]
-    theta = theta_of(model)
-    free = (*slots_of("wind"), *slots_of("marker_offset"), *slots_of("servo_lag"))
-    free = tuple(sorted(free))
-    theta[list(slots_of("servo_lag"))] = 0.02
-    start = fit_start(problem, record, theta)
-    nodes = fly_record(problem, record, theta, start)
-    here = linearize(problem, record, theta, free, nodes=nodes)
-    for j, i in enumerate(free):
-        moved = theta.copy()
-        moved[i] += 1e-5
-        flown = fly_record(problem, record, moved, start)
-        there = linearize(problem, record, moved, nodes=flown)
-        numeric = (here.residual - there.residual)[:-5] / 1e-5
-        scale = np.abs(numeric).max()
-        np.testing.assert_allclose(here.by_theta[:-5, j], numeric, atol=2e-3 * scale)
-
-
-def test_launch_state_is_fitted(windy):
-    model, problem = windy
-    record, theta = problem.records[1], theta_of(model)
-    start = fit_start(problem, record, theta)
-    flown = fly_record(problem, record, theta, start)
-    error = record.flight.pose - flown[:, :3]
-    assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.3 * problem.noise.position
-    assert np.sqrt(np.mean(error[:, 2] ** 2)) < 1.3 * problem.noise.pitch
-
-
-def test_bounds_hold_and_the_others_adjust():
-    rng = np.random.default_rng(0)
-    table = rng.normal(size=(50, 4))
-    information = table.T @ table
-    free = solve(information)
-    limit = free[0] - 0.1
-    upper = np.array([limit, np.inf, np.inf])
-    step = bounded_step(information, np.zeros(3), 0.0, np.full(3, -np.inf), upper)
-    assert step[0] == pytest.approx(limit)
-    rest = np.linalg.lstsq(table[:, 1:3], table[:, 3] - limit * table[:, 0], rcond=None)
-    np.testing.assert_allclose(step[1:], rest[0], rtol=1e-6)
-
-
-def test_information_moves_with_the_coefficients():
-    rng = np.random.default_rng(0)
-    table = rng.normal(size=(50, 4))
-    information, step, further = table.T @ table, rng.normal(size=3), rng.normal(size=3)
-    there = moved(information, step)
-    assert cost(there, further) == pytest.approx(cost(information, step + further))
-
-
-def test_left_out_flights_are_left_out():
-    """A flight's held-out cost does not know the flight itself."""
-    rng = np.random.default_rng(0)
-    tables = rng.normal(size=(4, 30, 3))
-    information = np.einsum("fni,fnj->fij", tables, tables)
-    held_out = held_out_costs(information)
-    others = information[1:].sum(axis=0)
-    assert held_out[0] == pytest.approx(cost(information[0], solve(others)))
-    assert np.all(held_out >= [cost(own, solve(own)) for own in information])
-
-
-def test_a_model_that_blows_up_costs_infinitely(windy):
-    model, problem = windy
-    theta = theta_of(model)
-    theta[list(slots_of("profile_drag"))] = -1e6
-    assert gather(problem, theta, ()).sum() == np.inf
-
-
-def test_a_prior_pulls(windy):
-    model, problem = windy
-    theta = default_theta(model.parameters)
-    spread = np.full(len(theta), np.inf)
-    spread[list(slots_of("wind"))] = 1e-7
-    held = dataclasses.replace(problem, prior=(theta.copy(), spread))
-    found = fit(held, theta, slots_of("wind"))
-    np.testing.assert_allclose(found.theta[list(slots_of("wind"))], 0.0, atol=1e-3)

@@ -1,0 +1,88 @@
+"""Unseen flights predicted from their beginnings."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import KINDS, NO_FIELD
+from glider.sysid.fit.folds import flown_by
+from glider.sysid.fit.prediction import (
+    Flown,
+    beginning_rows,
+    measure_errors,
+    predict,
+)
+from glider.sysid.fit.simulate import theta_of
+from glider.physics.model import GliderModel
+from glider.sysid.likelihood.scales import start_scales
+from tests.helpers.tasks import begin, fly, task_of
+
+WIND = KINDS["wind"](x=-0.4, z=0.1)
+
+
+@pytest.fixture(scope="module")
+def windy():
+    task, noise = task_of(fly(WIND, flights=4))
+    truth = dataclasses.replace(
+        begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))
+    )
+    return task, flown_by(task, truth, start_scales(noise))
+
+
+def test_the_launch_is_fitted_on_the_beginning_only(windy):
+    """What happens later does not change the prediction."""
+    task, model = windy
+    record = task.records[1]
+    rows = beginning_rows(record, own_trims=False)
+    assert 10 <= rows < 0.3 * len(record.time)
+    assert beginning_rows(record, own_trims=True) > 1.5 * rows
+    pose = record.pose.copy()
+    pose[rows:] += 5.0
+    spoilt = dataclasses.replace(record, pose=pose)
+    np.testing.assert_array_equal(
+        predict(model, record).pose, predict(model, spoilt).pose
+    )
+
+
+def test_the_truth_flies_whole_flights_as_they_were(windy):
+    task, model = windy
+    for record in task.records:
+        error = record.pose - predict(model, record, whole=True).pose
+        assert np.sqrt(np.mean(error[:, :2] ** 2)) < 1.5 * 4e-4
+        assert np.sqrt(np.mean(error[:, 2] ** 2)) < 1.3 * 2.5e-3
+
+
+def test_errors_tell_the_truth_from_the_plate(windy):
+    task, model = windy
+    plate = dataclasses.replace(model, theta=task.vehicle.theta)
+    right, predictions = measure_errors(model, task.records)
+    wrong, _ = measure_errors(plate, task.records)
+    assert len(predictions) == len(task.records)
+    assert right.position_rms_m < 0.2 * wrong.position_rms_m
+    assert right.position_end_m < 0.2 * wrong.position_end_m
+    assert (
+        right.measured_pitch_position_rms_m < 0.2 * wrong.measured_pitch_position_rms_m
+    )
+    assert right.tangential < wrong.tangential
+
+
+def test_errors_are_of_the_rows_that_were_seen(windy):
+    """A row that nobody saw adds nothing, whatever stands in it."""
+    task, model = windy
+    record = task.records[0]
+    seen, pose = record.seen.copy(), record.pose.copy()
+    seen[60:80] = False
+    pose[60:80] = 1e3
+    gapped = dataclasses.replace(record, seen=seen, pose=pose)
+    errors, _ = measure_errors(model, [gapped])
+    assert errors.position_rms_m < 0.05
+
+
+def test_a_flights_own_trim_is_found_on_its_beginning(windy):
+    task, model = windy
+    trimmed = fly(WIND, KINDS["elevator_trim"](angle=0.05), flights=2)
+    record = task_of(trimmed)[0].records[0]
+    scales = dataclasses.replace(model.scales, trim=0.05)
+    own = Flown(theta=model.theta, field=NO_FIELD, scales=scales, own_trims=True)
+    assert predict(own, record).trim == pytest.approx(0.05, abs=0.02)

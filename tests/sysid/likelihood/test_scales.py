@@ -1,0 +1,84 @@
+"""The strengths of noise, air and trims are those that were simulated."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.sysid.likelihood.model_fit import fit_model, linear_flights
+from glider.sysid.likelihood.scales import (
+    CEILING,
+    FLOOR,
+    NAMES,
+    Scales,
+    fit_scales,
+    negative_log_likelihood,
+)
+from tests.helpers.lifelike import turbulence_campaign
+from tests.helpers.tasks import begin, fly, task_of
+
+
+@pytest.fixture(scope="module")
+def turbulent():
+    campaign, truth = turbulence_campaign(2, flights=16)
+    task, noise = task_of(campaign)
+    return task, fit_model(task, begin(task, noise)), truth
+
+
+def test_sensors_air_and_trims_have_their_strengths(turbulent):
+    _, model, truth = turbulent
+    scales = model.scales
+    assert scales.position == pytest.approx(truth.capture.position, rel=0.15)
+    assert scales.pitch == pytest.approx(truth.capture.pitch, rel=0.15)
+    assert scales.elevator == pytest.approx(truth.capture.elevator, rel=0.15)
+    assert scales.air == pytest.approx(truth.air_std, rel=0.3)
+    assert scales.air_time == pytest.approx(truth.air_correlation, rel=0.6)
+    drawn = np.std(truth.per_flight["elevator_trim"])
+    assert scales.trim == pytest.approx(drawn, rel=0.25)
+
+
+def test_what_is_not_there_is_weak(turbulent):
+    _, model, _ = turbulent
+    assert model.scales.wind < 0.05
+    assert model.scales.pitch_zero < 3e-3
+    assert model.scales.servo < 5e-3
+
+
+def test_no_other_scales_are_more_likely(turbulent):
+    """Each scale moved by a tenth, alone."""
+    task, model, _ = turbulent
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    best, _ = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3)
+    cost = negative_log_likelihood(flights, best).sum()
+    for k, name in enumerate(NAMES):
+        for change in (-0.1, 0.1):
+            logs = best.logs
+            logs[k] += change
+            moved = Scales.from_logs(logs)
+            low, high = getattr(FLOOR, name), getattr(CEILING, name)
+            if not low <= getattr(moved, name) <= high:
+                continue
+            worse = negative_log_likelihood(flights, moved).sum() - cost
+            assert worse > -0.2, name
+
+
+def test_a_scale_that_is_not_free_stays(turbulent):
+    task, model, _ = turbulent
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    start = Scales(air=0.4)
+    found, _ = fit_scales(flights, start, ("air",), iterations=3)
+    assert found.air < 0.35
+    expected = dataclasses.replace(start, air=found.air)
+    np.testing.assert_allclose(found.logs, expected.logs)
+
+
+def test_still_air_is_still():
+    task, noise = task_of(fly(flights=4))
+    scales = fit_model(task, begin(task, noise)).scales
+    assert scales.air < 0.01
+    assert scales.moment < 1.0
+    assert scales.position == pytest.approx(noise.position, rel=0.2)
+
+
+def test_logarithms_there_and_back():
+    np.testing.assert_allclose(Scales.from_logs(CEILING.logs).logs, CEILING.logs)
