@@ -9,6 +9,9 @@ _DATA = Path(__file__).parents[1] / "data" / "campaigns"
 PRACTICE = ("attached_lift", "floor_vent", "head_wind", "slow_servo", "still_air")
 """Campaigns whose missing effect is in the name (nothing is, in still air)."""
 
+LIFELIKE = ("four_at_once", "gusty_drag", "moving_air", "new_trims", "other_stall")
+"""Campaigns of several effects, of moving air, of what differs between flights."""
+
 BLIND = ("a", "b", "c", "d", "e", "f")
 """Campaigns whose missing effect nobody has told us."""
 
@@ -17,7 +20,8 @@ def campaign_path(name: str) -> Path:
     """Returns the folder of a campaign; the sample campaign is among the models."""
     if name == "attached_lift":
         return models_path("campaigns", name)
-    for group, names in (("practice", PRACTICE), ("blind", BLIND)):
+    groups = {"practice": PRACTICE, "lifelike": LIFELIKE, "blind": BLIND}
+    for group, names in groups.items():
         if name in names:
             return _DATA / group / name
-    raise FileNotFoundError(f"No campaign '{name}'; there are {PRACTICE + BLIND}.")
+    raise FileNotFoundError(f"No campaign '{name}'; there are {groups}.")

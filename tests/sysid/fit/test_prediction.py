@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.model import GliderModel
 from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import (
     Flown,
@@ -14,7 +15,6 @@ from glider.sysid.fit.prediction import (
     predict,
 )
 from glider.sysid.fit.simulate import theta_of
-from glider.physics.model import GliderModel
 from glider.sysid.likelihood.scales import start_scales
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -80,7 +80,7 @@ def test_errors_are_of_the_rows_that_were_seen(windy):
 
 
 def test_a_flights_own_trim_is_found_on_its_beginning(windy):
-    task, model = windy
+    _, model = windy
     trimmed = fly(WIND, KINDS["elevator_trim"](angle=0.05), flights=2)
     record = task_of(trimmed)[0].records[0]
     scales = dataclasses.replace(model.scales, trim=0.05)

@@ -22,9 +22,7 @@ PRECISION = np.array([0.5, 2.0, 0.1, 1.0, 4.0])
 
 
 def evidence_of(table, lower=-WIDE, upper=WIDE):
-    return Evidence(
-        gram=table.T @ table, precision=PRECISION, lower=lower, upper=upper
-    )
+    return Evidence(gram=table.T @ table, precision=PRECISION, lower=lower, upper=upper)
 
 
 @pytest.mark.parametrize("columns", [[0], [3], [0, 1], [4, 2, 0], [0, 1, 2, 3, 4]])

@@ -87,7 +87,7 @@ class Written:
         return np.array(rows)
 
     def gaussian(self):
-        """Returns errors (N, m) less what they are expected to be, covariance (N, N)."""
+        """Returns errors (N, m) less their expectation, and covariance (N, N)."""
         flight, s, n = self.flight, self.scales, self.n
         rows, total = len(flight.record.time), n + 8
         still = np.zeros((rows - 1, total))

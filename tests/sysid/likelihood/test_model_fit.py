@@ -37,7 +37,7 @@ def test_wind_is_found_within_its_standard_error(fitted):
 
 
 def test_the_truth_leaves_only_noise(fitted):
-    task, model = fitted
+    _, model = fitted
     assert model.scales.position == pytest.approx(4e-4, rel=0.15)
     assert model.scales.air < 0.01
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.replay import roll_out
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
 from glider.physics.model import (
@@ -13,31 +15,27 @@ from glider.physics.model import (
     load_model,
     save_model,
 )
-from glider.report.terminal import print_summary
-from glider.sysid.likelihood.information import covariance
-from glider.sysid.fit.output_error import fit
+from glider.sysid.fit.prediction import Flown, find_launch
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
     theta_of,
 )
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
-from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.own_effects import check_own_effects
-from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.sensitivity import linearize
-from glider.sysid.replay.shooting import (
-    fit_start,
-    fly_record,
-)
 from glider.sysid.replay.signals import pose_signals, replayed_path
 from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
     layout_of,
 )
+from glider.sysid.search.weighing import uncertainty_of
 from glider.systems.plant import GliderPlant
+from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import (
     ALL,
     BLEED,
@@ -48,6 +46,7 @@ from tests.helpers.own_kinds import (
     STICKY,
     TWIST,
 )
+from tests.helpers.tasks import begin, task_of
 
 LAYOUT = layout_of(ALL)
 
@@ -63,12 +62,6 @@ def planted(kind, **plan):
     model = GliderModel(effects=effects)
     campaign = simulate_campaign(model, CampaignPlan(**plan), np.random.default_rng(3))
     return model, campaign
-
-
-def make_problem(campaign):
-    noise = measure_noise(campaign)
-    records = prepare(campaign.flights, campaign, noise, LAYOUT)
-    return Problem(records=records, noise=noise)
 
 
 @pytest.fixture(scope="module", params=[FLAP, BOOM], ids=["flap", "boom"])
@@ -92,6 +85,8 @@ def test_an_own_effect_is_named(closed):
 def test_the_report_shows_its_words(closed, capsys):
     from rich.console import Console
 
+    from glider.report.terminal import print_summary
+
     kind, result = closed
     print_summary(result, Console(width=200))
     assert kind.words in capsys.readouterr().out
@@ -110,26 +105,44 @@ def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
 def test_own_effects_of_each_stage_are_fitted(kind):
-    model, campaign = planted(kind, flights=6)
-    problem = make_problem(campaign)
-    truth, slots = theta_of(model), LAYOUT.slots_of(kind.kind)
-    assert fit(problem, truth, ()).dispersion == pytest.approx(1.0, abs=0.15)
-    found = fit(problem, LAYOUT.default_theta(model.parameters), slots)
-    error = found.theta[list(slots)] - truth[list(slots)]
-    std = np.sqrt(np.diag(covariance(found.information, found.dispersion)))
-    assert np.all(np.abs(error) < 5.0 * std)
+    model, campaign = planted(kind, flights=4)
+    task, noise = task_of(campaign, LAYOUT)
+    truth, slots = theta_of(model), list(LAYOUT.slots_of(kind.kind))
+    found = fit_model(task, begin(task, noise, [kind.kind]))
+    known = uncertainty_of(task, found)
+    std = np.array([known.std(slot) for slot in slots])
+    assert np.all(np.abs(found.theta[slots] - truth[slots]) < 5.0 * std)
     assert std[0] < 0.2 * abs(truth[slots[0]])
+    assert found.scales.position == pytest.approx(noise.position, rel=0.25)
+    assert found.cost < fit_model(task, begin(task, noise)).cost - 20.0
 
 
 def test_flights_are_those_of_the_plant():
     """What the log's kernel flies, with its states at rest, is what Drake flies."""
     model, campaign = planted(BOOM, flights=3)
-    problem = make_problem(campaign)
-    record = problem.records[0]
-    theta = theta_of(model)
-    start = fit_start(problem, record, theta)
+    task, noise = task_of(campaign, LAYOUT)
+    record, theta = task.records[0], theta_of(model)
+    known = Flown(
+        theta=theta,
+        field=model.residual_field,
+        scales=start_scales(noise),
+        own_trims=False,
+    )
+    start = find_launch(known, record, len(record.time)).state
     start[7:] = 0.0
-    flown = fly_record(problem, record, theta, start)
+    elevator, rate = pose_signals(record, theta)
+    still, level = np.zeros((len(rate), 2)), np.ones(len(rate))
+    flown = roll_out(
+        LAYOUT.compiled_kinds,
+        record.time,
+        start,
+        elevator,
+        rate,
+        still,
+        level,
+        LAYOUT.dynamics(theta),
+        model.residual_field,
+    )
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
@@ -165,39 +178,29 @@ def test_own_states_rest_where_the_plant_has_them_rest():
 def test_a_flight_begins_near_rest():
     """Within a share of the states' scales, as its prior has it."""
     model, campaign = planted(BOOM, flights=3)
-    problem = make_problem(campaign)
-    record, theta = problem.records[0], theta_of(model)
+    task, _ = task_of(campaign, LAYOUT)
+    record, theta = task.records[0], theta_of(model)
     start = true_nodes(record, theta)[0]
     elevator, rate = pose_signals(record, theta)
     launch = start + np.eye(len(start))[3] * elevator[0, 0]
     rest = LAYOUT.steady_states(0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
-    errors = linearize(problem, record, theta)
-    count = len(rest)
-    np.testing.assert_allclose(errors.residual[-count:], 0.0, atol=1e-12)
-    spread = 1.0 / np.diag(errors.by_start[-count:, -count:])
+    flight = linearize(record, theta, model.residual_field)
+    own = slice(7, len(start))
+    np.testing.assert_allclose(flight.start[own], 0.0, atol=1e-12)
+    spread = np.sqrt(start_variances(flight, Scales())[own])
     np.testing.assert_allclose(spread, 0.05 * np.array([1.0, 5.0, 2.0, 2.0]))
 
 
-@pytest.mark.parametrize("kind", [BOOM, INFLOW], ids=lambda kind: kind.kind)
-def test_signatures_are_derivatives_of_the_errors(kind):
-    model, campaign = planted(kind, flights=3)
-    problem = make_problem(campaign)
-    record, theta = problem.records[0], theta_of(model)
-    slots = LAYOUT.slots_of(kind.kind)
-    start = fit_start(problem, record, theta)
-    nodes = fly_record(problem, record, theta, start)
-    here = linearize(problem, record, theta, slots, nodes=nodes)
-    rows = len(here.residual) - 1 - (LAYOUT.num_states - 7)
-    for j, i in enumerate(slots):
-        moved = theta.copy()
-        moved[i] += 1e-3 * LAYOUT.scale[i]
-        flown = fly_record(problem, record, moved, start)
-        there = linearize(problem, record, moved, nodes=flown)
-        numeric = (here.residual - there.residual)[:rows] / (1e-3 * LAYOUT.scale[i])
-        scale = np.abs(numeric).max()
-        np.testing.assert_allclose(here.by_theta[:rows, j], numeric, atol=5e-3 * scale)
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
+def test_columns_are_derivatives_of_the_errors(kind):
+    fine = MotionCapture(position=1e-7, pitch=1e-7, elevator=1e-7)
+    model, campaign = planted(kind, flights=2, duration=0.4, capture=fine)
+    task, _ = task_of(campaign, LAYOUT)
+    theta = theta_of(model)
+    for direction in slopes(LAYOUT, theta, LAYOUT.slots_of(kind.kind)):
+        assert column_error(task.records[0], theta, direction) < 0.05
 
 
 def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():

@@ -11,7 +11,6 @@ from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.search.fields import Survey, fit_field, survey
 from glider.sysid.search.peaks import find_peaks
-from glider.sysid.search.tracing import FIELD_PRICE
 from tests.helpers.tasks import begin, fly, task_of
 
 VENT = FieldData(
@@ -38,15 +37,17 @@ def vent():
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
     *_, found = vent
-    assert found.gains["air", "x"] > 2.0 * FIELD_PRICE
-    assert found.best[1] in ("x", "t")  # A throw is at x at about the same time.
-    assert "x" in found.nearly_as_good(found.best)
+    assert found.best == ("air", "x")
+    assert found.gains["air", "x"] > 0.0
+    # A throw is at x at about the same time.
+    assert found.nearly_as_good(("air", "x")) in (("x",), ("x", "t"))
+    assert max(gain for (form, _), gain in found.gains.items() if form != "air") < 0.0
 
 
 def test_where_nothing_is_nothing_is_seen():
     task, noise = task_of(fly(flights=6))
     found = survey(task, fit_model(task, begin(task, noise)))
-    assert max(found.gains.values()) < FIELD_PRICE
+    assert max(found.gains.values()) < 0.0
 
 
 def test_variables_that_nearly_tie_are_told():
@@ -92,12 +93,12 @@ def test_standard_errors_of_a_peak_cover_over_campaigns():
 @pytest.mark.slow
 def test_a_narrow_vent_gets_narrow_gaussians():
     """One that the survey's Gaussians are too coarse for."""
-    narrow = dataclasses.replace(VENT, widths=[0.3])
+    narrow = dataclasses.replace(VENT, widths=[0.2])
     task, plate = plate_over(narrow, 0, 8)
     field = fit_field(task, plate, Survey(gains={("air", "x"): 1.0}))
     peaks = find_peaks(field.model.extra, field.covariance)
     assert len(field.basis.centers) > 12
-    assert peaks["wind_z_peak"].value == pytest.approx(1.0, abs=0.06)
+    assert peaks["wind_z_peak"].value == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_peak_at_the_edge_of_what_was_flown_has_no_place():
