@@ -17,25 +17,19 @@ import numpy as np
 
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
-from glider.physics.effects import (
-    FIELD_TERMS,
-    FIELD_VARIABLES,
-    KINDS,
-    Field,
-)
+from glider.physics.effects import KINDS
+from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import fit
+from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
 )
+from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.vehicle import make_vehicle
 from tests.helpers.campaigns import PRACTICE, campaign_path
+from tests.helpers.tasks import begin, task_of
 
 TRUTH = {
     "still_air": None,
@@ -61,31 +55,28 @@ PAIRS = (
 )
 
 
-def vent() -> Field:
-    """The truth of floor_vent: 1 m/s upward at x = -1.8 m, width 0.4 m."""
-    centers = np.zeros((1, len(FIELD_VARIABLES)))
-    inverse_widths, weights = np.zeros_like(centers), np.zeros((1, len(FIELD_TERMS)))
-    centers[0, 0], inverse_widths[0, 0] = -1.8, 1.0 / 0.4
-    weights[0, FIELD_TERMS.index("wind_z")] = 1.0
-    return Field(centers, inverse_widths, weights)
+VENT = FieldData(
+    kind="unexplained",
+    variables=["x"],
+    centers=[[-1.8]],
+    widths=[0.4],
+    weights={"wind_z": [1.0]},
+)
+"""The truth of floor_vent: 1 m/s upward at x = -1.8 m, width 0.4 m."""
 
 
 def floor_of(name: str, held_out: tuple[str, ...]) -> float:
     """Returns the held-out position error of a fit that knows the truth [m]."""
-    campaign = load_campaign(campaign_path(name))
-    vehicle, noise = make_vehicle(campaign), measure_noise(campaign)
-    fitted = tuple(f for f in campaign.flights if f.name not in held_out)
-    unseen = tuple(f for f in campaign.flights if f.name in held_out)
-    truth, theta = TRUTH[name], vehicle.theta.copy()
-    problem = Problem(records=prepare(fitted, campaign, noise), noise=noise)
+    whole, noise = task_of(load_campaign(campaign_path(name)))
+    truth = TRUTH[name]
+    task = whole.on([r for r in whole.records if r.name not in held_out])
+    unseen = [r for r in whole.records if r.name in held_out]
+    kinds = [] if truth in (None, "vent") else [truth]
+    start = begin(task, noise, kinds)
     if truth == "vent":
-        problem = dataclasses.replace(problem, field=vent())
-    elif truth is not None:
-        if truth == "servo_lag":
-            theta[list(vehicle.layout.slots_of(truth))] = 0.02
-        theta = fit(problem, theta, vehicle.layout.slots_of(truth)).theta
-    test = dataclasses.replace(problem, records=prepare(unseen, campaign, noise))
-    return measure_errors(test, theta)[0].position_rms_m
+        start = dataclasses.replace(start, extra=VENT)
+    model = fit_model(task, start)
+    return measure_errors(flown_by(task, model, model.scales), unseen)[0].position_rms_m
 
 
 def practice() -> None:
