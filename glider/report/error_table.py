@@ -11,7 +11,6 @@ from glider.report.numbers import (
 )
 from glider.sysid.result import (
     CALIBRATED,
-    Errors,
     Result,
 )
 
@@ -93,8 +92,6 @@ def noise_floor(result: Result, field: str) -> float:
     end of a flight) √(π/2). The accelerations' noise depends on the smoothing, and a
     result does not tell it: NaN.
     """
-    if field not in {f.name for f in dataclasses.fields(Errors)}:
-        raise KeyError(field)
     return {
         "position_rms_m": math.sqrt(2.0) * result.noise_position_m,
         "measured_pitch_position_rms_m": math.sqrt(2.0) * result.noise_position_m,
