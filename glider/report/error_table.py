@@ -58,14 +58,15 @@ def error_rows(result: Result) -> list[ErrorRow]:
         ),
     ):
         values = {m: float(getattr(e, field)) for m, e in errors.items()}
-        of_row = unit or length_unit(*values.values())
+        noise = noise_floor(result, field)
+        of_row = unit or unit_beside_noise(result, *values.values())
         rows.append(
             ErrorRow(
                 group=group,
                 name=name,
                 unit=of_row.name,
                 cells={m: of_row.digits(v) for m, v in values.items()},
-                noise=of_row.digits(noise_floor(result, field)),
+                noise=of_row.digits(noise),
                 gain=format_gain(
                     values.get(baseline(result), math.nan),
                     values.get("corrected", math.nan),
@@ -73,6 +74,11 @@ def error_rows(result: Result) -> list[ErrorRow]:
             )
         )
     return rows
+
+
+def unit_beside_noise(result: Result, *lengths: float) -> Unit:
+    """Returns the one unit in which lengths [m] and the noise beside them read best."""
+    return length_unit(*lengths, noise_floor(result, "position_rms_m"))
 
 
 def columns_of(result: Result) -> list[str]:

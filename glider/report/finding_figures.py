@@ -5,8 +5,9 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
+from glider.report.error_table import unit_beside_noise
 from glider.report.flight_errors import bounded
-from glider.report.numbers import DEGREE, Unit, length_unit
+from glider.report.numbers import DEGREE, Unit
 from glider.report.plots.axes import legend
 from glider.report.plots.bars import plot_evidence
 from glider.report.plots.curves import plot_curve
@@ -73,7 +74,9 @@ def draw_folds(result: Result) -> Figure | None:
                 [f.corrected for f in result.folds],
             )
         )
-        unit = DEGREE if field == "pitch_rms_rad" else length_unit(*before, *after)
+        unit = DEGREE
+        if field != "pitch_rms_rad":
+            unit = unit_beside_noise(result, *before, *after)
         plot_pairs(ax, before / unit.size, after / unit.size)
         ax.set_title(title)
         ax.set_ylabel(f"RMS [{unit.name}]")

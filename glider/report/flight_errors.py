@@ -5,11 +5,10 @@ import math
 
 import numpy as np
 
-from glider.report.error_table import baseline
+from glider.report.error_table import baseline, unit_beside_noise
 from glider.report.numbers import (
     DIVERGED,
     format_factor,
-    length_unit,
 )
 from glider.sysid.result import HeldOutFlight, Result
 
@@ -53,7 +52,7 @@ def worst_flights(result: Result) -> list[FlightRow]:
     median = float(np.median(finite)) if finite else math.nan
     shown = ranked[:MOST]
     pairs = [(position_rms(f, before), e) for f, e in zip(shown, after, strict=False)]
-    unit = length_unit(*(e for pair in pairs for e in pair))
+    unit = unit_beside_noise(result, *(e for pair in pairs for e in pair))
     return [
         FlightRow(
             name=flight.name,

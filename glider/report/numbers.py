@@ -41,12 +41,14 @@ MILLIMETRE = Unit(name="mm", size=1e-3)
 
 
 def length_unit(*values: float) -> Unit:
-    """Returns the one unit in which lengths [m] read best: that of the smallest."""
-    sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED]
-    smallest = min(sizes, default=1.0)
-    if smallest >= 0.0995:
+    """Returns the one unit in which lengths [m] read best.
+
+    It is that of the smallest; metres where one is ten or more.
+    """
+    sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED] or [1.0]
+    if min(sizes) >= 0.0995 or max(sizes) >= 10.0:
         return METRE
-    return CENTIMETRE if smallest >= 0.00995 else MILLIMETRE
+    return CENTIMETRE if min(sizes) >= 0.00995 else MILLIMETRE
 
 
 def format_length(value: float) -> str:

@@ -5,16 +5,14 @@ from collections.abc import Iterable, Sized
 from typing import Any
 
 from glider.physics.effects import KINDS
-from glider.report.error_table import baseline
+from glider.report.error_table import baseline, unit_beside_noise
 from glider.report.numbers import (
     DIVERGED,
     format_estimate,
     format_evidence,
-    format_length,
     format_share,
     format_spread,
     in_degrees,
-    length_unit,
 )
 from glider.sysid.result import (
     CALIBRATED,
@@ -59,7 +57,7 @@ def _nothing_found(result: Result) -> str:
     errors = result.errors.get(before)
     if errors is None or not math.isfinite(errors.position_rms_m):
         return text + "."
-    size = format_length(errors.position_rms_m)
+    size = _length(result, errors.position_rms_m)
     return f"{text}; it flies held-out flights to {size} in position (RMS)."
 
 
@@ -74,8 +72,8 @@ def remarks(result: Result) -> list[str]:
             said.append(f"From these flights, {e.words} could also be {others}.")
         if not e.shape_fits:
             said.append(
-                f"Of {e.words} the shape is not the library's: the model carries a "
-                "curve beside the formula."
+                f"Shape not the library's ({e.kind}): the model carries a curve "
+                "beside the formula."
             )
     return [*said, *filter(None, [_calibration_words(result), left_words(result)])]
 
@@ -85,7 +83,7 @@ def _calibration_words(result: Result) -> str:
     plate, calibrated = (result.errors.get(m) for m in ("refitted", CALIBRATED))
     if plate is None or calibrated is None:
         return ""
-    change = _from_to(plate.position_rms_m, calibrated.position_rms_m)
+    change = _from_to(result, plate.position_rms_m, calibrated.position_rms_m)
     return (
         "Taking a constant error of the pitch reading out of the refitted plate alone "
         f"takes the held-out position error {change} (RMS): that is calibration, not "
@@ -99,7 +97,8 @@ def left_words(result: Result) -> str:
     if not math.isfinite(left.position_m):
         return ""
     model = "model" if result.verdict == "no_effect" else "corrected model"
-    text = f"The {model} leaves {format_length(left.position_m)} of held-out flights"
+    size = _length(result, left.position_m)
+    text = f"The {model} leaves {size} of held-out flights"
     if math.isfinite(left.ratio_to_noise):
         ratio = f"{left.ratio_to_noise:.3g}"
         if left.ratio_to_noise >= 100.0:
@@ -131,6 +130,7 @@ def differences(result: Result) -> list[str]:
     return [
         f"{_name(n)} differs from flight to flight by {format_spread(s.std, s.unit)}"
         for n, s in result.spreads.items()
+        if math.isfinite(s.std)
     ]
 
 
@@ -160,15 +160,18 @@ def _change(result: Result) -> str:
     if not new < DIVERGED:
         return "held-out rollouts of the corrected model diverge"
     if not old < DIVERGED:
-        return (
-            f"held-out rollouts, which diverged, now err by {format_length(new)} (RMS)"
-        )
+        size = _length(result, new)
+        return f"held-out rollouts, which diverged, now err by {size} (RMS)"
     verb = "falls" if new < old else "goes"
-    return f"held-out position error {verb} {_from_to(old, new)} (RMS)"
+    return f"held-out position error {verb} {_from_to(result, old, new)} (RMS)"
 
 
-def _from_to(old: float, new: float) -> str:
-    unit = length_unit(old, new)
+def _length(result: Result, value: float) -> str:
+    return unit_beside_noise(result, value).text(value)
+
+
+def _from_to(result: Result, old: float, new: float) -> str:
+    unit = unit_beside_noise(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
 
 

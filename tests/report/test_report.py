@@ -426,7 +426,7 @@ def test_summary_has_the_errors_of_each_model():
         (
             "no effect",
             "The flights show no effect that the nominal model lacks; ",
-            "0.413 m in position (RMS).",
+            "413 mm in position (RMS).",
         ),
         ("unknown vehicle", "The flights show", "from 206 mm to 4.13 mm (RMS)."),
         (
