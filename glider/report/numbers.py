@@ -91,7 +91,9 @@ def in_degrees(c: Estimate) -> str:
 def format_spread(std: float, unit: str) -> str:
     """Returns by how much something differs, an angle in degrees too."""
     text = Unit(name=unit).text(std)
-    return f"{text} ({format_angle(std)})" if unit == "rad" else text
+    if unit != "rad" or not math.isfinite(std):
+        return text
+    return f"{text} ({format_angle(std)})"
 
 
 def format_share(share: float) -> str:

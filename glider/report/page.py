@@ -30,6 +30,7 @@ from glider.report.tables import (
     combination_rows,
     correlation_rows,
     spread_rows,
+    spread_values,
     vehicle_rows,
 )
 from glider.report.wording import (
@@ -80,6 +81,7 @@ def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
         worst=worst_flights(result),
         stands_out=STANDS_OUT,
         spreads=spread_rows(result),
+        spread_values=spread_values(result),
         vehicle=vehicle_rows(result),
         noise_position=format_length(result.noise_position_m),
         noise_pitch=format_angle(result.noise_pitch_rad),

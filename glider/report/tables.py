@@ -79,3 +79,18 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
             (name.replace("_", " "), format_spread(spread.std, spread.unit), there)
         )
     return rows
+
+
+def spread_values(result: Result) -> list[tuple[str, list[str]]]:
+    """Returns each fitted flight's own values, in the order of the spreads."""
+    flights = dict.fromkeys(f for s in result.spreads.values() for f in s.values)
+    return [
+        (
+            flight,
+            [
+                format_spread(s.values.get(flight, math.nan), s.unit)
+                for s in result.spreads.values()
+            ],
+        )
+        for flight in flights
+    ]
