@@ -102,7 +102,7 @@ def _draw_held_out(result: Result) -> Figure | None:
     flights = _pick_flights(result)
     if not flights:
         return None
-    width = min(WIDTH, 1.0 + 3.5 * len(flights))
+    width = min(WIDTH, max(0.7 * WIDTH, 1.0 + 3.5 * len(flights)))
     figure = Figure(figsize=(width, 7.4), layout="constrained")
     grid = figure.subplots(3, len(flights), squeeze=False)
     for column, flight in zip(grid.T, flights, strict=True):

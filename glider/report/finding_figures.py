@@ -42,9 +42,8 @@ def draw_curves(result: Result) -> Figure | None:
         return None
     columns = min(len(curves), 2)
     rows = math.ceil(len(curves) / columns)
-    figure = Figure(
-        figsize=(WIDTH * columns / 2, 0.5 + 2.7 * rows), layout="constrained"
-    )
+    width = WIDTH if columns == 2 else 0.7 * WIDTH  # The legend needs that.
+    figure = Figure(figsize=(width, 0.5 + 2.7 * rows), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, curve in zip(grid, curves, strict=False):
         plot_curve(ax, curve.alpha, curve.lack, curve.std, curve.named)

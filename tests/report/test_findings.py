@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from glider.physics.effects import KINDS
@@ -375,6 +376,19 @@ def test_each_curve_has_its_axes():
         assert figure is not None
         shown = [ax for ax in figure.axes if ax.get_visible()]
         assert [ax.get_title() for ax in shown] == ["moment $C_M$ [m]"] * count
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize(
+    "result", [ALL_MODELS, VARIANTS["diverged"]], ids=("all", "few")
+)
+def test_the_legend_is_inside_the_figure(name, result):
+    figure = FIGURES[name](result)
+    FigureCanvasAgg(figure).draw()
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
 
 
 def test_folds_that_get_worse_are_red(ax):
