@@ -19,6 +19,7 @@ FLOORS = [
     "glider.sysid.checks",
     "glider.sysid.result",
     "glider.sysid.replay",
+    "glider.sysid.likelihood",
     "glider.sysid.fit",
     "glider.sysid.search",
     "glider.sysid",

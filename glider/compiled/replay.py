@@ -79,7 +79,7 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def log_rollout(times, start, elevator, rate, numbers, field, states):
+def log_rollout(times, start, elevator, rate, wind, bank, numbers, field, states):
     """Flies from one start along a log's times, elevator prescribed.
 
     Args:
@@ -87,6 +87,8 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
         start: (n,).
         elevator: (K, 3) as in `log_step`.
         rate: (K,).
+        wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area.
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual Field.
         states: (K + 1, n), written.
@@ -99,12 +101,23 @@ def log_rollout(times, start, elevator, rate, numbers, field, states):
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
+            times[k],
+            x,
+            step,
+            elevator[k],
+            rate[k],
+            wind[k, 0],
+            wind[k, 1],
+            free_pitch,
+            banked(theta, bank[k]),
+            work,
         )
         states[k + 1] = x
 
 
-def log_translation(times, start, pitch, elevator, rate, numbers, field, states):
+def log_translation(
+    times, start, pitch, elevator, rate, wind, bank, numbers, field, states
+):
     """Flies as `log_rollout` does, with the pitch and its rate prescribed as well.
 
     Args:
@@ -117,7 +130,16 @@ def log_translation(times, start, pitch, elevator, rate, numbers, field, states)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, pitch[k], theta, work
+            times[k],
+            x,
+            step,
+            elevator[k],
+            rate[k],
+            wind[k, 0],
+            wind[k, 1],
+            pitch[k],
+            banked(theta, bank[k]),
+            work,
         )
         states[k + 1] = x
 
@@ -159,59 +181,6 @@ def log_extras(times, nodes, elevator, rate, numbers, field):
         )
         for i in range(7, n):
             nodes[k + 1, i] = x[i]
-
-
-def log_shoot(
-    times, nodes, elevator, rate, numbers, free, scale, field, ends, by_x, by_theta
-):
-    """Flies each interval of a log from its own node, with derivatives.
-
-    Forward differences in floats: at these steps they are good to 1e-6, half the
-    price of a complex step, and spare the user its compilation.
-
-    Args:
-        times: (K + 1,).
-        nodes: (K + 1, n) states at the times.
-        elevator: (K, 3).
-        rate: (K,).
-        numbers: parameters and coefficients.
-        free: (m,) indices into them.
-        scale: typical sizes of them.
-        field: the residual Field.
-        ends: (K, n), written: the state that each interval ends in.
-        by_x: (K, n, n), written: ∂end/∂node.
-        by_theta: (K, n, m), written: ∂end/∂numbers[free].
-    """
-    n = nodes.shape[1]
-    theta = theta_of(numbers, field)
-    free_pitch = np.empty((0, 2))
-    moved = numbers.copy()
-    x = np.empty_like(nodes[0])
-    work = np.empty((2, n), x.dtype)
-    wind = np.zeros((times.shape[0] - 1, 2))
-    bank = np.ones(times.shape[0] - 1)
-    log_advance(times, nodes, elevator, rate, wind, bank, numbers, field, ends)
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
-        for j in range(n):
-            x[:] = nodes[k]
-            x[j] += DIFFERENCE
-            log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
-        )
-            for i in range(n):
-                by_x[k, i, j] = (x[i] - ends[k, i]) / DIFFERENCE
-        for j in range(free.shape[0]):
-            x[:] = nodes[k]
-            size = DIFFERENCE * scale[free[j]]
-            moved[free[j]] += size
-            other = theta_of(moved, field)
-            log_step(
-                times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, other, work
-            )
-            moved[free[j]] = numbers[free[j]]
-            for i in range(n):
-                by_theta[k, i, j] = (x[i] - ends[k, i]) / size
 
 
 def log_slopes(
@@ -296,31 +265,6 @@ def log_slopes(
                     by_x[k, i, j - 1] = (x[i] - ends[k, i]) / size
 
 
-def log_propagate(by_x, inputs, states):
-    """Chains the intervals' derivatives into those of the whole flight.
-
-    Args:
-        by_x: (K, n, n) how each interval's end moves with its node.
-        inputs: (K, n, m) how it moves with m further columns.
-        states: (K + 1, n, n + m), written: how each state moves with the first
-            node, then with the columns.
-    """
-    intervals, n, _ = by_x.shape
-    m = inputs.shape[2]
-    states[0] = 0.0
-    for i in range(n):
-        states[0, i, i] = 1.0
-    for k in range(intervals):
-        for i in range(n):
-            for j in range(n + m):
-                total = 0.0
-                for r in range(n):
-                    total += by_x[k, i, r] * states[k, r, j]
-                if j >= n:
-                    total += inputs[k, i, j - n]
-                states[k + 1, i, j] = total
-
-
 def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
     """Writes the pose that the sensors show of each node, with derivatives.
 
@@ -394,9 +338,7 @@ LOOPS = Family(
         log_translation,
         log_advance,
         log_extras,
-        log_shoot,
         log_slopes,
-        log_propagate,
         log_measure,
         log_flow,
     ),
@@ -405,9 +347,7 @@ LOOPS = Family(
         log_translation,
         log_advance,
         log_extras,
-        log_shoot,
         log_slopes,
-        log_propagate,
         log_measure,
         log_flow,
     ),
@@ -423,6 +363,8 @@ def roll_out(
     start: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
+    wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
@@ -434,12 +376,14 @@ def roll_out(
         start: (n,).
         elevator: (K, 3) its path at the start, middle and end of each step [rad].
         rate: (K,) its mean rates [rad/s].
+        wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area, see `glider.sysid.replay.attitude`.
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual field.
     """
     states = np.empty((len(times), len(start)))
     LOOPS.over(kinds, True).log_rollout(
-        times, start, elevator, rate, numbers, field, states
+        times, start, elevator, rate, wind, bank, numbers, field, states
     )
     return states
 
@@ -451,6 +395,8 @@ def translate(
     pitch: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
+    wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     field: Field,
 ) -> np.ndarray:
@@ -460,7 +406,7 @@ def translate(
     """
     states = np.empty((len(times), len(start)))
     LOOPS.over(kinds, True).log_translation(
-        times, start, pitch, elevator, rate, numbers, field, states
+        times, start, pitch, elevator, rate, wind, bank, numbers, field, states
     )
     return states
 
@@ -471,20 +417,16 @@ def advance_nodes(
     nodes: np.ndarray,
     elevator: np.ndarray,
     rate: np.ndarray,
+    wind: np.ndarray,
+    bank: np.ndarray,
     numbers: np.ndarray,
     field: Field,
-    wind: np.ndarray | None = None,
-    bank: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns the ends (K, n) of a log's intervals, each flown from its own node.
 
     `nodes` is (K + 1, n); the other arguments as in `roll_out`.
     """
     ends = np.empty_like(nodes[1:])
-    if wind is None:
-        wind = np.zeros((len(ends), 2))
-    if bank is None:
-        bank = np.ones(len(ends))
     LOOPS.over(kinds, True).log_advance(
         times, nodes, elevator, rate, wind, bank, numbers, field, ends
     )
@@ -507,53 +449,6 @@ def with_extras(
     full = nodes.copy()
     LOOPS.over(kinds, True).log_extras(times, full, elevator, rate, numbers, field)
     return full
-
-
-def shoot(
-    kinds: Kinds,
-    times: np.ndarray,
-    nodes: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    numbers: np.ndarray,
-    field: Field,
-    free: np.ndarray,
-    scale: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flies each interval of a log from its own node, with derivatives.
-
-    Args:
-        kinds, times, nodes, elevator, rate, numbers, field: as in `advance_nodes`.
-        free: (m,) indices into the numbers.
-        scale: typical sizes of the numbers.
-
-    Returns:
-        the ends (K, n), and their derivatives by the node (K, n, n) and by the free
-        numbers (K, n, m).
-    """
-    intervals, n = len(nodes) - 1, nodes.shape[1]
-    ends, by_x = np.empty((intervals, n)), np.empty((intervals, n, n))
-    by_theta = np.empty((intervals, n, len(free)))
-    LOOPS.over(kinds, True).log_shoot(
-        times, nodes, elevator, rate, numbers, free, scale, field, ends, by_x, by_theta
-    )
-    return ends, by_x, by_theta
-
-
-def propagate(by_x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """Returns how each state of a flight moves with the first one and with inputs.
-
-    Args:
-        by_x: (K, n, n) how each interval's end moves with its node.
-        inputs: (K, n, m) how it moves with m further columns.
-
-    Returns:
-        (K + 1, n, n + m).
-    """
-    intervals, n, _ = by_x.shape
-    states = np.empty((intervals + 1, n, n + inputs.shape[2]))
-    LOOPS.over().log_propagate(by_x, inputs, states)
-    return states
 
 
 def measure_nodes(

@@ -8,6 +8,7 @@ ridge regression. The weights found are a `FieldData`, which flies in any Glider
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,10 +20,10 @@ from glider.physics.effects.field import (
     FieldData,
     gaussians,
     make_field,
+    with_weights,
 )
-from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.fit.regression import least_squares
-from glider.sysid.replay.problem import Problem
+from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
 
 VARIABLES = ("alpha", "elevator", "V", "alphadot", "pitchdot")
@@ -53,7 +54,7 @@ class CoefficientData:
     plate: np.ndarray
 
 
-def coefficient_data(problem: Problem, theta: np.ndarray) -> CoefficientData:
+def coefficient_data(records: Sequence[Record], theta: np.ndarray) -> CoefficientData:
     """Returns the coefficients along smoothed flights.
 
     Accelerations are those of the smoothed poses; the elevator moves as its commands
@@ -61,10 +62,10 @@ def coefficient_data(problem: Problem, theta: np.ndarray) -> CoefficientData:
     plant that flies the residual, so a glider that tumbles meets the same weights.
 
     Args:
-        problem: the flights; their field does not count.
+        records: the flights.
         theta: the nominal model.
     """
-    table = make_table(problem.records, theta, [0.0] * len(problem.records))
+    table = make_table(records, theta, [0.0] * len(records))
     variables = {name: table.variables[name] for name in VARIABLES}
     alpha = variables["alpha"]
     variables["alpha"] = angle_of_attack(np.sin(alpha), np.cos(alpha))
@@ -131,7 +132,7 @@ def fit_residual(
     """
     columns = basis_values(basis, data.variables)
     solved = least_squares(columns, data.measured - data.plate, ridge)
-    return with_weights(basis, "forces", solved.coefficients)
+    return with_weights(basis, COEFFICIENTS, solved.coefficients)
 
 
 def corrected_coefficients(

@@ -20,6 +20,7 @@ from glider.campaign.logs import (
 from glider.campaign.motion_capture import MotionCapture
 from glider.control.policy import HeldPolicy
 from glider.errors import InputError
+from glider.physics.effects.field import COEFFICIENTS, with_weights
 from glider.physics.model import GliderModel
 from glider.physics.state import (
     NUM_STATES,
@@ -43,7 +44,6 @@ from glider.studies.flight_weights import (
     solve_weights,
     weight_equations,
 )
-from glider.sysid.fit.field_fit import with_weights
 from glider.sysid.pipeline import close_the_loop
 
 SPEEDS = (6.5, 7.5)
@@ -303,7 +303,7 @@ def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identifie
         for log in logs
     ]
     weights = solve_weights(sum(equations[1:], equations[0]), RIDGE)
-    field = with_weights(basis, "forces", weights)
+    field = with_weights(basis, COEFFICIENTS, weights)
     model = dataclasses.replace(nominal, field=field)
     return Identified(model=model, effects=(field.kind,))
 

@@ -12,6 +12,7 @@ from glider.campaign.logs import (
     split_flights,
 )
 from glider.errors import InputError
+from glider.physics.effects import NO_FIELD
 from glider.physics.effects.field import (
     COEFFICIENTS,
     FieldData,
@@ -25,10 +26,10 @@ from glider.studies.coefficients import (
     fit_residual,
     residual_basis,
 )
-from glider.sysid.fit.prediction import measure_errors
-from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import prepare
+from glider.sysid.fit.prediction import Flown, measure_errors, rollout_scales
+from glider.sysid.likelihood.scales import start_scales
+from glider.sysid.replay.noise import Noise, measure_noise
+from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.vehicle import (
     Vehicle,
     make_vehicle,
@@ -133,16 +134,13 @@ def _learn(
     ridge: float,
 ) -> ResidualStudy:
     noise = measure_noise(campaign)
-    fitting, unseen = (
-        Problem(records=prepare(flights, campaign, noise), noise=noise)
-        for flights in split
-    )
+    fitting, unseen = (prepare(flights, campaign, noise) for flights in split)
     data = coefficient_data(fitting, vehicle.theta)
     test = coefficient_data(unseen, vehicle.theta)
     low, high = np.quantile(data.variables["V"], [0.01, 0.99])
     bases = (residual_basis(), residual_basis((float(low), float(high))))
     fields = [None, *(fit_residual(data, basis, ridge) for basis in bases)]
-    models = [_try(unseen, vehicle.theta, test, field) for field in fields]
+    models = [_try(unseen, vehicle.theta, noise, test, field) for field in fields]
     return ResidualStudy(
         fitted=data,
         held_out=test,
@@ -156,16 +154,21 @@ def _names(fields: Sequence[FieldData | None]) -> list[str]:
 
 
 def _try(
-    unseen: Problem,
+    unseen: Sequence[Record],
     theta: np.ndarray,
+    noise: Noise,
     test: CoefficientData,
     field: FieldData | None,
 ) -> ResidualModel:
-    if field is not None:
-        unseen = dataclasses.replace(unseen, field=make_field(field))
+    arrays = NO_FIELD if field is None else make_field(field)
+    flown = Flown(
+        theta=theta, field=arrays, scales=start_scales(noise), own_trims=False
+    )
+    scales = rollout_scales(flown, unseen, flown.scales)
+    flown = dataclasses.replace(flown, scales=scales)
     values = corrected_coefficients(test, field)
     return ResidualModel(
         field=field,
         rms=np.sqrt(np.mean((test.measured - values) ** 2, axis=0)),
-        errors=measure_errors(unseen, theta)[0],
+        errors=measure_errors(flown, unseen)[0],
     )

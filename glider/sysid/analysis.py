@@ -1,55 +1,63 @@
 """The analysis of a campaign that `glider.sysid.pipeline` has read.
 
-log -> smooth -> signs -> trace -> unexplained rest -> errors before and after
+log -> inspect -> smooth -> signs -> trace -> errors before and after -> verdict
 """
 
 import dataclasses
 import importlib.metadata
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.sysid.fit.output_error import fit, in_parallel
+from glider.sysid.checks.inspection import Inspection
+from glider.sysid.checks.planarity import planarity
+from glider.sysid.fit.folds import HeldOut, flown_by, hold_out
 from glider.sysid.fit.prediction import (
+    Flown,
     Prediction,
+    beginning_rows,
     measure_errors,
 )
-from glider.sysid.fit.whiteness import lack_of_fit
+from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
+    carried_of,
+    correlations_of,
+    curves_of,
     effects_of,
-    flights_of,
+    judge,
     model_of,
-    verdict_of,
+    spreads_of,
+    vehicle_of,
 )
-from glider.sysid.replay.noise import (
-    Noise,
-    measure_noise,
-)
-from glider.sysid.replay.problem import Problem
-from glider.sysid.replay.record import (
-    Record,
-    prepare,
-)
+from glider.sysid.replay.noise import Noise, measure_noise
+from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.sensitivity import (
-    fitted_start,
-    linearize,
-)
 from glider.sysid.replay.signs import Signs, turn_campaign
-from glider.sysid.replay.theta import OFFSET
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
 from glider.sysid.result import (
+    CALIBRATED,
+    MODELS,
+    Air,
+    Combination,
     Errors,
+    HeldOutFlight,
+    Left,
     ResidualTable,
     Result,
+    SetAside,
 )
-from glider.sysid.search.candidates import Search
-from glider.sysid.search.decision import explain
+from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
+from glider.sysid.search.tracing import FIELD_PRICE, PRICE, Traced, trace
+from glider.sysid.search.weighing import uncertainty_of, weigh
+
+MOST_COMBINATIONS = 10
+"""Sets of effects that a result lists."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -74,7 +82,7 @@ class Analysis:
 
     def run(
         self,
-        logged: Campaign,
+        inspection: Inspection,
         names: tuple[tuple[str, ...], tuple[str, ...]],
         vehicle: Vehicle,
         kinds: tuple[str, ...],
@@ -84,113 +92,206 @@ class Analysis:
         """Runs all stages.
 
         Args:
-            logged: the campaign as it was read.
+            inspection: the campaign as it was read and checked.
             names: of the flights to fit and of those held out.
             vehicle: of the campaign.
             kinds: of vehicle.kinds, those to try.
             with_signs: whether to look for angles of the other sign first.
             settings: what the caller asked for, to be kept in the result.
         """
-        layout = vehicle.layout
+        logged, masks = inspection.campaign, inspection.masks
+        rng = np.random.default_rng(settings["seed"])
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
-            warm_up(layout)
-        with self.stage("smooth"):
-            noise = measure_noise(logged)
+            warm_up(vehicle.layout)
         with self.stage("signs"):
             signs = Signs()
             if with_signs:
-                few = _pick(logged, names[0])
-                signs = find_signs(logged, few, noise, vehicle)
+                signs = find_signs(logged, _pick(logged, names[0]), masks, vehicle)
         campaign = turn_campaign(logged, signs)
-        if not signs.are_right:
-            noise = measure_noise(campaign)
-        fitted = _problem(campaign, names[0], noise, vehicle)
-        unseen = _problem(campaign, names[1], noise, vehicle)
+        with self.stage("smooth"):
+            noise = measure_noise(campaign, masks)
+            records = _records(campaign, noise, vehicle, inspection)
+        fitted = [r for r in records if r.name in names[0]]
+        unseen = [r for r in records if r.name in names[1]]
+        everything = make_task(records, vehicle, kinds)
+        task = everything.on(fitted)
         with self.stage("trace"):
-            search = Search(
-                problem=fitted,
-                theta=vehicle.theta,
-                nuisance=vehicle.nuisance,
-                kinds=kinds,
-                progress=self.progress,
-            )
-            found = explain(search)
-        # The models before the correction meet the log as it is, signs and all.
-        before, fitted_before = unseen, fitted
-        if not signs.are_right:
-            before = _problem(logged, names[1], noise, vehicle)
-            fitted_before = _problem(logged, names[0], noise, vehicle)
-        with self.stage("refit"):
-            plate = found.plate
-            if plate is None:
-                start = fit(fitted_before, vehicle.theta, vehicle.nuisance).theta
-                plate = fit(fitted_before, start, vehicle.own).theta
-        with self.stage("foretell", "predict"):  # As report.json names the stage.
-            corrected = dataclasses.replace(unseen, field=found.field)
-            models = {
-                "as_drawn": (before, vehicle.theta),
-                "refitted": (before, plate),
-                "corrected": (corrected, found.theta),
-            }
+            traced = trace(task, noise, self.progress)
+        model = traced.model
+        with self.stage("weigh", "weighing the effects"):
+            weighed = weigh(task, model, PRICE, rng)
+            known = uncertainty_of(task, model)
+            carried = carried_of(task, model, known)
+            spreads = spreads_of(task, model)
+        with self.stage("refit", "refitting the plate alone"):
+            plate = self._plate(task, traced, signs, logged, noise, inspection)
+        with self.stage("foretell", "predicting unseen flights"):
+            flown = self._models(task, traced, plate)
+            before = records
+            if not signs.are_right:
+                own = measure_noise(logged, masks)
+                before = _records(logged, own, vehicle, inspection)
             errors: dict[str, Errors | None] = {}
             predictions: dict[str, list[Prediction]] = {}
-            for name, (problem, theta) in models.items():
-                errors[name], predictions[name] = measure_errors(problem, theta)
-            first = "as_drawn" if vehicle.is_known else "refitted"
+            for name, pilot in flown.items():
+                seen = unseen if name == "corrected" else before
+                seen = [r for r in seen if r.name in names[1]]
+                errors[name], predictions[name] = measure_errors(pilot, seen)
             if not vehicle.is_known:
                 errors["as_drawn"] = None
-            before_table = _table_of_all(models[first], fitted_before)
-            after_table = _table_of_all(models["corrected"], fitted)
-        left = lack_of_fit(corrected, found.theta)
+            held_out = None
+            if signs.are_right:
+                held_out = hold_out(everything, plate, model, rng)
+            first = "as_drawn" if vehicle.is_known else "refitted"
+            before_table = _table(flown[first], before)
+            after_table = _table(flown["corrected"], records)
+        effects = effects_of(task, traced, weighed, known, carried, spreads, signs)
+        verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
+        corrected = errors["corrected"]
+        assert corrected is not None
         return Result(
             campaign=logged.name,
             path=logged.path,
             fit_flights=names[0],
             held_out_flights=names[1],
-            verdict=verdict_of(found, signs),
-            effects=effects_of(found, signs, layout),
+            verdict=verdict,
+            reason=reason,
+            effects=effects,
             errors=errors,
-            left_z=left.z,
-            candidates=found.candidates,
+            folds=() if held_out is None else held_out.folds,
+            left=_left(task, model, corrected, noise),
+            candidates=traced.alone,
+            combinations=tuple(
+                Combination(kinds=kinds, evidence=gain)
+                for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
+            ),
+            correlations=correlations_of(task, model, known),
+            spreads=spreads,
+            air=Air(std_m_s=model.scales.air, correlation_s=model.scales.air_time),
+            curves=curves_of(before_table, after_table),
+            vehicle=vehicle_of(vehicle, model, known),
+            warnings=(*inspection.warnings, *_warnings(held_out)),
+            set_aside=tuple(
+                SetAside(file=s.file, rows=s.rows, why=s.why)
+                for s in inspection.set_aside
+            ),
+            planarity=_planarity(logged),
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
-            model=model_of(found, signs, campaign, layout),
-            held_out=flights_of(before, predictions, vehicle, signs),
+            model=model_of(task, model, carried, signs, campaign),
+            held_out=_flights(unseen, predictions, vehicle, signs),
             residual_before=before_table,
             residual_after=after_table,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
-            own_effects=layout.own,
+            own_effects=vehicle.layout.own,
             settings={**settings, "notes": list(vehicle.notes)},
         )
+
+    def _plate(
+        self,
+        task: Task,
+        traced: Traced,
+        signs: Signs,
+        logged: Campaign,
+        noise: Noise,
+        inspection: Inspection,
+    ) -> Fitted:
+        """Returns the flat plate with its own parameters refitted."""
+        if not signs.are_right:  # It meets the log as it is, signs and all.
+            names = {record.name for record in task.records}
+            records = _records(logged, noise, task.vehicle, inspection)
+            task = task.on([r for r in records if r.name in names])
+        bare = dataclasses.replace(
+            traced.plate, coordinates=np.zeros(0), free=task.vehicle.own
+        )
+        return fit_model(task, bare)
+
+    def _models(self, task: Task, traced: Traced, plate: Fitted) -> dict[str, Flown]:
+        """Returns the models whose errors are told, by name."""
+        vehicle, layout = task.vehicle, task.layout
+        offset = layout.slots_of("pitch_offset")
+        calibrated = dataclasses.replace(
+            plate, free=tuple(sorted({*plate.free, *offset}))
+        )
+        calibrated = fit_model(task, calibrated, iterations=4)
+        drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
+        own = traced.model.scales
+        return {
+            "as_drawn": flown_by(task, drawn, own),
+            "refitted": flown_by(task, plate, own),
+            CALIBRATED: flown_by(task, calibrated, own),
+            "corrected": flown_by(task, traced.model, own),
+        }
 
 
 def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:
     return tuple(f for f in campaign.flights if f.name in names)
 
 
-def _problem(
-    campaign: Campaign, names: tuple[str, ...], noise: Noise, vehicle: Vehicle
-) -> Problem:
-    records = prepare(_pick(campaign, names), campaign, noise, vehicle.layout)
-    return Problem(
-        records=records,
-        noise=noise,
-        trim_is_known=vehicle.trim_is_known,
-        prior=vehicle.prior,
+def _records(
+    campaign: Campaign, noise: Noise, vehicle: Vehicle, inspection: Inspection
+) -> list[Record]:
+    return prepare(campaign.flights, campaign, noise, vehicle.layout, inspection.masks)
+
+
+def _table(flown: Flown, records: Sequence[Record]) -> ResidualTable:
+    """Returns a model's residual over flights, each with the trim that it has."""
+    predictions = measure_errors(flown, records)[1]
+    trims = [predicted.trim for predicted in predictions]
+    return make_table(records, flown.theta, trims, flown.field)
+
+
+def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
+    """Returns what the corrected model leaves, and over what it varies."""
+    found = survey(task, model).gains
+    real = [key for key, gain in found.items() if gain > FIELD_PRICE]
+    real.sort(key=lambda key: -found[key])
+    return Left(
+        ratio_to_noise=corrected.position_rms_m / (np.sqrt(2.0) * noise.position),
+        position_m=corrected.position_rms_m,
+        depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
     )
 
 
-def _table_of_all(model: tuple[Problem, np.ndarray], fitted: Problem) -> ResidualTable:
-    """Returns a model's residual over the fitted and the held-out flights."""
-    problem, theta = model
-    everything = dataclasses.replace(
-        problem, records=[*fitted.records, *problem.records]
-    )
+def _warnings(held_out: HeldOut | None) -> tuple[str, ...]:
+    if held_out is None:
+        return ()
+    count = len(held_out.gain)
+    lost = int(np.sum(held_out.gain < 0.0))
+    if count and lost > 0.25 * count:
+        return (f"{lost} of {count} held-out flights do not gain by the correction.",)
+    return ()
 
-    def trim(record: Record) -> float:
-        errors = linearize(problem, record, theta)
-        return float((errors.start + fitted_start(errors))[OFFSET])
 
-    trims = in_parallel(trim, everything.records)
-    return make_table(everything.records, theta, trims, problem.field)
+def _planarity(campaign: Campaign) -> dict[str, str]:
+    found = {f.name: planarity(f) for f in campaign.flights}
+    return {name: p.sentence for name, p in found.items() if p is not None}
+
+
+def _flights(
+    records: Sequence[Record],
+    predictions: dict[str, list[Prediction]],
+    vehicle: Vehicle,
+    signs: Signs,
+) -> tuple[HeldOutFlight, ...]:
+    """Returns the held-out flights as logged, beside what each model predicted."""
+    flights = []
+    turned = np.array([1.0, 1.0, signs.pitch])
+    as_logged = {"corrected": turned}
+    for i, record in enumerate(records):
+        rows = beginning_rows(record, not vehicle.trim_is_known)
+        flights.append(
+            HeldOutFlight(
+                name=record.name,
+                time=record.time,
+                measured=record.pose * turned,
+                flown={
+                    name: predictions[name][i].pose * as_logged.get(name, 1.0)
+                    for name in MODELS
+                    if name != "as_drawn" or vehicle.is_known
+                },
+                fitted_until=float(record.time[rows - 1]),
+            )
+        )
+    return tuple(flights)

@@ -1,146 +1,439 @@
-"""The parts of a result: verdict, effects, corrected model, flights."""
+"""The parts of a result: verdict, effects, corrected model, curves, spreads."""
 
+import dataclasses
 import math
 
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.compiled.parallel import in_parallel
 from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.fit.output_error import fit_covariance
-from glider.sysid.fit.prediction import (
-    Prediction,
-    beginning_rows,
+from glider.physics.parameters import PARAMETER_NAMES
+from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut
+from glider.sysid.likelihood.curves import TERMS
+from glider.sysid.likelihood.model_fit import Fitted, linear_flights
+from glider.sysid.likelihood.scales import (
+    FLOOR,
+    negative_log_likelihood,
+    own_values,
 )
-from glider.sysid.replay.problem import Problem
+from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.signs import Signs, sign_effect
-from glider.sysid.replay.theta import Layout
-from glider.sysid.replay.vehicle import (
-    Vehicle,
-    parameters_of,
-)
+from glider.sysid.replay.vehicle import Vehicle, parameters_of
 from glider.sysid.result import (
-    MODELS,
-    Z_SIGNIFICANT,
+    Curve,
+    Errors,
     Estimate,
     FoundEffect,
-    HeldOutFlight,
+    ResidualTable,
+    Spread,
 )
-from glider.sysid.search.explanation import Explanation
+from glider.sysid.search.fields import FoundField
+from glider.sysid.search.peaks import find_peaks
+from glider.sysid.search.tracing import Traced
+from glider.sysid.search.weighing import Uncertainty, Weighed
+
+FAMILIES = {
+    "c_lift": (
+        "attached_lift",
+        "camber",
+        "dynamic_stall",
+        "pitch_rate_lift",
+        "airspeed_dependence",
+        "ground_effect",
+        "mass",
+        "added_mass",
+    ),
+    "c_drag": ("profile_drag", "axial_drag", "induced_drag", "thrust"),
+    "c_moment": (
+        "center_of_pressure",
+        "pitch_moment",
+        "pitch_damping",
+        "inertia",
+        "downwash",
+        "stalled_downwash",
+    ),
+    "elevator_factor": (
+        "tail_wake",
+        "elevator_area",
+        "elevator_blowback",
+        "downwash",
+        "stalled_downwash",
+        "servo_lag",
+    ),
+}
+"""Kinds of effects whose formula may be wrong in a term's curve."""
+
+SPREAD_KINDS = {
+    "elevator_trim": ("trim", "angle", "rad"),
+    "pitch_offset": ("pitch_zero", "angle", "rad"),
+    "wind": ("wind", "x", "m/s"),
+}
+"""Kinds that may differ from flight to flight: scale, coefficient, unit."""
+
+SPREAD_EVIDENCE = 6.0
+"""Evidence that a difference from flight to flight needs [nats]."""
+
+CURVE_Z = 5.0
+"""Standard errors by which a curve must differ from nothing, somewhere in the middle
+90 % of the flown angles: of its ten independent places none does so by chance."""
 
 
-def verdict_of(found: Explanation, signs: Signs) -> str:
-    """Returns "no_effect", "effect_found" or "unexplained"."""
-    kinds = [w.kind for w in found.weighed]
-    if not kinds and signs.are_right:
-        return "no_effect" if found.left_z < Z_SIGNIFICANT else "unexplained"
-    if kinds and kinds[0] == "unexplained":
-        return "unexplained"
-    return "effect_found"
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Carried:
+    """Curves that a model carries because no formula has their shape.
+
+    Attributes:
+        terms: that are not zero.
+        data: of all of them.
+    """
+
+    terms: tuple[str, ...]
+    data: FieldData | None
+
+
+def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
+    """Returns the curves of a model that are more than noise."""
+    if not model.has_curves:
+        return Carried(terms=(), data=None)
+    curves = task.curves
+    low, high = np.percentile(curves.angles, [5.0, 95.0])
+    alpha = np.linspace(low, high, 41)
+    values = curves.values(model.coordinates, alpha)
+    corner = known.covariance[len(model.free) :, len(model.free) :]
+    units = np.eye(len(model.coordinates))
+    basis = np.stack([curves.values(u, alpha) for u in units], axis=2)  # (41, 4, q)
+    std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
+    high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
+    found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
+    return Carried(terms=found, data=curves.data(model.coordinates) if found else None)
+
+
+def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
+    """Returns what differs from flight to flight, with each flight's own value."""
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    base = negative_log_likelihood(flights, model.scales).sum()
+    found = {}
+    own = in_parallel(lambda f: own_values(f, model.scales), flights)
+    names = [record.name for record in task.records]
+    places = {"wind": 0, "elevator_trim": 2, "pitch_offset": 3}
+    for kind, (scale, _, unit) in SPREAD_KINDS.items():
+        least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
+        lost = negative_log_likelihood(flights, least).sum() - base
+        if lost > SPREAD_EVIDENCE:
+            values = [float(o[places[kind]]) for o in own]
+            found[kind] = Spread(
+                std=getattr(model.scales, scale),
+                unit=unit,
+                values=dict(zip(names, values, strict=True)),
+            )
+    return found
+
+
+def judge(
+    traced: Traced,
+    signs: Signs,
+    carried: Carried,
+    held_out: HeldOut | None,
+    errors: dict[str, Errors | None],
+    effects: tuple[FoundEffect, ...],
+) -> tuple[str, str]:
+    """Returns the verdict and the sentence that says why."""
+    model = traced.model
+    nothing = not model.kinds and traced.field is None and not carried.terms
+    if nothing and signs.are_right:
+        return "no_effect", "Nothing that the flights show beyond noise and air."
+    if held_out is not None and not nothing:
+        refitted, corrected = errors["refitted"], errors["corrected"]
+        assert refitted is not None and corrected is not None
+        free, along = held_out.ratios
+        split = (
+            corrected.position_rms_m / refitted.position_rms_m,
+            corrected.measured_pitch_position_rms_m
+            / refitted.measured_pitch_position_rms_m,
+        )
+        if held_out.t < LEAST_T and signs.are_right:
+            return "not_trusted", (
+                "On flights held out in folds the correction does not gain "
+                f"significantly over the refitted plate (t = {held_out.t:.1f})."
+            )
+        worst = max(free, along, *split)
+        if worst > WORSE and signs.are_right:
+            return "not_trusted", (
+                "The correction makes flights that it was not fitted to worse: "
+                f"{worst:.2f} times the error of the refitted plate."
+            )
+    unnamed = [e for e in effects if e.kind == "unexplained"]
+    if unnamed and len(unnamed) == len(effects):
+        return "unexplained", "What the plate lacks has no name in the library."
+    if unnamed:
+        return "partly_explained", "Part of what the plate lacks has no name."
+    if any(not e.shape_fits for e in effects):
+        return "effect_found", (
+            "The effects have names; where a shape is not the library's, a curve is "
+            "carried."
+        )
+    return "effect_found", "The effects explain what the plate lacks."
 
 
 def effects_of(
-    found: Explanation, signs: Signs, layout: Layout
+    task: Task,
+    traced: Traced,
+    weighed: dict[str, Weighed],
+    known: Uncertainty,
+    carried: Carried,
+    spreads: dict[str, Spread],
+    signs: Signs,
 ) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
-    errors = dict(
-        zip(found.fit.free, np.sqrt(np.diag(fit_covariance(found.fit))), strict=True)
-    )
-    effects = []
+    model, layout = traced.model, task.layout
+    gained = max(traced.plate.cost - model.cost, 1e-9)
+    found: list[FoundEffect] = []
     if not signs.are_right:
-        effects.append(
+        found.append(_sign_entry(signs))
+    left = set(carried.terms)
+    for name in model.kinds:
+        kind = layout.kinds[name]
+        mine = {t for t in carried.terms if name in FAMILIES[t]}
+        left -= mine
+        evidence = traced.evidence.get(name, 0.0)
+        spread = {}
+        if name in spreads:
+            spread = {SPREAD_KINDS[name][1]: spreads[name].std}
+        found.append(
             FoundEffect(
-                kind=ANGLE_SIGN.kind,
-                words=ANGLE_SIGN.words,
+                kind=name,
+                words=kind.words,
                 coefficients={
-                    name: Estimate(value=float(getattr(signs, name)), std=0.0, unit="-")
-                    for name in ("pitch", "elevator", "command")
+                    c.name: Estimate(
+                        value=float(model.theta[i]), std=known.std(i), unit=c.unit
+                    )
+                    for i, c in zip(
+                        layout.slots_of(name), kind.coefficients, strict=True
+                    )
                 },
-                evidence=signs.evidence,
-                share=signs.share,
-                indistinguishable_from=(),
-                depends_on=ANGLE_SIGN.depends_on,
+                evidence=float(evidence),
+                share=float(np.clip(evidence / gained, 0.0, 1.0)),
+                indistinguishable_from=weighed[name].rivals,
+                depends_on=kind.depends_on,
+                inclusion=weighed[name].inclusion,
+                spread=spread,
+                shape_fits=not mine,
             )
         )
-    for weighed in found.weighed:
-        if weighed.kind == "unexplained":
-            assert found.unexplained is not None
-            coefficients, words = (
-                found.unexplained.coefficients,
-                found.unexplained.words,
-            )
-            depends_on = found.unexplained.depends_on
-        else:
-            kind = layout.kinds[weighed.kind]
-            coefficients = {
-                c.name: Estimate(
-                    value=float(found.theta[i]),
-                    std=float(errors.get(i, math.nan)),  # NaN: not fitted.
-                    unit=c.unit,
-                )
-                for i, c in zip(
-                    layout.slots_of(weighed.kind), kind.coefficients, strict=True
-                )
-            }
-            words, depends_on = kind.words, kind.depends_on
-        effects.append(
-            FoundEffect(
-                kind=weighed.kind,
-                words=words,
-                coefficients=coefficients,
-                evidence=weighed.evidence,
-                share=weighed.share,
-                indistinguishable_from=weighed.alternatives,
-                depends_on=depends_on,
-            )
+    if traced.field is not None:
+        found.append(_field_entry(traced.field, gained))
+    elif left:
+        found.append(_curve_entry(task, model, tuple(sorted(left))))
+    if found and task.vehicle.trim_is_known:
+        found += [
+            _spread_entry(task, kind, spread)
+            for kind, spread in spreads.items()
+            if kind not in model.kinds
+        ]
+    return tuple(sorted(found, key=lambda e: -e.evidence))
+
+
+def _sign_entry(signs: Signs) -> FoundEffect:
+    return FoundEffect(
+        kind=ANGLE_SIGN.kind,
+        words=ANGLE_SIGN.words,
+        coefficients={
+            name: Estimate(value=float(getattr(signs, name)), std=0.0, unit="-")
+            for name in ("pitch", "elevator", "command")
+        },
+        evidence=signs.evidence,
+        share=signs.share,
+        indistinguishable_from=(),
+        depends_on=ANGLE_SIGN.depends_on,
+    )
+
+
+def _field_entry(field: FoundField, gained: float) -> FoundEffect:
+    extra = field.model.extra
+    assert extra is not None
+    what = {"air": "the air moves", "forces": "forces change"}[field.basis.form]
+    return FoundEffect(
+        kind="unexplained",
+        words=f"no effect of the library: {what} with {', '.join(field.depends_on)}",
+        coefficients=find_peaks(extra, field.covariance),
+        evidence=field.evidence,
+        share=float(np.clip(field.evidence / gained, 0.0, 1.0)),
+        indistinguishable_from=(),
+        depends_on=field.depends_on,
+    )
+
+
+def _curve_entry(task: Task, model: Fitted, terms: tuple[str, ...]) -> FoundEffect:
+    low, high = np.percentile(task.curves.angles, [5.0, 95.0])
+    alpha = np.linspace(low, high, 41)
+    values = task.curves.values(model.coordinates, alpha)
+    peaks = {}
+    for term in terms:
+        curve = values[:, TERMS.index(term)]
+        peak = int(np.argmax(np.abs(curve)))
+        unit = "m" if term == "c_moment" else "-"
+        peaks[f"{term}_peak"] = Estimate(
+            value=float(curve[peak]), std=math.nan, unit=unit
         )
-    return tuple(effects)
+        peaks[f"{term}_peak_at_alpha"] = Estimate(
+            value=float(alpha[peak]), std=math.nan, unit="rad"
+        )
+    return FoundEffect(
+        kind="unexplained",
+        words=f"no effect of the library: {', '.join(terms)} change with alpha",
+        coefficients=peaks,
+        evidence=0.0,
+        share=0.0,
+        indistinguishable_from=(),
+        depends_on=("alpha",),
+    )
+
+
+def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
+    kind = task.layout.kinds[name]
+    first = SPREAD_KINDS[name][1]
+    error = spread.std / math.sqrt(max(len(spread.values), 1))
+    return FoundEffect(
+        kind=name,
+        words=f"{kind.words}, another in each flight",
+        coefficients={
+            c.name: Estimate(value=0.0, std=error, unit=c.unit)
+            for c in kind.coefficients
+            if c.name == first
+        },
+        evidence=0.0,
+        share=0.0,
+        indistinguishable_from=(),
+        depends_on=kind.depends_on,
+        spread={first: spread.std},
+    )
 
 
 def model_of(
-    found: Explanation, signs: Signs, campaign: Campaign, layout: Layout
+    task: Task, model: Fitted, carried: Carried, signs: Signs, campaign: Campaign
 ) -> GliderModel:
     """Returns the corrected glider."""
-    effects = []
-    if not signs.are_right:
-        effects.append(sign_effect(signs))
-    kinds = [w.kind for w in found.weighed if w.kind != "unexplained"]
-    if campaign.elevator == "fixed" and "elevator_trim" not in kinds:
-        kinds.append("elevator_trim")  # The unknown angle at which it stands.
+    layout = task.layout
+    effects = [] if signs.are_right else [sign_effect(signs)]
+    kinds = list(model.kinds)
+    own = {layout.slots[i][0] for i in task.vehicle.nuisance} - {"parameters"}
+    kinds += [kind for kind in layout.kinds if kind in own and kind not in kinds]
     for name in kinds:
         kind = layout.kinds[name]
-        values = found.theta[list(layout.slots_of(name))]
+        values = model.theta[list(layout.slots_of(name))]
         names = [c.name for c in kind.coefficients]
         effects.append(kind(**dict(zip(names, map(float, values), strict=True))))
+    field = model.extra
+    if carried.data is not None:
+        field = (
+            carried.data
+            if field is None
+            else dataclasses.replace(field, more=[carried.data])
+        )
     return GliderModel(
-        parameters=parameters_of(found.theta, campaign),
+        parameters=parameters_of(model.theta, campaign),
         effects=tuple(effects),
-        field=None if found.unexplained is None else found.unexplained.data,
+        field=field,
     )
 
 
-def flights_of(
-    problem: Problem,
-    predictions: dict[str, list[Prediction]],
-    vehicle: Vehicle,
-    signs: Signs,
-) -> tuple[HeldOutFlight, ...]:
-    """Returns the held-out flights as logged, beside what each model predicted."""
-    flights = []
-    as_logged = {"corrected": np.array([1.0, 1.0, signs.pitch])}
-    for i, record in enumerate(problem.records):
-        rows = beginning_rows(problem, record)
-        flights.append(
-            HeldOutFlight(
-                name=record.flight.name,
-                time=record.time,
-                measured=record.flight.pose,
-                flown={
-                    name: predictions[name][i].pose * as_logged.get(name, 1.0)
-                    for name in MODELS
-                    if name != "as_drawn" or vehicle.is_known
-                },
-                fitted_until=float(record.time[rows - 1]),
+def vehicle_of(vehicle: Vehicle, model: Fitted, known: Uncertainty) -> dict:
+    """Returns the numbers of the vehicle that nobody told, with standard errors."""
+    units = {"pitch_inertia": "kg m²", "wing_offset": "m", "mass": "kg"}
+    found = {}
+    for slot in vehicle.nuisance:
+        kind, name = vehicle.layout.slots[slot]
+        label = name if kind == "parameters" else f"{kind}.{name}"
+        unit = units.get(name, "m²")
+        if kind != "parameters":
+            kind_of = vehicle.layout.kinds[kind]
+            unit = next(c.unit for c in kind_of.coefficients if c.name == name)
+        elif vehicle.is_per_mass and name in PARAMETER_NAMES and name != "wing_offset":
+            unit += "/kg"
+        found[label] = Estimate(
+            value=float(model.theta[slot]), std=known.std(slot), unit=unit
+        )
+    return found
+
+
+def correlations_of(
+    task: Task, model: Fitted, known: Uncertainty
+) -> dict[str, dict[str, float]]:
+    """Returns the correlations of the errors of the effects' coefficients."""
+    slots = [i for kind in model.kinds for i in task.layout.slots_of(kind)]
+    slots = [i for i in slots if i in known.free]
+    index = [known.free.index(i) for i in slots]
+    corner = known.covariance[np.ix_(index, index)]
+    std = np.sqrt(np.diag(corner))
+    labels = [".".join(task.layout.slots[i]) for i in slots]
+    return {
+        a: {
+            b: float(corner[j, k] / (std[j] * std[k]))
+            for k, b in enumerate(labels)
+            if k != j
+        }
+        for j, a in enumerate(labels)
+    }
+
+
+def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
+    """Returns what the plate lacks over the angle of attack, in bins of equal weight.
+
+    Bands are standard errors over flights.
+
+    Args:
+        before: of the plate.
+        after: of the corrected model, on the same rows.
+    """
+    alpha = before.variables["alpha"]
+    edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
+    place = np.clip(np.searchsorted(edges, alpha, side="right") - 1, 0, len(edges) - 2)
+    s, c = np.sin(alpha), np.cos(alpha)
+
+    def body(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        lift, drag = values["c_lift"], values["c_drag"]
+        return {
+            "c_normal": lift * c + drag * s,
+            "c_axial": drag * c - lift * s,
+            "c_moment": values["c_moment"],
+        }
+
+    measured, plate = body(before.coefficients), body(before.modelled)
+    corrected = body(after.modelled)
+    curves = []
+    for term in measured:
+        rows = []
+        for b in range(len(edges) - 1):
+            here = place == b
+            flights = np.unique(before.flight[here])
+            means = [
+                np.mean((measured[term] - plate[term])[here & (before.flight == f)])
+                for f in flights
+            ]
+            if len(means) < 2:
+                continue
+            rows.append(
+                (
+                    float(np.mean(alpha[here])),
+                    float(np.mean(means)),
+                    float(np.std(means, ddof=1) / np.sqrt(len(means))),
+                    float(np.mean((corrected[term] - plate[term])[here])),
+                )
+            )
+        columns = np.array(rows).reshape(-1, 4).T
+        curves.append(
+            Curve(
+                term=term,
+                alpha=columns[0],
+                lack=columns[1],
+                std=columns[2],
+                named=columns[3],
             )
         )
-    return tuple(flights)
+    return tuple(curves)
+
+
+_BINS = 15

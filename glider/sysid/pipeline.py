@@ -72,6 +72,10 @@ def close_the_loop(
     begin = time.perf_counter()
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
+    from glider.sysid.checks.inspection import inspect
+
+    inspection = inspect(campaign)
+    campaign = inspection.campaign
     fitted, unseen = split_flights(campaign, held_out, seed)
     seconds = {"read": time.perf_counter() - begin}
 
@@ -94,7 +98,7 @@ def close_the_loop(
 
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         return Analysis(progress=progress, seconds=seconds).run(
-            campaign,
+            inspection,
             names,
             vehicle,
             kinds,

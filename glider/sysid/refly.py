@@ -17,15 +17,17 @@ from glider.physics.parameters import (
     GliderParameters,
 )
 from glider.sysid.fit.prediction import (
+    Flown,
     Prediction,
     predict,
+    rollout_scales,
 )
 from glider.sysid.fit.simulate import (
     layout_for,
     theta_of,
 )
+from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.problem import Problem
 from glider.sysid.replay.record import (
     Record,
     prepare,
@@ -119,12 +121,12 @@ def refly(
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
         rows = _rows_before_it_blows_up(poses)
         motions[label] = Motion(time=record.time[:rows], poses=poses[:rows])
-    seen = record.flight  # With the last model's signs.
-    angle = elevator if seen.elevator is None else seen.elevator
+    # With the last model's signs.
+    angle = np.where(record.seen[:, 3], record.elevator, elevator)
     has_mass = "mass" in campaign.vehicle
     measured = Motion(
         time=record.time,
-        poses=np.column_stack([seen.pose, angle]),
+        poses=np.column_stack([record.pose, angle]),
         forces=_forces(record, last, predicted.trim) if has_mass else None,
     )
     return {"measured": measured, **motions}
@@ -161,13 +163,15 @@ def _predicted(
     noise = measure_noise(turned)
     flights = (turn(flight, signs),)
     (record,) = prepare(flights, turned, noise, layout_for(model))
-    problem = Problem(
-        records=[record],
-        noise=noise,
+    theta = theta_of(model)
+    flown = Flown(
+        theta=theta,
         field=model.residual_field,
-        trim_is_known=make_vehicle(campaign).trim_is_known,
+        scales=start_scales(noise),
+        own_trims=not make_vehicle(campaign).trim_is_known,
     )
-    return record, predict(problem, theta_of(model), record)
+    scales = rollout_scales(flown, [record], flown.scales)
+    return record, predict(dataclasses.replace(flown, scales=scales), record)
 
 
 def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:

@@ -15,8 +15,8 @@ VERDICTS = (
     "unexplained",
     "not_trusted",
 )
-"""Nothing is wrong; all that is wrong has a name; some of it; none of it; what was found
-does not hold on flights that were held out."""
+"""Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
+was found does not hold on flights that were held out."""
 
 MODELS = ("as_drawn", "refitted", "corrected")
 """Nominal model; flat plate with its own parameters refitted; with the effects."""
@@ -218,12 +218,14 @@ class ResidualTable:
         coefficients: name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred
             to ½ρV²S_w.
         modelled: the same of the model.
+        flight: (N,) number of the flight that each row is of.
     """
 
     variables: dict[str, np.ndarray]
     residual: np.ndarray
     coefficients: dict[str, np.ndarray]
     modelled: dict[str, np.ndarray]
+    flight: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -128,6 +128,17 @@ class FieldData:
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
     """Name in FIELD_TERMS to one weight a basis function."""
 
+    more: list["FieldData"] = dataclasses.field(default_factory=list)
+    """Further fields over other variables that add to it."""
+
+
+def with_weights(
+    data: FieldData, terms: Sequence[str], weights: np.ndarray
+) -> FieldData:
+    """Returns the field with weights (M, terms)."""
+    named = dict(zip(terms, weights.T.tolist(), strict=True))
+    return dataclasses.replace(data, weights=named)
+
 
 def gaussians(
     field: Field, variables: Sequence[int] | np.ndarray, values: np.ndarray
@@ -181,7 +192,8 @@ def make_field(data: FieldData) -> Field:
                 f"{count} are needed."
             )
         weights[:, FIELD_TERMS.index(name)] = values
-    field = Field(centers, inverse_widths, weights)
+    parts = [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
+    field = Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
     if not all(np.all(np.isfinite(array)) for array in field):
         raise InputError(
             f"field '{data.kind}': centers, widths and weights must be finite numbers."

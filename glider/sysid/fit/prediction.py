@@ -1,24 +1,29 @@
 """Prediction of flights that a model has not seen, and its errors.
 
-The launch state of each flight is fitted on its beginning only; then the model
+The launch state of each flight is estimated from its beginning only; then the model
 flies on alone to the end.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.fit.output_error import in_parallel
-from glider.sysid.replay.nodes import sensed
-from glider.sysid.replay.problem import Problem
+from glider.compiled.filter_error import PROCESSES
+from glider.compiled.parallel import in_parallel
+from glider.compiled.replay import roll_out, translate
+from glider.physics.effects import Field
+from glider.sysid.likelihood.linear_flight import Constants, linearize
+from glider.sysid.likelihood.scales import (
+    FLOOR,
+    Scales,
+    fit_scales,
+    smoothed_start,
+)
+from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.shooting import (
-    AlongPitch,
-    cut,
-    fit_start,
-    fly_record,
-)
+from glider.sysid.replay.signals import pose_signals
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import Errors
 
@@ -26,7 +31,27 @@ BEGINNING = 0.2
 """Share of a flight on which its launch state is fitted."""
 
 BEGINNING_WITH_TRIM = 0.4
-"""The same where an elevator angle of the flight's own is fitted too."""
+"""The same where something of the flight's own is fitted too."""
+
+_FEWEST_ROWS = 10
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Flown:
+    """A model that flies logs again.
+
+    Attributes:
+        theta: its numbers.
+        field: its residual field.
+        scales: of errors along its rollouts, and of what differs from flight to
+            flight, see `rollout_scales`.
+        own_trims: whether each flight has an elevator angle of its own.
+    """
+
+    theta: np.ndarray
+    field: Field
+    scales: Scales
+    own_trims: bool
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,7 +61,7 @@ class Prediction:
     Attributes:
         pose: (n, 3) of the free rollout, as the sensors would show it.
         translated: (n, 2) x and z of the forces alone along the measured pitch.
-        trim: elevator offset found on the beginning [rad].
+        trim: elevator angle of the flight's own found on the beginning [rad].
     """
 
     pose: np.ndarray
@@ -44,70 +69,147 @@ class Prediction:
     trim: float
 
 
-def beginning_rows(problem: Problem, record: Record) -> int:
-    """Returns how many rows the launch state is fitted on."""
-    own_trim = not problem.trim_is_known and not record.has_servo
-    share = BEGINNING_WITH_TRIM if own_trim else BEGINNING
-    until = share * record.time[-1]
-    return max(int(np.searchsorted(record.time, until)), 10)
+def beginning_rows(record: Record, own_trims: bool) -> int:
+    """Returns how many nodes the launch state is fitted on."""
+    share = BEGINNING_WITH_TRIM if own_trims else BEGINNING
+    rows = int(np.searchsorted(record.time, share * record.time[-1]))
+    return min(max(rows, _FEWEST_ROWS), len(record.time))
 
 
-def predict(
-    problem: Problem, theta: np.ndarray, record: Record, whole: bool = False
-) -> Prediction:
-    """Predicts one flight from its beginning, or fits the whole of it."""
-    rows = len(record.time)
-    if not whole:
-        rows = beginning_rows(problem, record)
-    start = fit_start(problem, cut(record, 0, rows), theta)
-    states = fly_record(problem, record, theta, start)
-    return Prediction(
-        pose=sensed(record.layout, states, theta),
-        translated=_translate(problem, record, theta, start, rows),
-        trim=float(start[OFFSET]),
+def rollout_scales(model: Flown, records: Sequence[Record], scales: Scales) -> Scales:
+    """Returns the errors of a model's rollouts over the beginnings of flights.
+
+    A rollout knows no gusts: its errors last, and a launch must suit all rows of the
+    beginning, not only the first.
+
+    Args:
+        model: whose own scales do not count.
+        records: flights that it was fitted to.
+        scales: of the sensors, and of what differs from flight to flight.
+    """
+    still = dataclasses.replace(
+        scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
+    )
+    flights = []
+    for record in records[:: max(1, len(records) // _ASKED)]:
+        rows = beginning_rows(record, model.own_trims)
+        flights.append(linearize(record.first(rows), model.theta, model.field))
+    return fit_scales(flights, still, _OF_ROLLOUTS, iterations=20)[0]
+
+
+_ASKED = 12
+"""Flights whose beginnings are asked for the errors of rollouts."""
+
+_OF_ROLLOUTS = ("position", "pitch")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Launch:
+    """Start of a flight, and what is its own.
+
+    Attributes:
+        state: (n,) of the compiled dynamics.
+        constants: its wind and trim.
+        pitch_zero: error of its pitch reading [rad].
+    """
+
+    state: np.ndarray
+    constants: Constants
+    pitch_zero: float
+
+
+def find_launch(model: Flown, record: Record, rows: int) -> Launch:
+    """Returns the most likely launch given a flight's first rows."""
+    beginning, constants = record.first(rows), Constants()
+    for _ in range(2):
+        flight = linearize(beginning, model.theta, model.field, (), constants)
+        own = smoothed_start(flight, model.scales)
+        n = len(flight.nodes[0])
+        wind_x, wind_z, trim, zero = own[n + PROCESSES :]
+        constants = Constants(
+            wind=(constants.wind[0] + wind_x, constants.wind[1] + wind_z),
+            trim=constants.trim + trim,
+        )
+    return Launch(
+        state=flight.nodes[0] + own[:n], constants=constants, pitch_zero=float(zero)
     )
 
 
-def _translate(
-    problem: Problem, record: Record, theta: np.ndarray, start: np.ndarray, rows: int
-) -> np.ndarray:
-    """Integrates the forces along the measured pitch; x, z, rates fitted on rows."""
-    along = AlongPitch(problem, record, theta)
-    launch = along.first.copy()
-    launch[-1] = start[OFFSET]
+def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
+    """Predicts one flight from its beginning, or fits the whole of it."""
+    rows = len(record.time) if whole else beginning_rows(record, model.own_trims)
+    launch = find_launch(model, record, rows)
+    layout = record.layout
+    elevator, rate = pose_signals(record, model.theta)
+    signals = (
+        elevator + launch.constants.trim,
+        rate,
+        np.asarray(launch.constants.wind) + record.side_wind,
+        record.bank,
+        layout.dynamics(model.theta),
+        model.field,
+    )
+    kinds = layout.compiled_kinds
+    states = roll_out(kinds, record.time, launch.state, *signals)
+    zero = np.array([0.0, 0.0, launch.pitch_zero])
+
+    nodes = true_nodes(record, model.theta, model.field)
+    turned = (nodes - record.nodes)[:, [2, 6]]
+    turned[:, 0] -= launch.pitch_zero
+    middle = 0.5 * (turned[1:] + turned[:-1])
+    pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
+    start = nodes[0].copy()
+    start[OFFSET] = launch.state[OFFSET]
+
+    def places(change: np.ndarray) -> np.ndarray:
+        state = start.copy()
+        state[[0, 1, 4, 5]] += change
+        moved = translate(kinds, record.time, state, pitch, *signals)
+        return sensed(layout, moved, model.theta)[:, :2]
+
+    change, step = np.zeros(4), 1e-5
     for _ in range(3):
-        flown = along.places(launch)
+        flown = places(change)
         if not np.all(np.isfinite(flown[:rows])):
             break
-        columns = along.by_launch(launch, flown)[:rows, :, :-1]
-        error = (record.flight.pose[:, :2] - flown)[:rows].ravel()
-        matrix = columns.reshape(2 * rows, -1)
-        launch[:-1] += np.linalg.lstsq(matrix, error, rcond=None)[0]
-    return along.places(launch)
+        columns = [(places(change + step * unit) - flown) / step for unit in np.eye(4)]
+        seen = record.seen[:rows, :2]
+        matrix = np.stack(columns, axis=2)[:rows][seen]
+        error = (record.pose[:rows, :2] - flown[:rows])[seen]
+        change += np.linalg.lstsq(matrix, error, rcond=None)[0]
+    return Prediction(
+        pose=sensed(layout, states, model.theta) + zero,
+        translated=places(change),
+        trim=launch.constants.trim,
+    )
 
 
 def measure_errors(
-    problem: Problem, theta: np.ndarray
+    model: Flown, records: Sequence[Record]
 ) -> tuple[Errors, list[Prediction]]:
-    """Returns a model's errors on the problem's flights, and their predictions."""
-    predictions = in_parallel(
-        lambda record: predict(problem, theta, record), problem.records
-    )
-    table = make_table(
-        problem.records, theta, [f.trim for f in predictions], problem.field
-    )
+    """Returns a model's errors on flights, and their predictions."""
+    predictions = in_parallel(lambda record: predict(model, record), records)
+    return errors_of(model, records, predictions), predictions
+
+
+def errors_of(
+    model: Flown, records: Sequence[Record], predictions: Sequence[Prediction]
+) -> Errors:
+    """Returns the errors of predictions of flights."""
+    table = make_table(records, model.theta, [p.trim for p in predictions], model.field)
     position, end, pitch, translated = [], [], [], []
-    for record, predicted in zip(problem.records, predictions, strict=True):
-        error = record.flight.pose - predicted.pose
+    for record, predicted in zip(records, predictions, strict=True):
+        seen = record.seen[:, 0]
+        error = (record.pose - predicted.pose)[seen]
         distance = np.hypot(error[:, 0], error[:, 1])
         position.append(distance**2)
         end.append(distance[-1])
         pitch.append(error[:, 2] ** 2)
-        along = record.flight.pose[:, :2] - predicted.translated
+        along = (record.pose[:, :2] - predicted.translated)[seen]
         translated.append(np.sum(along**2, axis=1))
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         rms = np.sqrt(np.mean(table.residual**2, axis=0))
-    errors = Errors(
+    return Errors(
         tangential=float(rms[0]),
         normal=float(rms[1]),
         pitch=float(rms[2]),
@@ -116,7 +218,16 @@ def measure_errors(
         pitch_rms_rad=_rms(pitch),
         measured_pitch_position_rms_m=_rms(translated),
     )
-    return errors, predictions
+
+
+def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
+    """Returns a flight's position RMS, free and along the measured pitch [m]."""
+    seen = record.seen[:, 0]
+    free = (record.pose - predicted.pose)[seen, :2]
+    along = (record.pose[:, :2] - predicted.translated)[seen]
+    return tuple(
+        float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) for error in (free, along)
+    )
 
 
 def _rms(squares: list[np.ndarray]) -> float:

@@ -149,6 +149,8 @@ def _fly(
         start,
         elevator,
         rate,
+        np.zeros((len(rate), 2)),
+        np.ones(len(rate)),
         layout.dynamics(theta),
         model.residual_field,
     )

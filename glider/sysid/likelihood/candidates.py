@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.linear_flight import LinearFlight
@@ -16,7 +17,6 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
 
 Variant = tuple[int, ...]
 """Columns of an effect with one choice of its starting shapes."""
@@ -52,7 +52,7 @@ class Candidates:
         return [*vehicle, *range(count, count + len(self.model.coordinates))]
 
     def grams(self, scales: Scales) -> np.ndarray:
-        """Returns every flight's information on all columns, (flights, m + 1, m + 1)."""
+        """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
         return np.stack(in_parallel(lambda f: whiten(f, scales).gram, self.flights))
 
     def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
@@ -81,9 +81,7 @@ class Candidates:
         whole[-1, :] = whole[:, -1]
         whole[-1, -1] = restored @ gram @ restored
         always = self.always
-        reduced = eliminate(
-            whole, always, precision[always], (mean - value)[always]
-        )
+        reduced = eliminate(whole, always, precision[always], (mean - value)[always])
         keep = [j for j in range(len(slots)) if j not in set(always)]
         place = {j: k for k, j in enumerate(keep)}
         layout = task.layout

@@ -65,7 +65,9 @@ def starts_of(
     sizes = [(i, c) for i, c in entries if not c.is_shape]
     if not sizes:
         return [
-            [_secant(kind.kind, i, theta, value)] for i, c in entries for value in c.grid
+            [_secant(kind.kind, i, theta, value)]
+            for i, c in entries
+            for value in c.grid
         ]
     shapes = [(i, c) for i, c in entries if c.is_shape]
     found = []

@@ -7,32 +7,6 @@ over flights need no more than these matrices.
 """
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-
-from glider.sysid.replay.sensitivity import (
-    DIVERGED,
-    Linearized,
-)
-
-
-def eliminate_start(errors: Linearized) -> np.ndarray:
-    """Returns a flight's information on theta, launch state eliminated.
-
-    With errors e = r - X δs - T δθ, min over δs of |e|² is the quadratic form
-    [δθ; -1]' R [δθ; -1]; R has shape (m + 1, m + 1). A model that blows up has
-    an infinite cost.
-    """
-    table = np.column_stack([errors.by_start, errors.by_theta, errors.residual])
-    k = errors.by_start.shape[1]
-    if not np.abs(table).max() < DIVERGED:
-        lost = np.zeros((table.shape[1] - k,) * 2)
-        lost[-1, -1] = np.inf
-        return lost
-    gram = table.T @ table
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram)[:k], 1e-300))
-    corner = gram[:k, :k] * scale[:, None] * scale + 1e-13 * np.eye(k)
-    side = gram[:k, k:] * scale[:, None]
-    return gram[k:, k:] - side.T @ cho_solve(cho_factor(corner), side)
 
 
 def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
@@ -78,20 +52,6 @@ def bounded_step(
     return step
 
 
-def cost(information: np.ndarray, step: np.ndarray) -> float:
-    """Returns [δθ; -1]' R [δθ; -1]: the sum of squared errors at a step."""
-    v = np.append(step, -1.0)
-    return float(v @ information @ v)
-
-
-def moved(information: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Returns the information at coefficients that are a step away."""
-    m = len(step)
-    change = np.eye(m + 1)
-    change[:m, m] = -step
-    return change.T @ information @ change
-
-
 def covariance(
     information: np.ndarray, dispersion: float, ridge: np.ndarray | float = 0.0
 ) -> np.ndarray:
@@ -119,15 +79,3 @@ def covariance(
     larger = np.diag(sandwich) > np.diag(classical)
     grow = np.sqrt(np.where(larger, np.diag(sandwich) / np.diag(classical), 1.0))
     return classical * grow[:, None] * grow
-
-
-def held_out_costs(
-    information: np.ndarray, ridge: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Returns each flight's cost at the coefficients that the others give.
-
-    Leave one flight out: δθ is refitted without flight i, then flight i, with
-    its own launch state, is scored. Shape (flights,).
-    """
-    total = information.sum(axis=0)
-    return np.array([cost(own, solve(total - own, ridge)) for own in information])

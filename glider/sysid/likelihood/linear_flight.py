@@ -181,7 +181,12 @@ def linearize(
     if record.has_servo:
         outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
     own = np.zeros((n + OWN_STATES, len(directions) + 1))
-    own[n + PROCESSES :, -1] = (-constants.wind[0], -constants.wind[1], -constants.trim, 0)
+    own[n + PROCESSES :, -1] = (
+        -constants.wind[0],
+        -constants.wind[1],
+        -constants.trim,
+        0,
+    )
     return LinearFlight(
         start=own,
         constants=constants,
@@ -228,8 +233,8 @@ def _advance(record, nodes, signals, theta, field, constants, wind):
         nodes,
         elevator + constants.trim,
         rate,
-        layout.dynamics(theta),
-        field,
         wind,
         record.bank,
+        layout.dynamics(theta),
+        field,
     )

@@ -9,20 +9,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.physics.effects import Field
+from glider.compiled.parallel import in_parallel
+from glider.physics.effects import NO_FIELD, Field
+from glider.physics.effects.field import FieldData, make_field
+from glider.sysid.likelihood.curves import TERM_INDICES
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight, linearize
-from glider.sysid.likelihood.curves import TERM_INDICES
 from glider.sysid.likelihood.scales import (
     Scales,
     fit_scales,
     flight_constants,
     negative_log_likelihood,
+    start_scales,
     whiten,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.parallel import in_parallel
+from glider.sysid.replay.noise import Noise
 
 FEWEST_ITERATIONS = 2
 """Before a fit may stop: the first step changes the scales too."""
@@ -45,7 +48,8 @@ class Fitted:
         coordinates: of the curves; empty where there are none.
         strength: of the curves beforehand.
         scales: of all noise.
-        constants: of each flight, about which it is linear.
+        constants: name of each flight to its own, about which it is linear.
+        extra: a field without a name that acts too, or None.
         cost: negative log posterior [nats].
     """
 
@@ -55,7 +59,8 @@ class Fitted:
     coordinates: np.ndarray
     strength: float
     scales: Scales
-    constants: tuple[Constants, ...]
+    constants: dict[str, Constants]
+    extra: FieldData | None = None
     cost: float = np.inf
 
     @property
@@ -64,8 +69,8 @@ class Fitted:
         return len(self.coordinates) > 0
 
 
-def start_of(task: Task, scales: Scales, with_curves: bool) -> Fitted:
-    """Returns the nominal model, nothing fitted yet."""
+def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
+    """Returns the nominal model, nothing fitted yet, in still air."""
     count = task.curves.count if with_curves else 0
     return Fitted(
         kinds=(),
@@ -73,16 +78,19 @@ def start_of(task: Task, scales: Scales, with_curves: bool) -> Fitted:
         free=task.free(()),
         coordinates=np.zeros(count),
         strength=1.0,
-        scales=scales,
-        constants=(Constants(),) * len(task.records),
+        scales=start_scales(noise),
+        constants={},
     )
 
 
 def field_of(task: Task, model: Fitted) -> Field:
-    """Returns a model's curves as the dynamics take them."""
-    from glider.physics.effects import NO_FIELD
-
-    return task.curves.field(model.coordinates) if model.has_curves else NO_FIELD
+    """Returns a model's curves and its extra field as the dynamics take them."""
+    parts = [task.curves.field(model.coordinates)] if model.has_curves else []
+    if model.extra is not None:
+        parts.append(make_field(model.extra))
+    if not parts:
+        return NO_FIELD
+    return Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def linear_flights(
@@ -93,7 +101,8 @@ def linear_flights(
 
     def one(i: int) -> LinearFlight:
         record = task.records[i]
-        flight = linearize(record, model.theta, field, directions, model.constants[i])
+        own = model.constants.get(record.name, Constants())
+        flight = linearize(record, model.theta, field, directions, own)
         if not model.has_curves:
             return flight
         alpha = flight.middle_alpha(model.theta)
@@ -179,9 +188,11 @@ def fit_model(
         )
         if task.own_trims:
             adjusted = [f.combined(step) for f in flights]
-            constants = in_parallel(lambda f: flight_constants(f, scales), adjusted)
-            current = dataclasses.replace(current, constants=tuple(constants))
-            best = dataclasses.replace(best, constants=tuple(constants))
+            found = in_parallel(lambda f: flight_constants(f, scales), adjusted)
+            names = [record.name for record in task.records]
+            constants = dict(zip(names, found, strict=True))
+            current = dataclasses.replace(current, constants=constants)
+            best = dataclasses.replace(best, constants=constants)
         current = _moved(task, current, step, lower, upper)
     assert best is not None
     return best

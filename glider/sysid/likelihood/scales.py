@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, PROCESSES, filter_flight
+from glider.compiled.filter_error import PROCESSES, filter_flight
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
-from glider.sysid.parallel import in_parallel
+from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.theta import OFFSET
 
 
@@ -51,6 +52,19 @@ class Scales:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Scales))
+
+
+def start_scales(noise: Noise) -> Scales:
+    """Returns where a fit of the scales starts: little but the sensors' noise."""
+    return Scales(
+        position=noise.position,
+        pitch=noise.pitch,
+        elevator=max(noise.elevator, _LEAST_ELEVATOR),
+    )
+
+
+_LEAST_ELEVATOR = 1e-4
+"""Least noise of an elevator [rad], where there is none."""
 
 FLOOR = Scales(
     position=1e-6,
@@ -118,7 +132,7 @@ class Filtered:
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
-    record, n = flight.record, flight.by_x.shape[1]
+    record = flight.record
     launch = np.array(_LAUNCH)
     if not record.has_servo:
         launch[OFFSET] = 1e-6
@@ -154,7 +168,6 @@ def whiten(
     variance[:, :2] = scales.position**2
     variance[:, 2] = scales.pitch**2
     variance[:, 3] = scales.elevator**2
-    variance *= record.doubt
     usual = start_variances(flight, scales)
     start = usual if start is None else start
     times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)
@@ -196,6 +209,14 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     system = (gram[:-1, :-1] + np.diag(precision)) * scale[:, None] * scale
     change = scale * np.linalg.solve(system, scale * gram[:-1, -1])
     return wanted + change
+
+
+def own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns a flight's own wind (x, z) [m/s], trim and pitch zero [rad], (4,)."""
+    n = flight.by_x.shape[1]
+    own = smoothed_start(flight, scales)[n + PROCESSES :]
+    before = flight.constants
+    return own + np.array([*before.wind, before.trim, 0.0])
 
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:

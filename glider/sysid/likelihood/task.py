@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.physics.effects import Coefficient
-from glider.sysid.likelihood.curves import Curves
+from glider.sysid.likelihood.curves import Curves, make_curves
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle
@@ -94,3 +94,17 @@ class Task:
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""
         return dataclasses.replace(self, records=records)
+
+    def thinned(self, count: int) -> "Task":
+        """Returns the task on at most `count` of its flights, evenly picked."""
+        last = len(self.records) - 1
+        keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
+        return self.on([self.records[i] for i in keep])
+
+
+def make_task(
+    records: Sequence[Record], vehicle: Vehicle, kinds: tuple[str, ...]
+) -> Task:
+    """Returns the task of finding out which of some kinds a vehicle's flights show."""
+    curves = make_curves(records, vehicle.theta)
+    return Task(records=records, vehicle=vehicle, kinds=kinds, curves=curves)

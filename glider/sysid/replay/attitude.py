@@ -2,46 +2,54 @@
 
 The wing's force is along its normal n, which a rolled glider holds out of the plane of
 flight. In the plane it acts along (n_x, n_z), a shorter vector: the pitch that a planar
-glider would have is atan(n_x / n_z), and the force, which grows with v·n too, is smaller
-by n_x² + n_z². What the sideways velocity adds to v·n is like air that moves along the
-normal.
+glider would have is atan(n_x / n_z), and the force, which grows with v·n too, is
+smaller by n_x² + n_z². What the sideways velocity adds to v·n is like air that moves
+along the normal.
 """
-
-import dataclasses
 
 import numpy as np
 
 from glider.campaign.logs import Flight
 
 
+def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Returns the wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
+    return np.stack(
+        [
+            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
+            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
+            np.cos(pitch) * np.cos(roll),
+        ],
+        axis=1,
+    )
+
+
+def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
+    """Returns the pitch of the wing's normal in the plane, at some rows [rad]."""
+    assert flight.attitude is not None
+    _, roll, yaw = flight.attitude[rows].T
+    n = normal(flight.pose[rows, 2], roll, yaw)
+    return np.unwrap(np.arctan2(n[:, 0], n[:, 2]))
+
+
 def in_plane(
-    flight: Flight, sideways: np.ndarray
-) -> tuple[Flight, np.ndarray, np.ndarray]:
-    """Returns a flight with the pitch of its wing's normal in the plane.
+    pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns what a planar glider makes of a rolled one.
 
     Args:
-        flight: with attitude.
+        pitch: (n,) smoothed [rad].
+        roll_and_yaw: (n, 2) smoothed [rad].
         sideways: (n,) smoothed velocity along y [m/s].
 
     Returns:
-        the flight; the factor of the wing's force in each interval (n - 1,); the air
-        velocity (x, z) there that the sideways motion is like (n - 1, 2) [m/s].
+        the factor of the wing's force in each interval (n - 1,), and the air velocity
+        (x, z) there that the sideways motion is like (n - 1, 2) [m/s].
     """
-    assert flight.attitude is not None
-    roll, yaw = flight.attitude[:, 1], flight.attitude[:, 2]
-    pitch = flight.pose[:, 2]
-    x = np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll)
-    y = np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll)
-    z = np.cos(pitch) * np.cos(roll)
-    length = np.hypot(x, z)
-    planar = np.unwrap(np.arctan2(x, z))
-    air = -(sideways * y / length)[:, None] * np.stack([x, z], axis=1) / length[:, None]
-    pose = np.column_stack([flight.pose[:, :2], planar])
-    return (
-        dataclasses.replace(flight, pose=pose, attitude=None),
-        _middle(length**2),
-        _middle(air),
-    )
+    n = normal(pitch, *roll_and_yaw.T)
+    square = n[:, 0] ** 2 + n[:, 2] ** 2
+    air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
+    return _middle(square), _middle(air)
 
 
 def _middle(values: np.ndarray) -> np.ndarray:

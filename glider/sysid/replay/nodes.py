@@ -44,9 +44,9 @@ def true_nodes(
             for _ in range(6):
                 states[:, :3] += shown - sensed(layout, states, theta)
         nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
-    if record.flight.elevator is not None:
-        path = logged_elevator(record, theta)
-        nodes[:, OFFSET] = np.mean(record.flight.elevator - path)
+    if record.has_servo:
+        path, turned = logged_elevator(record, theta), record.seen[:, 3]
+        nodes[:, OFFSET] = np.mean((record.elevator - path)[turned])
     nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
     return with_extras(
         layout.compiled_kinds,

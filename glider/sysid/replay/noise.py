@@ -1,6 +1,7 @@
 """Noise of a campaign's channels, and what smooths them."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from glider.physics.actuator_replay import (
     command_steps,
     elevator_path,
 )
+from glider.sysid.checks.masks import Masks
 from glider.sysid.replay.smoothing import (
     Smoothing,
     estimate_noise,
@@ -35,14 +37,35 @@ class Noise:
     smoothing: tuple[Smoothing, ...]
 
 
-def measure_noise(campaign: Campaign) -> Noise:
-    """Finds the noise of a campaign's channels from all its flights."""
-    times = [f.time for f in campaign.flights]
-    smoothing = estimate_noise(times, [f.pose for f in campaign.flights])
+def measure_noise(
+    campaign: Campaign, masks: Mapping[str, Masks] | None = None
+) -> Noise:
+    """Finds the noise of a campaign's channels from all its flights.
+
+    Args:
+        campaign: the flights.
+        masks: name of a flight to its rows that are set aside; none by default.
+    """
+    masks = masks or {}
+    usable = [
+        masks[f.name].usable if f.name in masks else np.ones(len(f.time), dtype=bool)
+        for f in campaign.flights
+    ]
+    times = [f.time[u] for f, u in zip(campaign.flights, usable, strict=True)]
+    poses = [f.pose[u] for f, u in zip(campaign.flights, usable, strict=True)]
+    smoothing = estimate_noise(times, poses)
     position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
     elevator = 0.0
     if campaign.elevator == "servo":
-        errors = [_elevator_error(f, campaign.command_rate) for f in campaign.flights]
+        turned = [
+            ~masks[f.name].elevator
+            if f.name in masks
+            else np.ones(len(f.time), dtype=bool)
+            for f in campaign.flights
+        ]
+        pairs = list(zip(campaign.flights, turned, strict=True))
+        times = [f.time[u] for f, u in pairs]
+        errors = [_elevator_error(f, campaign.command_rate)[u] for f, u in pairs]
         elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
     return Noise(
         position=max(position, _LEAST_POSITION),

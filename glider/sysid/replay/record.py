@@ -1,6 +1,7 @@
 """A flight's log made ready to be flown again: smoothed states, clean signals."""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from glider.campaign.logs import (
 )
 from glider.physics.actuator_replay import command_steps
 from glider.physics.effects import Replay
-from glider.sysid.replay.attitude import in_plane
+from glider.sysid.checks.masks import Masks
+from glider.sysid.replay.attitude import in_plane, planar_pitch
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.smoothing import smoothing_maps
 from glider.sysid.replay.theta import (
@@ -18,15 +20,22 @@ from glider.sysid.replay.theta import (
     Layout,
 )
 
+_GAP = 1.6
+"""Time between two rows, over the usual one, from which on nodes are put between."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Record:
-    """A flight, cleaned and smoothed.
+    """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps.
 
     Attributes:
-        flight: as logged, with the signs of `angle_sign` undone.
-        time: (n,) from the first row [s].
+        name: of the flight's file.
+        has_servo: whether the elevator was commanded and measured.
+        time: (n,) of the nodes, from the first row that counts [s].
         layout: of the models that fly it.
+        pose: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
+        elevator: (n,) measured [rad]; zero where not seen.
+        seen: (n, 4) which of x, z, pitch and elevator count as measured.
         nodes: (n, layout.num_states) smoothed states, the effects' own at zero.
         pitch: (n - 1, 3, 2) smoothed pitch and its rate at the start, middle and
             end of each interval.
@@ -42,9 +51,13 @@ class Record:
         replays: what `glider.sysid.replay.signals` was asked last, by its settings.
     """
 
-    flight: Flight
+    name: str
+    has_servo: bool
     time: np.ndarray
     layout: Layout
+    pose: np.ndarray
+    elevator: np.ndarray
+    seen: np.ndarray
     nodes: np.ndarray
     pitch: np.ndarray
     acceleration: np.ndarray
@@ -59,67 +72,82 @@ class Record:
         default_factory=dict, repr=False, compare=False
     )
 
-    @property
-    def seen(self) -> np.ndarray:
-        """Which of x, z, pitch and elevator were measured, (n, 4)."""
-        seen = np.ones((len(self.time), 4), dtype=bool)
-        seen[:, 3] = self.has_servo
-        return seen
-
-    @property
-    def pose(self) -> np.ndarray:
-        """Measured x, z [m] and pitch [rad], (n, 3)."""
-        return self.flight.pose
-
-    @property
-    def elevator(self) -> np.ndarray:
-        """Measured elevator [rad], (n,)."""
-        return self.flight.elevator
-
-    @property
-    def doubt(self) -> np.ndarray:
-        """Variance of the same over the usual one, (n, 4)."""
-        return np.ones((len(self.time), 4))
-
-    @property
-    def has_servo(self) -> bool:
-        """Whether the elevator was commanded and measured."""
-        return self.flight.elevator is not None
+    def first(self, count: int) -> "Record":
+        """Returns the flight's first nodes as a flight of its own."""
+        rows, intervals = slice(0, count), slice(0, count - 1)
+        return dataclasses.replace(
+            self,
+            time=self.time[rows],
+            pose=self.pose[rows],
+            elevator=self.elevator[rows],
+            seen=self.seen[rows],
+            nodes=self.nodes[rows],
+            pitch=self.pitch[intervals],
+            acceleration=self.acceleration[rows],
+            acceleration_std=self.acceleration_std[rows],
+            bank=self.bank[intervals],
+            side_wind=self.side_wind[intervals],
+            replays={},
+        )
 
 
 def prepare(
-    flights: tuple[Flight, ...],
+    flights: Sequence[Flight],
     campaign: Campaign,
     noise: Noise,
     layout: Layout = LIBRARY_LAYOUT,
+    masks: Mapping[str, Masks] | None = None,
 ) -> list[Record]:
-    """Smooths flights; the maps of equal time grids are shared."""
+    """Smooths flights; the maps of equal time grids are shared.
+
+    Args:
+        flights: of the campaign.
+        campaign: whose clocks and limits count.
+        noise: of its channels.
+        layout: of the models that will fly them.
+        masks: name of a flight to its rows that are set aside; none by default.
+    """
     maps: dict[bytes, list[np.ndarray]] = {}
     records = []
     for flight in flights:
-        time = flight.time - flight.time[0]
-        key = np.round(time, 7).tobytes()
-        if key not in maps:
-            query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
-            maps[key] = [smoothing_maps(time, query, s.ratio) for s in noise.smoothing]
-        records.append(_record(flight, time, maps[key], campaign, noise, layout))
+        usable = np.ones(len(flight.time), dtype=bool)
+        turned = usable
+        if masks is not None and flight.name in masks:
+            usable = masks[flight.name].usable
+            turned = ~masks[flight.name].elevator
+        records.append(_record(flight, usable, turned, maps, campaign, noise, layout))
     return records
 
 
 def _record(
     flight: Flight,
-    time: np.ndarray,
-    maps: list[np.ndarray],
+    usable: np.ndarray,
+    turned: np.ndarray,
+    kept: dict[bytes, list[np.ndarray]],
     campaign: Campaign,
     noise: Noise,
     layout: Layout,
 ) -> Record:
+    good = np.flatnonzero(usable)
+    rows = slice(good[0], good[-1] + 1)
+    clock = flight.time - flight.time[good[0]]
+    time, place = _with_gaps_filled(clock[rows])
     n = len(time)
+    known = clock[good]
+    key = np.round(np.concatenate([known, [np.inf], time]), 7).tobytes()
+    if key not in kept:
+        query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
+        kept[key] = [smoothing_maps(known, query, s.ratio) for s in noise.smoothing]
+    maps = kept[key]
     bank, side_wind = np.ones(n - 1), np.zeros((n - 1, 2))
+    pose = flight.pose[good]
     if flight.attitude is not None:
-        sideways = maps[0][1, :n] @ flight.attitude[:, 0]
-        flight, bank, side_wind = in_plane(flight, sideways)
-    curves = np.stack([maps[j] @ flight.pose[:, j] for j in range(3)], axis=2)
+        turned_by = maps[1][0, :n] @ np.unwrap(flight.attitude[good, 1:], axis=0)
+        sideways = maps[0][1, :n] @ flight.attitude[good, 0]
+        pitch = maps[2][0, :n] @ pose[:, 2]
+        bank, side_wind = in_plane(pitch, turned_by, sideways)
+        pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
+    curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
     nodes = np.zeros((n, layout.num_states))
     nodes[:, 0:3] = curves[0, :n]
     nodes[:, 4:7] = curves[1, :n]
@@ -130,22 +158,45 @@ def _record(
         level * np.linalg.norm(m[2, :n], axis=1)
         for level, m in zip(levels, maps, strict=True)
     ]
-    switches, commands, rest = np.zeros(1), np.zeros(1), 0.0
+    measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
+    at = place[good - good[0]]
+    measured[at], seen[at, :3] = pose, True
+    elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
+    has_servo = flight.command is not None and flight.elevator is not None
     if flight.command is not None and flight.elevator is not None:
-        switches, commands = command_steps(time, flight.command, campaign.command_rate)
-        rest = float(flight.elevator[0])  # Its noise is what x[3] is for.
+        switches, commands = command_steps(clock, flight.command, campaign.command_rate)
+        trusted = np.flatnonzero(turned)
+        rest = float(flight.elevator[trusted[0]])  # Its noise is what x[3] is for.
+        elevator[place] = flight.elevator[rows]
+        seen[place, 3] = turned[rows]
     return Record(
-        flight=flight,
+        name=flight.name,
+        has_servo=has_servo,
         time=time,
         layout=layout,
+        pose=measured,
+        elevator=elevator,
+        seen=seen,
         nodes=nodes,
         pitch=pitch,
         acceleration=curves[2, :n],
         acceleration_std=np.stack(deviation, axis=1),
         switch_times=switches,
         commands=commands,
-        limits=campaign.elevator_limits if flight.command is not None else None,
+        limits=campaign.elevator_limits if has_servo else None,
         rest=rest,
         bank=bank,
         side_wind=side_wind,
     )
+
+
+def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns times with more in the gaps, and where the given ones are in them."""
+    steps = np.diff(time)
+    usual = np.median(steps)
+    more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
+    parts = [
+        time[k] + steps[k] * np.arange(more[k]) / more[k] for k in range(len(steps))
+    ]
+    filled = np.concatenate([*parts, time[-1:]])
+    return filled, np.concatenate([[0], np.cumsum(more)])

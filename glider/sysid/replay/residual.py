@@ -96,7 +96,7 @@ def make_table(
     def put(name: str, values: np.ndarray) -> None:
         rows.setdefault(name, []).append(values[_EDGE:-_EDGE])
 
-    for record, trim in zip(records, trims, strict=True):
+    for number, (record, trim) in enumerate(zip(records, trims, strict=True)):
         nodes, flow = flow_along(record, theta, field, trim)
         _, rate = node_signals(record, theta)
         speed, sin_alpha, cos_alpha, air_x, air_z = flow[:, :5].T
@@ -115,6 +115,7 @@ def make_table(
         }
         for name in (*FIELD_VARIABLES, "alphadot"):
             put(name, variables[name])
+        put("flight", np.full(len(record.time), number))
         sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
         error = record.acceleration - flow[:, 5:8]
         put("tangential", error[:, 0] * cosine - error[:, 1] * sine)
@@ -137,4 +138,5 @@ def make_table(
         ),
         coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
         modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
+        flight=stacked["flight"],
     )

@@ -63,6 +63,7 @@ class Vehicle:
         is_known: whether the nominal model is complete, the elevator's angle included.
         prior: mean and spread of theta before any flight, for what is unknown.
         notes: what was assumed, for the report.
+        is_per_mass: whether areas and inertia are per kilogram.
     """
 
     layout: Layout
@@ -74,6 +75,7 @@ class Vehicle:
     is_known: bool
     prior: tuple[np.ndarray, np.ndarray] | None
     notes: tuple[str, ...]
+    is_per_mass: bool
 
 
 def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
@@ -121,7 +123,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         spread = PRIOR_SCALES * layout.scale
         for name in unknown:
             i = index["parameters", name]
-            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else _RELATIVE_SPREAD.get(name, 0.5) * theta[i]
+            relative = _RELATIVE_SPREAD.get(name, 0.5)
+            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
         if campaign.elevator != "servo":
             spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
         if "wing_offset" in unknown:
@@ -137,6 +140,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         trim_is_known=campaign.elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and campaign.elevator != "fixed",
         notes=tuple(notes),
+        is_per_mass="mass" not in known and not has_scale,
     )
 
 

@@ -19,12 +19,14 @@ def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     nodes = np.zeros((3, n))
     nodes[:, 4] = 7.0
     path, rate, pitch = np.zeros((2, 3)), np.zeros(2), np.zeros((2, 3, 2))
-    model = path, rate, theta, NO_FIELD
-    replay.with_extras(kinds, times, nodes, *model)
-    replay.advance_nodes(kinds, times, nodes, *model)
-    replay.shoot(kinds, times, nodes, *model, free, layout.scale)
-    replay.propagate(np.empty((2, n, n)), np.empty((2, n, 0)))
+    wind, bank = np.zeros((2, 2)), np.ones(2)
+    along = path, rate, wind, bank
+    model = theta, NO_FIELD
+    moved, sizes = theta[None][:0].copy(), np.zeros(0)
+    replay.with_extras(kinds, times, nodes, path, rate, *model)
+    replay.advance_nodes(kinds, times, nodes, *along, *model)
+    replay.slopes_along(kinds, times, nodes, *along, theta, moved, sizes, NO_FIELD)
     replay.measure_nodes(kinds, nodes, theta, free, layout.scale)
-    replay.roll_out(kinds, times, nodes[0], *model)
-    replay.translate(kinds, times, nodes[0], pitch, *model)
+    replay.roll_out(kinds, times, nodes[0], *along, *model)
+    replay.translate(kinds, times, nodes[0], pitch, *along, *model)
     replay.flow_at(kinds, times, nodes, np.zeros(3), np.zeros(3), theta, NO_FIELD)

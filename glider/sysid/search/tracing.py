@@ -24,6 +24,13 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
+from glider.sysid.search.fields import (
+    SURVEY_FLIGHTS,
+    FoundField,
+    fit_field,
+    survey,
+)
 from glider.sysid.search.subsets import MOST_EFFECTS, Members, Scorer, best_set
 
 PRICE = 10.0
@@ -35,45 +42,161 @@ ROUNDS = 6
 Progress = Callable[[str], None]
 
 
-def trace(task: Task, scales: Scales, progress: Progress) -> Fitted:
-    """Returns the model with the effects that the flights show, fitted."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Traced:
+    """Outcome of a search.
+
+    Attributes:
+        model: with the effects that the flights show.
+        plate: the model without any, fitted.
+        evidence: kind to what is lost without it [nats].
+        alone: kind to what it gains alone, to first order [nats].
+        combinations: kinds of each set that was fitted, and its gain [nats].
+        field: what has no name, or None.
+    """
+
+    model: Fitted
+    plate: Fitted
+    evidence: dict[str, float]
+    alone: dict[str, float]
+    combinations: tuple[tuple[tuple[str, ...], float], ...]
+    field: FoundField | None
+
+
+@dataclasses.dataclass
+class Search:
+    """A search as it goes on: what was fitted is remembered."""
+
+    task: Task
+    progress: Progress
+    fitted: dict[frozenset[str], Fitted] = dataclasses.field(default_factory=dict)
+    alone: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    def price(self, model: Fitted) -> float:
+        """Returns a model's cost with the price of its effects [nats]."""
+        return price_of(self.task, model)
+
+    def fit(self, model: Fitted, iterations: int = 6) -> Fitted:
+        """Fits a model and remembers it."""
+        found = fit_model(self.task, model, iterations)
+        if found.extra is None:
+            key = frozenset(found.kinds)
+            if key not in self.fitted or found.cost < self.fitted[key].cost:
+                self.fitted[key] = found
+        return found
+
+
+def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
+    """Finds the effects that the flights show."""
+    search = Search(task, progress)
+    start = start_of(task, noise, with_curves=task.vehicle.prior is None)
     if task.vehicle.prior is None:
-        model = by_sets(task, start_of(task, scales, with_curves=True), progress)
-        return prune(task, model, progress)
-    model = along_attitude(task, start_of(task, scales, with_curves=False), progress)
-    model = prune(task, grow(task, model, progress), progress)
-    progress("fitting what formulas leave")
-    with_curves = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
-    return fit_strength(task, fit_model(task, with_curves))
+        model = by_sets(search, start)
+    else:
+        model = grow(search, along_attitude(search, start))
+    model, evidence = prune(search, model)
+    if not model.has_curves:
+        progress("fitting what formulas leave")
+        model = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
+        model = fit_strength(task, search.fit(model))
+    field = None
+    if leaves_something(model):
+        progress("looking for what else the residual depends on")
+        field = beyond_names(search, model)
+        if field is not None:
+            model, evidence = prune(search, field.model)
+            field = dataclasses.replace(field, model=model)
+    if not model.kinds and model.extra is None:
+        plate = model
+    else:
+        progress("fitting the plate alone")
+        nothing = dataclasses.replace(model, extra=None, cost=np.inf)
+        for kind in model.kinds:
+            nothing = without(task, nothing, kind)
+        plate = search.fit(nothing)
+    combinations = sorted(
+        ((m.kinds, plate.cost - m.cost) for m in search.fitted.values() if m.kinds),
+        key=lambda c: -c[1],
+    )
+    return Traced(
+        model=model,
+        plate=plate,
+        evidence=evidence,
+        alone=search.alone,
+        combinations=tuple(combinations),
+        field=field,
+    )
 
 
-def by_sets(task: Task, model: Fitted, progress: Progress) -> Fitted:
+def leaves_something(model: Fitted) -> bool:
+    """Whether a model leaves more than the sensors' noise: moving air, own errors."""
+    scales = model.scales
+    return scales.air > 0.02 or scales.moment > 0.3 or model.strength > 0.5
+
+
+def beyond_names(search: Search, model: Fitted) -> FoundField | None:
+    """Returns a field that is worth its price, on top of the effects or in their place.
+
+    A field in the place of effects comes first: effects bend far to be like one.
+    """
+    task = search.task
+    found = survey(task, model)
+    scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
+    if scale * found.gains[found.best] < FIELD_PRICE:
+        return None
+    options = [fit_field(task, model, found)]
+    if model.kinds:
+        nothing = model
+        for kind in model.kinds:
+            nothing = without(task, nothing, kind)
+        bare = fit_field(task, nothing, survey(task, nothing))
+        again = by_sets(search, bare.model) if task.vehicle.prior is None else None
+        options.append(bare)
+        if again is not None and again.extra is not None:
+            options.append(dataclasses.replace(bare, model=again))
+    best = min(options, key=lambda o: search.price(o.model))
+    if search.price(best.model) + FIELD_PRICE < search.price(model):
+        return best
+    return None
+
+
+FIELD_PRICE = 40.0
+"""Evidence that a field without a name must bring [nats]."""
+
+
+def by_sets(search: Search, model: Fitted) -> Fitted:
     """Returns the best of the sets that a search in closed form proposes."""
-    tried: dict[frozenset[str], Fitted] = {}
+    task, tried = search.task, dict[frozenset[str], Fitted]()
     for round_ in range(ROUNDS):
-        progress(f"searching for effects, round {round_ + 1}")
+        search.progress(f"searching for effects, round {round_ + 1}")
         candidates = gather(task, model)
         scales, _ = saturated_scales(candidates, model.scales, 2 if round_ else 3)
         evidence, variants = candidates.evidence(candidates.grams(scales).sum(axis=0))
         score = Scorer(evidence, variants, PRICE)
         start = tuple((kind, variants[kind][0]) for kind in model.kinds)
+        if not search.alone:
+            search.alone = {
+                kind: max(score(((kind, v),)) for v in own) + PRICE
+                for kind, own in variants.items()
+            }
         members = best_set(score, start)
         kinds = frozenset(kind for kind, _ in members)
         if kinds in tried:
             break
-        progress(f"fitting {', '.join(sorted(kinds)) or 'the plate'}")
+        search.progress(f"fitting {', '.join(sorted(kinds)) or 'the plate'}")
         begun = begin(candidates, evidence, members, scales)
-        model = fit_strength(task, fit_model(task, begun))
+        model = fit_strength(task, search.fit(begun))
         tried[kinds] = model
-    return min(tried.values(), key=lambda m: price_of(task, m))
+    return min(tried.values(), key=search.price)
 
 
-def grow(task: Task, model: Fitted, progress: Progress) -> Fitted:
+def grow(search: Search, model: Fitted) -> Fitted:
     """Adds effects one by one, the few most promising fitted in full.
 
     Where the vehicle itself is unknown, what a set without an effect would be cannot be
     told from the linear flights: areas and angles would go far.
     """
+    task = search.task
     while len(model.kinds) < MOST_EFFECTS:
         candidates = gather(task, model)
         gram = candidates.grams(model.scales).sum(axis=0)
@@ -85,13 +208,13 @@ def grow(task: Task, model: Fitted, progress: Progress) -> Fitted:
         hopeful = sorted(best_of_kind.values(), key=score, reverse=True)
         found = []
         for members in hopeful[:TRIED]:
-            progress(f"with {members[-1][0]}?")
+            search.progress(f"with {members[-1][0]}?")
             begun = begin(candidates, evidence, members, model.scales)
-            fitted = fit_model(task, begun, iterations=4)
+            fitted = search.fit(begun, iterations=4)
             if fitted.cost < np.inf:
                 found.append(fitted)
-        best = min(found, key=lambda m: price_of(task, m), default=model)
-        if not price_of(task, best) < price_of(task, model):
+        best = min(found, key=search.price, default=model)
+        if not search.price(best) < search.price(model):
             return model
         model = best
     return model
@@ -113,14 +236,23 @@ PRICE_OF_MORE = 4.0
 """Evidence that each further coefficient of an effect must bring [nats]."""
 
 
-def prune(task: Task, model: Fitted, progress: Progress) -> Fitted:
-    """Drops the effects that are not worth their price when all else is refitted."""
-    for kind in reversed(model.kinds):
-        progress(f"is {kind} needed?")
-        fewer = fit_model(task, without(task, model, kind), iterations=4)
-        if price_of(task, fewer) < price_of(task, model):
-            model = fewer
-    return model
+def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
+    """Drops the effects that are not worth their price when all else is refitted.
+
+    Returns:
+        the model, and the evidence of each effect that stays [nats].
+    """
+    while True:
+        lost = {}
+        for kind in model.kinds:
+            search.progress(f"is {kind} needed?")
+            fewer = search.fit(without(search.task, model, kind), iterations=4)
+            if search.price(fewer) < search.price(model):
+                model = fewer
+                break
+            lost[kind] = fewer.cost - model.cost
+        else:
+            return model, lost
 
 
 def without(task: Task, model: Fitted, kind: str) -> Fitted:
@@ -132,12 +264,13 @@ def without(task: Task, model: Fitted, kind: str) -> Fitted:
     return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
 
 
-def along_attitude(task: Task, model: Fitted, progress: Progress) -> Fitted:
+def along_attitude(search: Search, model: Fitted) -> Fitted:
     """Returns a start for a glider of which little is known: forces alone.
 
     The flights are taken along their measured attitude, with errors that last for
     whole flights: what bends the path counts, not what makes it tremble.
     """
+    task = search.task
     rows = np.mean([len(record.time) for record in task.records])
     scales = dataclasses.replace(
         model.scales,
@@ -146,11 +279,17 @@ def along_attitude(task: Task, model: Fitted, progress: Progress) -> Fitted:
     )
     candidates = gather(task, model)
     evidence, variants = candidates.evidence(candidates.grams(scales).sum(axis=0))
-    members = best_set(Scorer(evidence, variants, PRICE))
+    score = Scorer(evidence, variants, PRICE)
+    search.alone = {
+        kind: max(score(((kind, v),)) for v in own) + PRICE
+        for kind, own in variants.items()
+    }
+    members = best_set(score)
     begun = begin(candidates, evidence, members, scales)
-    progress(f"along the measured attitude: {', '.join(begun.kinds) or 'the plate'}")
+    names = ", ".join(begun.kinds) or "the plate"
+    search.progress(f"along the measured attitude: {names}")
     begun = fit_model(task, begun, scales_free=False)
-    return fit_model(task, dataclasses.replace(begun, scales=model.scales))
+    return search.fit(dataclasses.replace(begun, scales=model.scales))
 
 
 ATTITUDE_ERROR = 0.03

@@ -1,0 +1,228 @@
+"""What no formula of the library says: a field over a variable, without a name.
+
+A field is a sum of Gaussians over one of FIELD_VARIABLES, as a motion of the air or as
+changes of C_L, C_D and C_M. It makes the error fall and tells where to look.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from glider.compiled.parallel import in_parallel
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
+from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.model_fit import (
+    Fitted,
+    beforehand,
+    fit_model,
+    linear_flights,
+)
+from glider.sysid.likelihood.scales import whiten
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.residual import flow_variables
+
+FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}
+"""Forms that a field may have, and the terms of each."""
+
+SPREADS = {"air": (0.5, 0.5), "forces": (0.2, 0.2, 0.01)}
+"""Spread of the weights beforehand [m/s; -, -, m]."""
+
+SURVEYED = (
+    ("air", "x"),
+    ("air", "z"),
+    ("air", "t"),
+    ("forces", "x"),
+    ("forces", "z"),
+    ("forces", "t"),
+    ("forces", "V"),
+    ("forces", "alpha"),
+    ("forces", "pitchdot"),
+    ("forces", "elevator"),
+    ("forces", "elevator_rate"),
+)
+"""Forms and variables that are looked at."""
+
+COARSE = 12
+"""Number of Gaussians in the survey."""
+
+FINER = (18, 27, 40)
+"""Numbers that are tried afterwards."""
+
+SURVEY_FLIGHTS = 12
+"""Flights of the survey; the field is fitted to all."""
+
+_LEAST_RANGE = 1e-6
+"""Range of a variable below which nothing can depend on it."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Basis:
+    """Gaussians over one variable, for one form."""
+
+    form: str
+    variable: str
+    centers: np.ndarray
+    width: float
+
+    @property
+    def data(self) -> FieldData:
+        """The field with weights of zero."""
+        nothing = [0.0] * len(self.centers)
+        return FieldData(
+            kind="unexplained",
+            variables=[self.variable],
+            centers=self.centers[:, None].tolist(),
+            widths=[self.width],
+            weights={name: list(nothing) for name in FORMS[self.form]},
+        )
+
+    @property
+    def spreads(self) -> np.ndarray:
+        """Of the weights, functions first, then terms."""
+        return np.tile(SPREADS[self.form], len(self.centers))
+
+    def widened(self, flight: LinearFlight, theta: np.ndarray) -> LinearFlight:
+        """Returns a flight with a column for each weight, before the last."""
+        column = FIELD_VARIABLES.index(self.variable)
+        values = flow_variables(flight.record, theta)[:, column]
+        middle = 0.5 * (values[1:] + values[:-1])
+        functions = np.exp(-0.5 * ((middle[:, None] - self.centers) / self.width) ** 2)
+        terms = [FIELD_TERMS.index(name) for name in FORMS[self.form]]
+        count = len(self.centers) * len(terms)
+        return flight.with_forces(functions, terms, np.eye(count))
+
+
+def make_basis(
+    task: Task, theta: np.ndarray, form: str, variable: str, count: int
+) -> Basis | None:
+    """Spreads Gaussians over what flights covered; None where they covered nothing."""
+    column = FIELD_VARIABLES.index(variable)
+    flown = np.concatenate([flow_variables(r, theta)[:, column] for r in task.records])
+    low, high = np.percentile(flown, [0.5, 99.5])
+    if high - low < _LEAST_RANGE:
+        return None
+    centers = np.linspace(low, high, count)
+    return Basis(
+        form=form,
+        variable=variable,
+        centers=centers,
+        width=float(centers[1] - centers[0]),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Survey:
+    """Evidence of each field on top of a model [nats], by form and variable."""
+
+    gains: dict[tuple[str, str], float]
+
+    @property
+    def best(self) -> tuple[str, str]:
+        """Form and variable that explain most."""
+        return max(self.gains, key=lambda key: self.gains[key])
+
+    def nearly_as_good(self, key: tuple[str, str]) -> tuple[str, ...]:
+        """Returns the variables that explain at least two thirds as much."""
+        ranked = sorted(self.gains, key=lambda k: -self.gains[k])
+        enough = [v for f, v in ranked if self.gains[f, v] > self.gains[key] / 1.5]
+        return tuple(dict.fromkeys((key[1], *enough)))
+
+
+def _gain(
+    flights: list[LinearFlight], task: Task, model: Fitted, basis: Basis
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Returns a field's evidence, its weights and their covariance."""
+    wide = in_parallel(lambda f: basis.widened(f, model.theta), flights)
+    gram = sum(in_parallel(lambda f: whiten(f, model.scales).gram, wide))
+    own, mean, precision = beforehand(task, model, model.free)
+    m, count = len(own), len(basis.spreads)
+    every = np.concatenate([precision, basis.spreads**-2])
+    total = gram[:-1, :-1] + np.diag(every)
+    side = gram[:-1, -1].copy()
+    side[:m] += precision * (mean - own)
+
+    def half(columns: slice) -> float:
+        corner = cho_factor(total[columns, columns], lower=True)
+        solved = cho_solve(corner, side[columns])
+        log_volume = 2.0 * np.sum(np.log(np.diag(corner[0])))
+        log_volume -= np.sum(np.log(every[columns]))
+        return 0.5 * float(side[columns] @ solved) - 0.5 * log_volume
+
+    gained = half(slice(0, m + count)) - (half(slice(0, m)) if m else 0.0)
+    inverse = np.linalg.inv(total)
+    return gained, (inverse @ side)[m:], inverse[m:, m:]
+
+
+def survey(task: Task, model: Fitted) -> Survey:
+    """Returns what a field over each variable would explain on top of a model."""
+    few = task.thinned(SURVEY_FLIGHTS)
+    flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
+    gains = {}
+    for form, variable in SURVEYED:
+        basis = make_basis(few, model.theta, form, variable, COARSE)
+        if basis is not None:
+            gains[form, variable] = _gain(flights, few, model, basis)[0]
+    return Survey(gains=gains)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FoundField:
+    """A field in a model.
+
+    Attributes:
+        model: with the field.
+        basis: of it.
+        covariance: of its weights, functions first, then terms.
+        depends_on: its variable, then those that do nearly as well.
+        evidence: gained [nats].
+    """
+
+    model: Fitted
+    basis: Basis
+    covariance: np.ndarray
+    depends_on: tuple[str, ...]
+    evidence: float
+
+
+def fit_field(task: Task, model: Fitted, found: Survey) -> FoundField:
+    """Adds the best field of a survey to a model and fits both in turn."""
+    form, variable = found.best
+    few = task.thinned(SURVEY_FLIGHTS)
+    flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
+    best, basis = -np.inf, None
+    for count in (COARSE, *FINER):
+        trial = make_basis(few, model.theta, form, variable, count)
+        assert trial is not None
+        gained = _gain(flights, few, model, trial)[0]
+        if gained > best:
+            best, basis = gained, trial
+    assert basis is not None
+    data = basis.data
+    evidence = 0.0
+    for round_ in range(4):
+        # The field's weights count from nothing: it is taken out and fitted anew
+        # about itself.
+        directions = slopes(task.layout, model.theta, model.free)
+        flights = linear_flights(task, model, directions)
+        gained, change, spread = _gain(flights, task, model, basis)
+        evidence += max(gained, 0.0) if round_ == 0 else 0.0
+        terms = FORMS[form]
+        step = change.reshape(-1, len(terms))
+        data = dataclasses.replace(
+            data,
+            weights={
+                name: (np.array(data.weights[name]) + step[:, k]).tolist()
+                for k, name in enumerate(terms)
+            },
+        )
+        model = fit_model(task, dataclasses.replace(model, extra=data), iterations=2)
+    return FoundField(
+        model=model,
+        basis=basis,
+        covariance=spread,
+        depends_on=found.nearly_as_good((form, variable)),
+        evidence=evidence,
+    )

@@ -1,0 +1,118 @@
+"""How sure is each effect of a set: evidence, rivals, resampled flights, errors."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.compiled.parallel import in_parallel
+from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.information import covariance
+from glider.sysid.likelihood.model_fit import (
+    Fitted,
+    beforehand,
+    linear_flights,
+)
+from glider.sysid.likelihood.scales import whiten
+from glider.sysid.likelihood.task import Task
+from glider.sysid.search.subsets import Members, Scorer, climb
+
+RESAMPLES = 25
+"""Sets of flights, drawn with replacement, that the search is repeated on."""
+
+RIVAL_GAP = 6.0
+"""Difference of evidence below which two effects are one to us [nats]: the odds of the
+better one are then below 400 to 1."""
+
+_NEAR = 25.0
+"""Loss of evidence up to which an effect is offered to resampled searches [nats]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Weighed:
+    """An effect of the chosen set, and how sure it is.
+
+    Attributes:
+        rivals: kinds that would do as well in its place.
+        inclusion: share of the resampled flights that it is chosen by.
+    """
+
+    rivals: tuple[str, ...]
+    inclusion: float
+
+
+def weigh(
+    task: Task, model: Fitted, price: float, rng: np.random.Generator
+) -> dict[str, Weighed]:
+    """Returns what speaks for each effect of a model."""
+    if not model.kinds:
+        return {}
+    candidates = gather(task, model)
+    grams = candidates.grams(model.scales)
+    evidence, variants = candidates.evidence(grams.sum(axis=0))
+    score = Scorer(evidence, variants, price)
+    chosen: Members = tuple((k, variants[k][0]) for k in model.kinds)
+    best = score(chosen)
+    near = set(model.kinds)
+    rivals: dict[str, list[str]] = {kind: [] for kind in model.kinds}
+    for other in (*score.larger(chosen), *score.swapped(chosen)):
+        kind = other[-1][0]
+        value = score(other)
+        if value > best - _NEAR:
+            near.add(kind)
+        lost = set(model.kinds) - {k for k, _ in other}
+        if lost and value > best - RIVAL_GAP and kind not in model.kinds:
+            (gone,) = lost
+            if kind not in rivals[gone]:
+                rivals[gone].append(kind)
+    few = {kind: variants[kind] for kind in variants if kind in near}
+    counts = dict.fromkeys(model.kinds, 0)
+    for _ in range(RESAMPLES):
+        drawn = rng.integers(len(grams), size=len(grams))
+        again, _ = candidates.evidence(grams[drawn].sum(axis=0))
+        for kind, _ in climb(Scorer(again, few, price), chosen):
+            if kind in counts:
+                counts[kind] += 1
+    return {
+        kind: Weighed(rivals=tuple(rivals[kind]), inclusion=counts[kind] / RESAMPLES)
+        for kind in model.kinds
+    }
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """Covariance of a model's free numbers and curves over flights.
+
+    Attributes:
+        free: slots of theta, then the curves' coordinates follow.
+        covariance: (m + q, m + q).
+        flights: (flights, m + q + 1, m + q + 1) information of each.
+    """
+
+    free: tuple[int, ...]
+    covariance: np.ndarray
+    flights: np.ndarray
+
+    def std(self, slot: int) -> float:
+        """Returns the standard error of a slot of theta; NaN where it is not free."""
+        if slot not in self.free:
+            return float("nan")
+        k = self.free.index(slot)
+        return float(np.sqrt(self.covariance[k, k]))
+
+
+def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
+    """Returns how well a model's numbers are known.
+
+    The larger of what the likelihood says and what the scatter of the flights' scores
+    says, see `glider.sysid.likelihood.information.covariance`.
+    """
+    directions = slopes(task.layout, model.theta, model.free)
+    flights = linear_flights(task, model, directions)
+    grams = np.stack(in_parallel(lambda f: whiten(f, model.scales).gram, flights))
+    _, _, precision = beforehand(task, model, model.free)
+    return Uncertainty(
+        free=model.free,
+        covariance=covariance(grams, 1.0, precision),
+        flights=grams,
+    )
