@@ -48,10 +48,10 @@ def error_rows(result: Result) -> list[ErrorRow]:
         ("Acceleration, RMS", "normal", "normal", Unit(name="m/s²")),
         ("Acceleration, RMS", "pitch", "pitch", Unit(name="rad/s²")),
         ("Free rollout", "position, RMS", "position_rms_m", None),
-        ("Free rollout", "position, at the end", "position_end_m", None),
+        ("Free rollout", "position, end", "position_end_m", None),
         ("Free rollout", "pitch, RMS", "pitch_rms_rad", DEGREE),
         (
-            "Along the measured pitch",
+            "Along measured pitch",
             "position, RMS",
             "measured_pitch_position_rms_m",
             None,

@@ -157,7 +157,7 @@ def _draw_coefficients(result: Result) -> Figure | None:
                 table.variables["alpha"],
                 table.coefficients[name],
                 table.modelled[name],
-                rows_of_flights(table),
+                table.flight,
                 model,
             )
             ax.set_title(f"{label}, {LABELS[model]}")
@@ -242,13 +242,6 @@ def _varies(table: ResidualTable, name: str) -> bool:
     values = table.variables.get(name, np.zeros(0))
     values = values[np.isfinite(values)]
     return values.size > 0 and float(np.ptp(values)) > 0.0
-
-
-def rows_of_flights(table: ResidualTable) -> list[slice]:
-    """Returns the rows of each flight: where time goes back, the next one begins."""
-    time = table.variables.get("t", np.zeros(0))
-    begins = [0, *(np.flatnonzero(np.diff(time) < 0.0) + 1)]
-    return [slice(a, b) for a, b in zip(begins, [*begins[1:], None], strict=True)]
 
 
 def _pick_flights(result):

@@ -47,7 +47,9 @@ def print_summary(result: Result, console: Console) -> None:
             say(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
     for name, value in vehicle_rows(result):
         say(f"Vehicle: {name} = {value}")
+    say()
     console.print(_errors_table(result, console))
+    say()
     noise = format_length(result.noise_position_m)
     say(f"Noise: {noise}, {format_angle(result.noise_pitch_rad)}.")
     for warning in result.warnings:
@@ -92,6 +94,8 @@ def _errors_table(result: Result, console: Console) -> Table:
         title=f"Errors on {counted(result.held_out_flights, 'held-out flight')}",
         title_justify="left",
         title_style="bold",
+        show_edge=False,
+        padding=(0, 0, 0, 1),  # All models fit into 80 columns.
         pad_edge=False,
     )
     table.add_column("")

@@ -24,6 +24,9 @@ from glider.sysid.result import (
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
 
+_WORTH_TELLING = 0.95
+"""A pitch zero that leaves less of the error than this is told."""
+
 
 def headline(result: Result) -> str:
     """Returns the verdict in one sentence."""
@@ -79,9 +82,11 @@ def remarks(result: Result) -> list[str]:
 
 
 def _calibration_words(result: Result) -> str:
-    """Returns what a pitch zero alone buys."""
+    """Returns what a pitch zero alone buys, where it buys something."""
     plate, calibrated = (result.errors.get(m) for m in ("refitted", CALIBRATED))
     if plate is None or calibrated is None:
+        return ""
+    if not calibrated.position_rms_m < _WORTH_TELLING * plate.position_rms_m:
         return ""
     change = _from_to(result, plate.position_rms_m, calibrated.position_rms_m)
     return (
@@ -208,6 +213,12 @@ def _in_line(effect):
     texts = [
         f"{_name(name)} = {format_estimate(c)}"
         for name, c in list(effect.coefficients.items())[:3]
+    ]
+    texts += [
+        f"{_name(name)} differs by {format_spread(s, effect.coefficients[name].unit)} "
+        "from flight to flight"
+        for name, s in effect.spread.items()
+        if name in effect.coefficients
     ]
     colon = ", with " if ":" in effect.words else ": "
     return effect.words + (colon if texts else "") + ", ".join(texts)

@@ -84,11 +84,11 @@ def make_table(slope, rng):
             "alpha": alpha,
             "V": speed,
             "x": rng.uniform(-3.5, 1.0, 300),
-            "t": np.tile(np.linspace(0.0, 0.8, 50), 6),
         },
         residual=slope * trend + rng.normal(size=(300, 3)),
         coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
         modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
+        flight=np.repeat(np.arange(6), 50),
     )
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from glider.physics.effects import KINDS
 from glider.report.error_table import COLUMNS, error_rows, noise_floor
-from glider.report.figures import FIGURES, rows_of_flights
+from glider.report.figures import FIGURES
 from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
 from glider.report.numbers import length_unit
 from glider.report.page import to_html
@@ -124,11 +124,21 @@ def test_calibration_has_a_column_and_is_not_called_physics():
     assert LABELS[CALIBRATED] not in Page(to_html(make_result(), {})).text
 
 
+def test_calibration_that_buys_nothing_is_not_told():
+    errors = ALL_MODELS.errors | {CALIBRATED: make_errors(0.49)}
+    result = make_result(errors=errors)
+    assert not [r for r in remarks(result) if "calibration" in r]
+    assert LABELS[CALIBRATED] in summary(result)
+
+
 def test_summary_with_all_models_fits_a_narrow_terminal():
     text = summary(ALL_MODELS)
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "…" not in text
-    row = next(line for line in text.splitlines() if "normal" in line)
+    table = text[text.index("Errors on") : text.index("Noise:")]
+    rows = [line for line in table.splitlines() if line.strip()]
+    assert len(rows) == 3 + 3 + 7  # Heading, groups, errors: none is broken.
+    row = next(line for line in rows if "normal" in line)
     assert row.split()[-6:] == ["1.90", "0.950", "0.779", "0.00190", "–", "1,000×"]
 
 
@@ -418,17 +428,6 @@ def test_spreads_of_angles_are_in_degrees():
     assert ax.get_ylabel() == "[°]"
     points = ax.lines[-1].get_ydata()
     np.testing.assert_allclose(points, np.degrees([0.015, -0.031]))
-
-
-def test_rows_of_flights_part_where_time_goes_back():
-    table = make_result().residual_before
-    rows = rows_of_flights(table)
-    assert [(s.start, s.stop) for s in rows][:2] == [(0, 50), (50, 100)]
-    assert len(rows) == 6
-    assert table.residual[rows[-1]].shape == (50, 3)
-    without = {n: v for n, v in table.variables.items() if n != "t"}
-    table = dataclasses.replace(table, variables=without)
-    assert rows_of_flights(table) == [slice(0, None)]
 
 
 def test_coefficients_are_drawn_flight_by_flight():

@@ -410,7 +410,7 @@ def test_summary_has_the_errors_of_each_model():
         (
             "effect",
             "The flights show a steady wind: x = -0.600 ± 0.003 m/s, z = 0.0502 ",
-            "; held-out position error falls from 413 mm to 0.413 mm (RMS).",
+            "m/s from flight to flight; held-out position error falls from 413 mm to 0.413 mm (RMS).",
         ),
         (
             "two effects",
@@ -431,8 +431,8 @@ def test_summary_has_the_errors_of_each_model():
         ("unknown vehicle", "The flights show", "from 206 mm to 4.13 mm (RMS)."),
         (
             "diverged",
-            "The flights show a steady wind: x = 1 m/s; ",
-            "held-out rollouts, which diverged, now err by 0.413 mm (RMS).",
+            "The flights show a steady wind: x = 1 m/s, x differs by 0.0512 m/s from ",
+            "flight; held-out rollouts, which diverged, now err by 0.413 mm (RMS).",
         ),
     ],
 )

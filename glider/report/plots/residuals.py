@@ -88,7 +88,7 @@ def plot_coefficient(
     alpha: np.ndarray,
     measured: np.ndarray,
     modelled: np.ndarray,
-    flights: Sequence[slice],
+    flight: np.ndarray,
     model: str,
 ) -> None:
     """Draws a measured force or moment coefficient against the angle of attack.
@@ -101,12 +101,13 @@ def plot_coefficient(
         alpha: (N,) [rad].
         measured: (N,).
         modelled: (N,).
-        flights: rows of each flight.
+        flight: (N,) number of the flight that each row is of.
         model: a key of COLORS.
     """
     degrees = np.degrees(alpha)
     color = COLORS["measured"]
-    for rows in flights:
+    for number in np.unique(flight):
+        rows = flight == number
         line = binned_quantiles(degrees[rows], measured[rows], (0.5,), 12, 2)
         ax.plot(line[0], line[1][0], color=color, lw=0.5, alpha=0.3)
     centers, band = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
