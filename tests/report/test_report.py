@@ -410,7 +410,8 @@ def test_summary_has_the_errors_of_each_model():
         (
             "effect",
             "The flights show a steady wind: x = -0.600 ± 0.003 m/s, z = 0.0502 ",
-            "m/s from flight to flight; held-out position error falls from 413 mm to 0.413 mm (RMS).",
+            "m/s from flight to flight; held-out position error falls "
+            "from 413 mm to 0.413 mm (RMS).",
         ),
         (
             "two effects",
