@@ -33,7 +33,8 @@ class CombinationRow:
 
 def combination_rows(result: Result) -> list[CombinationRow]:
     """Returns the best sets of effects that were fitted."""
-    chosen = {e.kind for e in result.effects if e.kind != "unexplained"}
+    tried = {kind for c in result.combinations for kind in c.kinds}
+    chosen = tried & {e.kind for e in result.effects}  # A wrong sign is in no set.
     best = result.combinations[0].evidence if result.combinations else math.nan
     return [
         CombinationRow(

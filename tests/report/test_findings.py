@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from glider.physics.effects import KINDS
-from glider.report.error_table import COLUMNS, error_rows, noise_floor
+from glider.report.error_table import COLUMNS, columns_of, error_rows, noise_floor
 from glider.report.figures import FIGURES
 from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
 from glider.report.numbers import length_unit
@@ -293,6 +294,12 @@ def test_combinations_are_compared_with_the_best():
     )
 
 
+def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
+    sign = dataclasses.replace(WIND, kind="angle_sign")
+    rows = combination_rows(make_result(effects=(sign, WIND, UNEXPLAINED)))
+    assert [r.is_chosen for r in rows] == [True, False, False]
+
+
 def test_correlations_are_told_once_and_only_where_they_matter():
     assert correlation_rows(make_result()) == [("wind.x", "wind.z", "-0.84")]
     rows = {"a": {"a": 1.0, "b": 0.6, "c": -0.9, "d": math.nan}}
@@ -399,6 +406,17 @@ def test_the_legend_is_inside_the_figure(name, result):
         box = legend.get_window_extent()
         assert box.x0 >= 0.0
         assert box.x1 <= figure.bbox.x1
+
+
+@pytest.mark.parametrize("result", [make_result(), ALL_MODELS], ids=("three", "four"))
+def test_numbers_of_bars_do_not_overlap(result):
+    errors = dict.fromkeys(columns_of(result), make_errors(0.5432))
+    figure = FIGURES["errors"](make_result(errors=errors))
+    FigureCanvasAgg(figure).draw()
+    for ax in figure.axes:
+        boxes = sorted((t.get_window_extent() for t in ax.texts), key=lambda b: b.x0)
+        for left, right in pairwise(boxes):
+            assert left.x1 <= right.x0
 
 
 def test_folds_that_get_worse_are_red(ax):
