@@ -87,6 +87,7 @@ class Analysis:
         vehicle: Vehicle,
         kinds: tuple[str, ...],
         with_signs: bool,
+        seed: int,
         settings: dict[str, object],
     ) -> Result:
         """Runs all stages.
@@ -97,10 +98,11 @@ class Analysis:
             vehicle: of the campaign.
             kinds: of vehicle.kinds, those to try.
             with_signs: whether to look for angles of the other sign first.
+            seed: of all that is drawn by lot.
             settings: what the caller asked for, to be kept in the result.
         """
         logged, masks = inspection.campaign, inspection.masks
-        rng = np.random.default_rng(settings["seed"])
+        rng = np.random.default_rng(seed)
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
             warm_up(vehicle.layout)
         with self.stage("signs"):
@@ -170,7 +172,7 @@ class Analysis:
             air=Air(std_m_s=model.scales.air, correlation_s=model.scales.air_time),
             curves=curves_of(before_table, after_table),
             vehicle=vehicle_of(vehicle, model, known),
-            warnings=(*inspection.warnings, *_warnings(held_out)),
+            warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
             set_aside=tuple(
                 SetAside(file=s.file, rows=s.rows, why=s.why)
                 for s in inspection.set_aside
@@ -254,8 +256,8 @@ def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
     )
 
 
-def _warnings(held_out: HeldOut | None) -> tuple[str, ...]:
-    if held_out is None:
+def _warnings(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
+    if held_out is None or verdict == "no_effect":
         return ()
     count = len(held_out.gain)
     lost = int(np.sum(held_out.gain < 0.0))

@@ -108,7 +108,7 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
     found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return Carried(terms=found, data=curves.data(model.coordinates) if found else None)
+    return Carried(terms=found, data=curves.data(model.coordinates))
 
 
 def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:

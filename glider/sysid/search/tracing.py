@@ -106,11 +106,16 @@ def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
         if field is not None:
             model, evidence = prune(search, field.model)
             field = dataclasses.replace(field, model=model)
-    if not model.kinds and model.extra is None:
+    model = without_needless_curves(search, model)
+    if field is not None:
+        field = dataclasses.replace(field, model=model)
+    if not model.kinds and model.extra is None and not model.has_curves:
         plate = model
     else:
         progress("fitting the plate alone")
-        nothing = dataclasses.replace(model, extra=None, cost=np.inf)
+        nothing = dataclasses.replace(
+            model, extra=None, coordinates=np.zeros(0), cost=np.inf
+        )
         for kind in model.kinds:
             nothing = without(task, nothing, kind)
         plate = search.fit(nothing)
@@ -126,6 +131,20 @@ def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
         combinations=tuple(combinations),
         field=field,
     )
+
+
+def without_needless_curves(search: Search, model: Fitted) -> Fitted:
+    """Returns the model without its curves, unless they are worth their price."""
+    if not model.has_curves:
+        return model
+    search.progress("are curves needed?")
+    bare = dataclasses.replace(model, coordinates=np.zeros(0))
+    bare = search.fit(bare, iterations=4)
+    return model if bare.cost - model.cost > CURVE_PRICE else bare
+
+
+CURVE_PRICE = 15.0
+"""Evidence that curves beside the formulas must bring [nats]."""
 
 
 def leaves_something(model: Fitted) -> bool:
