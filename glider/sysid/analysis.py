@@ -53,8 +53,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import FIELD_PRICE, PRICE, Traced, trace
-from glider.sysid.search.weighing import uncertainty_of, weigh
+from glider.sysid.search.tracing import FIELD_PRICE, Traced, trace
+from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
 """Sets of effects that a result lists."""
@@ -118,10 +118,9 @@ class Analysis:
         everything = make_task(records, vehicle, kinds)
         task = everything.on(fitted)
         with self.stage("trace"):
-            traced = trace(task, noise, self.progress)
+            traced = trace(task, noise, rng, self.progress)
         model = traced.model
-        with self.stage("weigh", "weighing the effects"):
-            weighed = weigh(task, model, PRICE, rng)
+        with self.stage("weigh", "standard errors"):
             known = uncertainty_of(task, model)
             carried = carried_of(task, model, known)
             spreads = spreads_of(task, model)
@@ -147,7 +146,7 @@ class Analysis:
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
-        effects = effects_of(task, traced, weighed, known, carried, spreads, signs)
+        effects = effects_of(task, traced, known, carried, spreads, signs)
         verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
         corrected = errors["corrected"]
         assert corrected is not None
