@@ -53,8 +53,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import FIELD_PRICE, PRICE, Traced, trace
-from glider.sysid.search.weighing import uncertainty_of, weigh
+from glider.sysid.search.tracing import FIELD_PRICE, Traced, trace
+from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
 """Sets of effects that a result lists."""
@@ -87,6 +87,7 @@ class Analysis:
         vehicle: Vehicle,
         kinds: tuple[str, ...],
         with_signs: bool,
+        seed: int,
         settings: dict[str, object],
     ) -> Result:
         """Runs all stages.
@@ -97,10 +98,11 @@ class Analysis:
             vehicle: of the campaign.
             kinds: of vehicle.kinds, those to try.
             with_signs: whether to look for angles of the other sign first.
+            seed: of all that is drawn by lot.
             settings: what the caller asked for, to be kept in the result.
         """
         logged, masks = inspection.campaign, inspection.masks
-        rng = np.random.default_rng(settings["seed"])
+        rng = np.random.default_rng(seed)
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
             warm_up(vehicle.layout)
         with self.stage("signs"):
@@ -116,10 +118,9 @@ class Analysis:
         everything = make_task(records, vehicle, kinds)
         task = everything.on(fitted)
         with self.stage("trace"):
-            traced = trace(task, noise, self.progress)
+            traced = trace(task, noise, rng, self.progress)
         model = traced.model
-        with self.stage("weigh", "weighing the effects"):
-            weighed = weigh(task, model, PRICE, rng)
+        with self.stage("weigh", "standard errors"):
             known = uncertainty_of(task, model)
             carried = carried_of(task, model, known)
             spreads = spreads_of(task, model)
@@ -145,7 +146,7 @@ class Analysis:
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
-        effects = effects_of(task, traced, weighed, known, carried, spreads, signs)
+        effects = effects_of(task, traced, known, carried, spreads, signs)
         verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
         corrected = errors["corrected"]
         assert corrected is not None
@@ -170,7 +171,7 @@ class Analysis:
             air=Air(std_m_s=model.scales.air, correlation_s=model.scales.air_time),
             curves=curves_of(before_table, after_table),
             vehicle=vehicle_of(vehicle, model, known),
-            warnings=(*inspection.warnings, *_warnings(held_out)),
+            warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
             set_aside=tuple(
                 SetAside(file=s.file, rows=s.rows, why=s.why)
                 for s in inspection.set_aside
@@ -254,8 +255,8 @@ def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
     )
 
 
-def _warnings(held_out: HeldOut | None) -> tuple[str, ...]:
-    if held_out is None:
+def _warnings(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
+    if held_out is None or verdict == "no_effect":
         return ()
     count = len(held_out.gain)
     lost = int(np.sum(held_out.gain < 0.0))

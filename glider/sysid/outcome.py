@@ -33,7 +33,7 @@ from glider.sysid.result import (
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.peaks import find_peaks
 from glider.sysid.search.tracing import Traced
-from glider.sysid.search.weighing import Uncertainty, Weighed
+from glider.sysid.search.weighing import Uncertainty
 
 FAMILIES = {
     "c_lift": (
@@ -76,6 +76,9 @@ SPREAD_KINDS = {
 SPREAD_EVIDENCE = 6.0
 """Evidence that a difference from flight to flight needs [nats]."""
 
+LEAST_SPREAD = 0.1
+"""Difference from flight to flight that is worth a word, in the coefficient's scale."""
+
 CURVE_Z = 5.0
 """Standard errors by which a curve must differ from nothing, somewhere in the middle
 90 % of the flown angles: of its ten independent places none does so by chance."""
@@ -108,7 +111,7 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
     found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return Carried(terms=found, data=curves.data(model.coordinates) if found else None)
+    return Carried(terms=found, data=curves.data(model.coordinates))
 
 
 def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
@@ -119,10 +122,12 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
     own = in_parallel(lambda f: own_values(f, model.scales), flights)
     names = [record.name for record in task.records]
     places = {"wind": 0, "elevator_trim": 2, "pitch_offset": 3}
-    for kind, (scale, _, unit) in SPREAD_KINDS.items():
+    for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
         lost = negative_log_likelihood(flights, least).sum() - base
-        if lost > SPREAD_EVIDENCE:
+        slot = task.layout.index[kind, coefficient]
+        least_std = LEAST_SPREAD * task.layout.scale[slot]
+        if lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std:
             values = [float(o[places[kind]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),
@@ -181,7 +186,6 @@ def judge(
 def effects_of(
     task: Task,
     traced: Traced,
-    weighed: dict[str, Weighed],
     known: Uncertainty,
     carried: Carried,
     spreads: dict[str, Spread],
@@ -216,9 +220,9 @@ def effects_of(
                 },
                 evidence=float(evidence),
                 share=float(np.clip(evidence / gained, 0.0, 1.0)),
-                indistinguishable_from=weighed[name].rivals,
+                indistinguishable_from=traced.weighed[name].rivals,
                 depends_on=kind.depends_on,
-                inclusion=weighed[name].inclusion,
+                inclusion=traced.weighed[name].inclusion,
                 spread=spread,
                 shape_fits=not mine,
             )
