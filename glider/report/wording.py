@@ -24,6 +24,9 @@ from glider.sysid.result import (
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
 
+_MOST_IN_LINE = 2
+"""Of more effects the headline leaves the coefficients to what follows it."""
+
 _WORTH_TELLING = 0.95
 """A pitch zero that leaves less of the error than this is told."""
 
@@ -34,7 +37,7 @@ def headline(result: Result) -> str:
         return _nothing_found(result)
     named = [e for e in result.effects if e.kind != "unexplained"]
     unnamed = [e for e in result.effects if e.kind == "unexplained"]
-    found = [_in_line(e) for e in named]
+    found = [_in_line(e) if len(named) <= _MOST_IN_LINE else e.words for e in named]
     if unnamed or result.verdict in ("unexplained", "partly_explained"):
         on = [name for e in unnamed for name in e.depends_on]
         on = on or list(result.left.depends_on)
@@ -131,11 +134,12 @@ def air_words(result: Result) -> str:
 
 
 def differences(result: Result) -> list[str]:
-    """Returns what differs from flight to flight, and by how much."""
+    """Returns what differs from flight to flight, where no effect tells it."""
+    told = {e.kind for e in result.effects if e.spread}
     return [
         f"{_name(n)} differs from flight to flight by {format_spread(s.std, s.unit)}"
         for n, s in result.spreads.items()
-        if math.isfinite(s.std)
+        if math.isfinite(s.std) and n not in told
     ]
 
 

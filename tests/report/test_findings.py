@@ -240,6 +240,20 @@ def test_differences_from_flight_to_flight_are_told_with_their_number():
     assert "x ± 0.0512 m/s" in flat(Page(to_html(result, {})).text)
 
 
+def test_a_difference_that_an_effect_tells_is_told_once():
+    spread = Spread(std=0.0512, unit="m/s", values={"flight_001.csv": 0.1})
+    result = make_result(spreads={"wind": spread})
+    assert differences(result) == []
+    assert summary(result).count("0.0512") == 2  # The headline and the effect.
+
+
+def test_the_headline_of_many_effects_has_no_coefficients():
+    kinds = [dataclasses.replace(WIND, words=f"effect {i}") for i in range(3)]
+    assert headline(make_result(effects=tuple(kinds[:2]))).count("-0.600") == 2
+    text = headline(make_result(effects=tuple(kinds)))
+    assert text.startswith("The flights show effect 0; effect 1; and effect 2; held-")
+
+
 def test_how_often_an_effect_is_chosen_is_told():
     result = make_result()
     assert "chosen in 97 % of resampled sets" in flat(summary(result))
