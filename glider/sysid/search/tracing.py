@@ -167,7 +167,7 @@ CURVE_PRICE = 15.0
 """Evidence that curves beside the formulas must bring [nats]."""
 
 
-LEAST_INCLUSION = 0.8
+LEAST_INCLUSION = 0.85
 """Share of resampled flights that an effect must be chosen by: one that hangs on a few
 flights is not claimed."""
 
