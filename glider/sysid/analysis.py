@@ -22,6 +22,7 @@ from glider.sysid.fit.prediction import (
     measure_errors,
 )
 from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
     carried_of,
@@ -146,6 +147,10 @@ class Analysis:
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
+            named_table = after_table
+            if model.has_curves or model.extra is not None:
+                named = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
+                named_table = _table(flown_by(task, named, model.scales), records)
         effects = effects_of(task, traced, known, carried, spreads, signs)
         verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
         corrected = errors["corrected"]
@@ -168,8 +173,8 @@ class Analysis:
             ),
             correlations=correlations_of(task, model, known),
             spreads=spreads,
-            air=Air(std_m_s=model.scales.air, correlation_s=model.scales.air_time),
-            curves=curves_of(before_table, after_table),
+            air=_air(model),
+            curves=curves_of(before_table, named_table),
             vehicle=vehicle_of(vehicle, model, known),
             warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
             set_aside=tuple(
@@ -224,6 +229,17 @@ class Analysis:
             CALIBRATED: flown_by(task, calibrated, own),
             "corrected": flown_by(task, traced.model, own),
         }
+
+
+def _air(model: Fitted) -> Air:
+    """Returns how the air moves; what no log shows is still air."""
+    scales = model.scales
+    is_still = scales.air < STILL * FLOOR.air
+    return Air(std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time)
+
+
+STILL = 2.0
+"""Strength of the air over the least that is looked for, below which it is none."""
 
 
 def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:

@@ -180,7 +180,7 @@ def judge(
             "The effects have names; where a shape is not the library's, a curve is "
             "carried."
         )
-    return "effect_found", "The effects explain what the plate lacks."
+    return "effect_found", "The effects have names and hold on held-out flights."
 
 
 def effects_of(
@@ -193,7 +193,9 @@ def effects_of(
 ) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
     model, layout = traced.model, task.layout
-    gained = max(traced.plate.cost - model.cost, 1e-9)
+    gained = sum(traced.evidence.values())
+    gained += 0.0 if traced.field is None else traced.field.evidence
+    gained = max(gained, 1e-9)
     found: list[FoundEffect] = []
     if not signs.are_right:
         found.append(_sign_entry(signs))
@@ -237,7 +239,7 @@ def effects_of(
             for kind, spread in spreads.items()
             if kind not in model.kinds
         ]
-    return tuple(sorted(found, key=lambda e: -e.evidence))
+    return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
 def _sign_entry(signs: Signs) -> FoundEffect:
@@ -289,8 +291,8 @@ def _curve_entry(task: Task, model: Fitted, terms: tuple[str, ...]) -> FoundEffe
         kind="unexplained",
         words=f"no effect of the library: {', '.join(terms)} change with alpha",
         coefficients=peaks,
-        evidence=0.0,
-        share=0.0,
+        evidence=math.nan,
+        share=math.nan,
         indistinguishable_from=(),
         depends_on=("alpha",),
     )
@@ -308,10 +310,11 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
             for c in kind.coefficients
             if c.name == first
         },
-        evidence=0.0,
-        share=0.0,
+        evidence=math.nan,
+        share=math.nan,
         indistinguishable_from=(),
         depends_on=kind.depends_on,
+        inclusion=math.nan,
         spread={first: spread.std},
     )
 
@@ -383,14 +386,14 @@ def correlations_of(
     }
 
 
-def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
+def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
     """Returns what the plate lacks over the angle of attack, in bins of equal weight.
 
     Bands are standard errors over flights.
 
     Args:
         before: of the plate.
-        after: of the corrected model, on the same rows.
+        named: of the plate with the effects that have a name, on the same rows.
     """
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
@@ -406,7 +409,7 @@ def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
         }
 
     measured, plate = body(before.coefficients), body(before.modelled)
-    corrected = body(after.modelled)
+    explained = body(named.modelled)
     curves = []
     for term in measured:
         rows = []
@@ -424,7 +427,7 @@ def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
                     float(np.mean(alpha[here])),
                     float(np.mean(means)),
                     float(np.std(means, ddof=1) / np.sqrt(len(means))),
-                    float(np.mean((corrected[term] - plate[term])[here])),
+                    float(np.mean((explained[term] - plate[term])[here])),
                 )
             )
         columns = np.array(rows).reshape(-1, 4).T

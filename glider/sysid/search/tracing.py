@@ -53,7 +53,8 @@ class Traced:
         evidence: kind to what is lost without it [nats].
         weighed: kind to its rivals and to how often it is chosen.
         alone: kind to what it gains alone, to first order [nats].
-        combinations: kinds of each set that was fitted, and its gain [nats].
+        combinations: kinds of each set that was fitted, and its gain less the price of
+            its effects [nats].
         field: what has no name, or None.
     """
 
@@ -138,7 +139,11 @@ def trace(
             nothing = without(task, nothing, kind)
         plate = search.fit(nothing)
     combinations = sorted(
-        ((m.kinds, plate.cost - m.cost) for m in search.fitted.values() if m.kinds),
+        (
+            (m.kinds, search.price(plate) - search.price(m))
+            for m in search.fitted.values()
+            if m.kinds
+        ),
         key=lambda c: -c[1],
     )
     return Traced(
@@ -199,8 +204,9 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
         if again is not None and again.extra is not None:
             options.append(dataclasses.replace(bare, model=again))
     best = min(options, key=lambda o: search.price(o.model))
-    if search.price(best.model) + FIELD_PRICE < search.price(model):
-        return best
+    gained = search.price(model) - search.price(best.model)
+    if gained > FIELD_PRICE:
+        return dataclasses.replace(best, evidence=gained)
     return None
 
 
