@@ -4,51 +4,69 @@ import dataclasses
 import math
 
 from glider.report.numbers import (
-    format_angle,
+    DEGREE,
+    Unit,
     format_gain,
-    format_in,
-    format_length,
+    length_unit,
 )
 from glider.sysid.result import (
-    MODELS,
+    CALIBRATED,
     Result,
 )
+
+COLUMNS = ("as_drawn", "refitted", CALIBRATED, "corrected")
+"""Models in the order in which they are shown; not every result has all."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ErrorRow:
-    """A row of the table of errors, as text."""
+    """A row of the table of errors, as text, all of it in one unit.
+
+    Attributes:
+        group: heading that it stands under.
+        name: of the error.
+        unit: of all its numbers.
+        cells: model to its error.
+        noise: what noise of the measurement alone would give.
+        gain: by what factor the correction made it smaller.
+    """
 
     group: str
     name: str
+    unit: str
     cells: dict[str, str]
+    noise: str
     gain: str
 
 
 def error_rows(result: Result) -> list[ErrorRow]:
-    """Returns the errors of each model with units, and how much smaller they got."""
+    """Returns the errors of each model, and how much smaller they got."""
+    errors = {m: e for m in columns_of(result) if (e := result.errors[m]) is not None}
     rows = []
-    for group, name, field, show in (
-        ("Acceleration, RMS", "tangential", "tangential", format_in("m/s²")),
-        ("Acceleration, RMS", "normal", "normal", format_in("m/s²")),
-        ("Acceleration, RMS", "pitch", "pitch", format_in("rad/s²")),
-        ("Free rollout", "position, RMS", "position_rms_m", format_length),
-        ("Free rollout", "position, at the end", "position_end_m", format_length),
-        ("Free rollout", "pitch, RMS", "pitch_rms_rad", format_angle),
+    for group, name, field, unit in (
+        ("Acceleration, RMS", "tangential", "tangential", Unit(name="m/s²")),
+        ("Acceleration, RMS", "normal", "normal", Unit(name="m/s²")),
+        ("Acceleration, RMS", "pitch", "pitch", Unit(name="rad/s²")),
+        ("Free rollout", "position, RMS", "position_rms_m", None),
+        ("Free rollout", "position, end", "position_end_m", None),
+        ("Free rollout", "pitch, RMS", "pitch_rms_rad", DEGREE),
         (
-            "Along the measured pitch",
+            "Along measured pitch",
             "position, RMS",
             "measured_pitch_position_rms_m",
-            format_length,
+            None,
         ),
     ):
-        errors = {m: result.errors.get(m) for m in MODELS}
-        values = {m: getattr(e, field) for m, e in errors.items() if e is not None}
+        values = {m: float(getattr(e, field)) for m, e in errors.items()}
+        noise = noise_floor(result, field)
+        of_row = unit or unit_beside_noise(result, *values.values())
         rows.append(
             ErrorRow(
                 group=group,
                 name=name,
-                cells={m: show(v) for m, v in values.items()},
+                unit=of_row.name,
+                cells={m: of_row.digits(v) for m, v in values.items()},
+                noise=of_row.digits(noise),
                 gain=format_gain(
                     values.get(baseline(result), math.nan),
                     values.get("corrected", math.nan),
@@ -58,6 +76,31 @@ def error_rows(result: Result) -> list[ErrorRow]:
     return rows
 
 
+def unit_beside_noise(result: Result, *lengths: float) -> Unit:
+    """Returns the one unit in which lengths [m] and the noise beside them read best."""
+    return length_unit(*lengths, noise_floor(result, "position_rms_m"))
+
+
+def columns_of(result: Result) -> list[str]:
+    """Returns the models of which there are errors, as COLUMNS orders them."""
+    return [m for m in COLUMNS if result.errors.get(m) is not None]
+
+
 def baseline(result: Result) -> str:
     """Returns the model that the correction is compared with."""
     return "as_drawn" if result.errors.get("as_drawn") is not None else "refitted"
+
+
+def noise_floor(result: Result, field: str) -> float:
+    """Returns an error that a perfect model would show, by noise of the poses alone.
+
+    A distance has two noisy coordinates: its RMS is √2 of the noise, its mean (at the
+    end of a flight) √(π/2). The accelerations' noise depends on the smoothing, and a
+    result does not tell it: NaN.
+    """
+    return {
+        "position_rms_m": math.sqrt(2.0) * result.noise_position_m,
+        "measured_pitch_position_rms_m": math.sqrt(2.0) * result.noise_position_m,
+        "position_end_m": math.sqrt(math.pi / 2.0) * result.noise_position_m,
+        "pitch_rms_rad": result.noise_pitch_rad,
+    }.get(field, math.nan)

@@ -3,21 +3,35 @@
 import io
 import math
 from collections.abc import Callable
-from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from glider.report.error_table import baseline
-from glider.report.numbers import DIVERGED
-from glider.report.plots.axes import limit
-from glider.report.plots.bars import (
-    plot_errors,
-    plot_evidence,
+from glider.report.error_table import (
+    COLUMNS,
+    baseline,
+    columns_of,
+    noise_floor,
 )
+from glider.report.finding_figures import (
+    WIDTH,
+    draw_curves,
+    draw_evidence,
+    draw_folds,
+    draw_spreads,
+)
+from glider.report.flight_errors import (
+    bounded,
+    distance,
+    rank_flights,
+)
+from glider.report.plots.axes import (
+    legend,
+    limit,
+)
+from glider.report.plots.bars import plot_errors
 from glider.report.plots.flights import (
     plot_distance,
     plot_paths,
@@ -33,13 +47,11 @@ from glider.report.plots.style import (
     VARIABLES,
 )
 from glider.sysid.result import (
-    MODELS,
     ResidualTable,
     Result,
 )
 
 MOST_FLIGHTS = 4
-_WIDTH = 10.0  # Of a figure [inch].
 DPI = 160
 
 
@@ -66,7 +78,7 @@ def _draw_residual(result: Result) -> Figure | None:
     variables = _pick_variables(result)
     if not variables:
         return None
-    figure = Figure(figsize=(_WIDTH, 7.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 7.0), layout="constrained")
     grid = figure.subplots(3, len(variables), sharex="col", squeeze=False)
     labels = ("along the wing [m/s²]", "normal to it [m/s²]", "in pitch [rad/s²]")
     for row, label in enumerate(labels):
@@ -82,22 +94,7 @@ def _draw_residual(result: Result) -> Figure | None:
                 ax.set_xlabel("")
         grid[row][0].set_ylabel(label)
     figure.align_ylabels(grid[:, 0])
-    _legend(figure, grid[0][0])
-    return figure
-
-
-def _draw_evidence(result: Result) -> Figure | None:
-    if not result.candidates:
-        return None
-    figure = Figure(
-        figsize=(_WIDTH, 1.0 + 0.23 * len(result.candidates)), layout="constrained"
-    )
-    plot_evidence(
-        figure.subplots(),
-        result.candidates,
-        picked=[e.kind for e in result.effects],
-        confused=[k for e in result.effects for k in e.indistinguishable_from],
-    )
+    legend(figure, grid[0][0])
     return figure
 
 
@@ -105,11 +102,11 @@ def _draw_held_out(result: Result) -> Figure | None:
     flights = _pick_flights(result)
     if not flights:
         return None
-    width = min(_WIDTH, 1.0 + 3.5 * len(flights))
+    width = min(WIDTH, max(0.7 * WIDTH, 1.0 + 3.5 * len(flights)))
     figure = Figure(figsize=(width, 7.4), layout="constrained")
     grid = figure.subplots(3, len(flights), squeeze=False)
     for column, flight in zip(grid.T, flights, strict=True):
-        flown = {m: bounded(flight.flown[m]) for m in MODELS if m in flight.flown}
+        flown = {m: bounded(flight.flown[m]) for m in COLUMNS if m in flight.flown}
         plot_paths(
             column[0], flight.measured, flown, flight.time <= flight.fitted_until
         )
@@ -127,7 +124,7 @@ def _draw_held_out(result: Result) -> Figure | None:
         plot_distance(
             column[2],
             flight.time,
-            {m: _distance(pose, flight.measured) for m, pose in flown.items()},
+            {m: distance(pose, flight.measured) for m, pose in flown.items()},
             flight.fitted_until,
             result.noise_position_m,
         )
@@ -136,7 +133,7 @@ def _draw_held_out(result: Result) -> Figure | None:
     grid[1][0].set_ylabel("pitch, nose down > 0 [°]")
     grid[2][0].set_ylabel("distance from the flight [m]")
     figure.align_ylabels(grid[:, 0])
-    _legend(figure, grid[0][0])
+    legend(figure, grid[0][0])
     return figure
 
 
@@ -151,7 +148,7 @@ def _draw_coefficients(result: Result) -> Figure | None:
         for t in tables.values()
     ):
         return None
-    figure = Figure(figsize=(_WIDTH, 6.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True, sharey="col")
     for axes, (model, table) in zip(grid, tables.items(), strict=True):
         for ax, (name, label) in zip(axes, names.items(), strict=True):
@@ -160,6 +157,7 @@ def _draw_coefficients(result: Result) -> Figure | None:
                 table.variables["alpha"],
                 table.coefficients[name],
                 table.modelled[name],
+                table.flight,
                 model,
             )
             ax.set_title(f"{label}, {LABELS[model]}")
@@ -170,15 +168,15 @@ def _draw_coefficients(result: Result) -> Figure | None:
         limit(ax.set_ylim, np.concatenate(everything))
     for ax in grid[1]:
         ax.set_xlabel(VARIABLES["alpha"][0])
-    _legend(figure, *grid[:, 0])
+    legend(figure, *grid[:, 0])
     return figure
 
 
 def _draw_errors(result: Result) -> Figure | None:
-    errors = {m: e for m in MODELS if (e := result.errors.get(m)) is not None}
+    errors = {m: e for m in columns_of(result) if (e := result.errors[m]) is not None}
     if not errors:
         return None
-    figure = Figure(figsize=(_WIDTH, 3.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     panels = (
         ("acceleration [m/s²]", {"tangential": "along wing", "normal": "normal"}, 1.0),
         ("acceleration [rad/s²]", {"pitch": "in pitch"}, 1.0),
@@ -196,8 +194,8 @@ def _draw_errors(result: Result) -> Figure | None:
     noise = (
         math.nan,
         math.nan,
-        1e3 * result.noise_position_m,
-        math.degrees(result.noise_pitch_rad),
+        1e3 * noise_floor(result, "position_rms_m"),
+        math.degrees(noise_floor(result, "pitch_rms_rad")),
     )
     axes = figure.subplots(
         1, 4, width_ratios=[len(fields) + 0.25 for _, fields, _ in panels]
@@ -213,29 +211,21 @@ def _draw_errors(result: Result) -> Figure | None:
             level,
         )
         ax.set_title(label)
-    _legend(figure, axes[0])
+    legend(figure, axes[0])
     return figure
 
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "errors": _draw_errors,
-    "residual": _draw_residual,
-    "evidence": _draw_evidence,
-    "held_out": _draw_held_out,
+    "curves": draw_curves,
     "coefficients": _draw_coefficients,
+    "evidence": draw_evidence,
+    "folds": draw_folds,
+    "held_out": _draw_held_out,
+    "spreads": draw_spreads,
+    "residual": _draw_residual,
 }
 """Function that makes each figure, by file name."""
-
-
-def _legend(figure: Figure, *axes: Axes) -> None:
-    """Adds one legend above all axes, each label once."""
-    shown: dict[str, Any] = {}
-    for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            shown.setdefault(label, handle)
-    figure.legend(
-        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown)
-    )
 
 
 def _pick_variables(result):
@@ -256,24 +246,7 @@ def _varies(table: ResidualTable, name: str) -> bool:
 
 def _pick_flights(result):
     """Returns up to four held-out flights, from the best corrected to the worst."""
-
-    def error(flight):
-        flown = flight.flown.get("corrected")
-        if flown is None:
-            return math.inf
-        rms = np.sqrt(np.mean(_distance(bounded(flown), flight.measured) ** 2))
-        return rms if math.isfinite(rms) else math.inf  # NaN where it diverged.
-
-    ranked = sorted(result.held_out, key=error)
+    ranked = rank_flights(result)
     count = min(MOST_FLIGHTS, len(ranked))
     ranks = np.linspace(0, len(ranked) - 1, count).round().astype(int)
     return [ranked[i] for i in ranks]
-
-
-def _distance(pose, measured):
-    return np.linalg.norm(pose[:, :2] - measured[:, :2], axis=1)
-
-
-def bounded(values):
-    """Returns the values, NaN where they left all bounds."""
-    return np.where(np.abs(values) < DIVERGED, values, math.nan)

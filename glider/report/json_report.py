@@ -1,67 +1,118 @@
 """report.json: what other programs read."""
 
+import dataclasses
+import math
 from typing import Any
 
-from glider.report.numbers import finite_or_none
+import numpy as np
+
 from glider.sysid.result import (
+    CALIBRATED,
     MODELS,
     Errors,
+    Estimate,
+    FoundEffect,
     Result,
 )
 
 
 def to_json(result: Result) -> dict[str, Any]:
-    """Returns report.json: lists, dicts, strings, finite floats and None."""
+    """Returns report.json: lists, dicts, strings, numbers, booleans and None."""
+    errors = {model: _errors(result.errors.get(model)) for model in MODELS}
+    if result.errors.get(CALIBRATED) is not None:
+        errors[CALIBRATED] = _errors(result.errors[CALIBRATED])
+    return _plain(
+        {
+            "campaign": result.campaign,
+            "flights": {"fit": result.fit_flights, "held_out": result.held_out_flights},
+            "verdict": result.verdict,
+            "reason": result.reason,
+            "effects": [_effect(e) for e in result.effects],
+            "errors": errors,
+            "folds": [
+                {
+                    "held_out": fold.held_out,
+                    "refitted": _errors(fold.refitted),
+                    "corrected": _errors(fold.corrected),
+                }
+                for fold in result.folds
+            ],
+            "left": dataclasses.asdict(result.left),
+            "air": {
+                "std_m_s": result.air.std_m_s,
+                "correlation_s": result.air.correlation_s,
+            },
+            "spreads": {n: dataclasses.asdict(s) for n, s in result.spreads.items()},
+            "correlations": result.correlations,
+            "candidates": result.candidates,
+            "combinations": [dataclasses.asdict(c) for c in result.combinations],
+            "curves": [dataclasses.asdict(c) for c in result.curves],
+            "vehicle": _estimates(result.vehicle),
+            "warnings": result.warnings,
+            "set_aside": [dataclasses.asdict(s) for s in result.set_aside],
+            "planarity": result.planarity,
+            "seed": result.settings.get("seed"),
+            "settings": result.settings,
+            "noise": {
+                "position_m": result.noise_position_m,
+                "pitch_rad": result.noise_pitch_rad,
+            },
+            "seconds": result.seconds,
+            "version": result.version,
+        }
+    )
+
+
+def _effect(e: FoundEffect) -> dict[str, Any]:
     return {
-        "campaign": result.campaign,
-        "flights": {
-            "fit": list(result.fit_flights),
-            "held_out": list(result.held_out_flights),
-        },
-        "verdict": result.verdict,
-        "effects": [
-            {
-                "kind": e.kind,
-                "coefficients": {
-                    name: {
-                        "value": finite_or_none(c.value),
-                        "std": finite_or_none(c.std),
-                        "unit": c.unit,
-                    }
-                    for name, c in e.coefficients.items()
-                },
-                "evidence": finite_or_none(e.evidence),
-                "share_of_residual": finite_or_none(e.share),
-                "indistinguishable_from": list(e.indistinguishable_from),
-                "depends_on": list(e.depends_on),
-            }
-            for e in result.effects
-        ],
-        "errors": {model: _errors_json(result.errors.get(model)) for model in MODELS},
-        "noise": {
-            "position_m": finite_or_none(result.noise_position_m),
-            "pitch_rad": finite_or_none(result.noise_pitch_rad),
-        },
-        "seconds": {stage: finite_or_none(s) for stage, s in result.seconds.items()},
-        "version": result.version,
+        "kind": e.kind,
+        "coefficients": _estimates(e.coefficients),
+        "evidence": e.evidence,
+        "share_of_residual": e.share,
+        "inclusion": e.inclusion,
+        "spread_over_flights": e.spread,
+        "shape": "library" if e.shape_fits else "not the library's",
+        "indistinguishable_from": e.indistinguishable_from,
+        "depends_on": e.depends_on,
     }
 
 
-def _errors_json(errors: Errors | None) -> dict[str, Any] | None:
+def _estimates(estimates: dict[str, Estimate]) -> dict[str, Any]:
+    return {name: dataclasses.asdict(c) for name, c in estimates.items()}
+
+
+def _errors(errors: Errors | None) -> dict[str, Any] | None:
     if errors is None:
         return None
     return {
         "equation": {
-            "tangential": finite_or_none(errors.tangential),
-            "normal": finite_or_none(errors.normal),
-            "pitch": finite_or_none(errors.pitch),
+            "tangential": errors.tangential,
+            "normal": errors.normal,
+            "pitch": errors.pitch,
         },
         "rollout": {
-            "position_rms_m": finite_or_none(errors.position_rms_m),
-            "position_end_m": finite_or_none(errors.position_end_m),
-            "pitch_rms_rad": finite_or_none(errors.pitch_rms_rad),
+            "position_rms_m": errors.position_rms_m,
+            "position_end_m": errors.position_end_m,
+            "pitch_rms_rad": errors.pitch_rms_rad,
         },
         "rollout_measured_pitch": {
-            "position_rms_m": finite_or_none(errors.measured_pitch_position_rms_m)
+            "position_rms_m": errors.measured_pitch_position_rms_m
         },
     }
+
+
+def _plain(value: Any) -> Any:
+    """Returns what JSON has: no arrays, no NumPy numbers, None for NaN and infinity."""
+    if isinstance(value, dict):
+        return {str(name): _plain(v) for name, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(v) for v in value]
+    if value is None or isinstance(value, (str, bool)):
+        return value
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return str(value)

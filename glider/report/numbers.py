@@ -1,20 +1,64 @@
 """Numbers as text for people: as many digits as they deserve, in a unit that fits."""
 
+import dataclasses
 import math
-from collections.abc import Callable
 
 from glider.sysid.result import Estimate
 
 MISSING = "–"
 
+DIVERGES = "diverges"
+
 DIVERGED = 1e5
 """An error above this [SI] only says that the model left all bounds."""
 
 
-def finite_or_none(value: float) -> float | None:
-    """Returns a number as a float, or None where JSON has none."""
-    number = float(value)
-    return number if math.isfinite(number) else None
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit for people: its name and its size [SI]."""
+
+    name: str
+    size: float = 1.0
+
+    def digits(self, value: float) -> str:
+        """Returns a number [SI] of three digits in this unit, without its name."""
+        if math.isnan(value):
+            return MISSING
+        return DIVERGES if abs(value) >= DIVERGED else _three_digits(value / self.size)
+
+    def text(self, value: float) -> str:
+        """Returns a number [SI] of three digits with this unit."""
+        digits = self.digits(value)
+        if digits in (MISSING, DIVERGES) or self.name in ("", "-"):
+            return digits
+        return digits + self.name if self.name == "°" else f"{digits} {self.name}"
+
+
+DEGREE = Unit(name="°", size=math.radians(1.0))
+METRE = Unit(name="m")
+CENTIMETRE = Unit(name="cm", size=1e-2)
+MILLIMETRE = Unit(name="mm", size=1e-3)
+
+
+def length_unit(*values: float) -> Unit:
+    """Returns the one unit in which lengths [m] read best.
+
+    It is that of the smallest; metres where one is ten or more.
+    """
+    sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED] or [1.0]
+    if min(sizes) >= 0.0995 or max(sizes) >= 10.0:
+        return METRE
+    return CENTIMETRE if min(sizes) >= 0.00995 else MILLIMETRE
+
+
+def format_length(value: float) -> str:
+    """Returns a length [m] in m, cm or mm."""
+    return length_unit(value).text(value)
+
+
+def format_angle(value: float) -> str:
+    """Returns an angle [rad] in degrees."""
+    return DEGREE.text(value)
 
 
 def format_estimate(c: Estimate) -> str:
@@ -44,37 +88,31 @@ def in_degrees(c: Estimate) -> str:
     return f" ({math.degrees(c.value):.1f}°)"
 
 
-def format_length(value: float) -> str:
-    """Returns a length [m] in m, cm or mm."""
-    for scale, unit in ((1.0, "m"), (1e-2, "cm"), (1e-3, "mm")):
-        if abs(value) >= 0.0995 * scale if unit == "m" else abs(value) >= 0.995 * scale:
-            return format_number(value / scale, unit)
-    return format_number(value * 1e3, "mm")
+def format_spread(std: float, unit: str) -> str:
+    """Returns by how much something differs, an angle in degrees too."""
+    text = Unit(name=unit).text(std)
+    if unit != "rad" or not math.isfinite(std):
+        return text
+    return f"{text} ({format_angle(std)})"
 
 
-def format_angle(value: float) -> str:
-    """Returns an angle [rad] in degrees."""
-    return format_number(math.degrees(value), "°")
+def format_share(share: float) -> str:
+    """Returns a share of one in percent."""
+    return f"{100.0 * share:.0f} %" if math.isfinite(share) else MISSING
 
 
-def format_in(unit: str) -> Callable[[float], str]:
-    """Returns a function that shows numbers of a unit."""
-    return lambda value: format_number(value, unit)
+def format_evidence(evidence: float) -> str:
+    """Returns evidence [nats], with its sign."""
+    return f"{evidence:+,.0f}" if math.isfinite(evidence) else MISSING
 
 
-def format_number(value: float, unit: str) -> str:
-    """Returns a number of three digits with its unit."""
-    if math.isnan(value):
+def format_factor(factor: float) -> str:
+    """Returns "1,000×", "2.5×" or "0.31×"."""
+    if not math.isfinite(factor):
         return MISSING
-    if abs(value) >= DIVERGED:
-        return "diverges"
-    if abs(value) >= 100.0:
-        text = f"{value:,.0f}"
-    elif value == 0.0 or abs(value) < 1e-4:
-        text = f"{value:.2g}"
-    else:  # Three digits.
-        text = f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
-    return text + unit if unit == "°" else f"{text} {unit}"
+    if factor >= 10.0:
+        return f"{factor:,.0f}×"
+    return f"{factor:.1f}×" if factor >= 0.95 else f"{factor:.2f}×"
 
 
 def format_gain(before: float, after: float) -> str:
@@ -83,7 +121,12 @@ def format_gain(before: float, after: float) -> str:
         return "∞"
     if not (0.0 < before < DIVERGED and 0.0 < after < DIVERGED):
         return MISSING
-    factor = before / after
-    if factor >= 10.0:
-        return f"{factor:,.0f}×"
-    return f"{factor:.1f}×" if factor >= 0.95 else f"{factor:.2f}×"
+    return format_factor(before / after)
+
+
+def _three_digits(value):
+    if abs(value) >= 100.0:
+        return f"{value:,.0f}"
+    if value == 0.0 or abs(value) < 1e-4:
+        return f"{value:.2g}"
+    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"

@@ -10,12 +10,14 @@ import jinja2
 
 from glider.report.error_table import (
     baseline,
+    columns_of,
     error_rows,
 )
 from glider.report.figures import (
     DPI,
     MOST_FLIGHTS,
 )
+from glider.report.flight_errors import STANDS_OUT, worst_flights
 from glider.report.numbers import (
     format_angle,
     format_length,
@@ -24,17 +26,22 @@ from glider.report.plots.style import (
     COLORS,
     LABELS,
 )
+from glider.report.tables import (
+    combination_rows,
+    correlation_rows,
+    spread_rows,
+    spread_values,
+    vehicle_rows,
+)
 from glider.report.wording import (
+    air_words,
     effect_view,
+    fold_words,
     headline,
-    left_words,
     notes_of,
     remarks,
 )
-from glider.sysid.result import (
-    MODELS,
-    Result,
-)
+from glider.sysid.result import Result
 
 _PAGE_DPI = 100  # A figure's dots an inch on a screen.
 
@@ -57,7 +64,7 @@ def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
         result=result,
         headline=headline(result),
         remarks=remarks(result),
-        models=[m for m in MODELS if result.errors.get(m) is not None],
+        models=columns_of(result),
         labels=LABELS,
         colors=COLORS,
         baseline=baseline(result),
@@ -67,7 +74,15 @@ def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
         widths={n: _png_width(p) * _PAGE_DPI // DPI for n, p in figures.items()},
         shown=min(MOST_FLIGHTS, len(result.held_out)),
         notes=notes_of(result),
-        left=left_words(result),
+        air=air_words(result),
+        combinations=combination_rows(result),
+        correlations=correlation_rows(result),
+        folds=fold_words(result),
+        worst=worst_flights(result),
+        stands_out=STANDS_OUT,
+        spreads=spread_rows(result),
+        spread_values=spread_values(result),
+        vehicle=vehicle_rows(result),
         noise_position=format_length(result.noise_position_m),
         noise_pitch=format_angle(result.noise_pitch_rad),
         versions=_versions(result),

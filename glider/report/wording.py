@@ -1,55 +1,70 @@
 """Sentences and phrases about what was found."""
 
 import math
+from collections.abc import Iterable, Sized
 from typing import Any
 
 from glider.physics.effects import KINDS
-from glider.report.error_table import baseline
+from glider.report.error_table import baseline, unit_beside_noise
 from glider.report.numbers import (
     DIVERGED,
-    MISSING,
     format_estimate,
-    format_length,
+    format_evidence,
+    format_share,
+    format_spread,
     in_degrees,
 )
 from glider.sysid.result import (
-    Z_SIGNIFICANT,
+    CALIBRATED,
     FoundEffect,
     Result,
+    SetAside,
 )
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
 
+_MOST_IN_LINE = 2
+"""Of more effects the headline leaves the coefficients to what follows it."""
+
+_WORTH_TELLING = 0.95
+"""A pitch zero that leaves less of the error than this is told."""
+
 
 def headline(result: Result) -> str:
     """Returns the verdict in one sentence."""
+    if result.verdict == "no_effect":
+        return _nothing_found(result)
     named = [e for e in result.effects if e.kind != "unexplained"]
     unnamed = [e for e in result.effects if e.kind == "unexplained"]
-    is_unexplained = bool(unnamed) or result.verdict == "unexplained"
-    if result.verdict == "no_effect":
-        before = baseline(result)
-        model = "nominal model" if before == "as_drawn" else "refitted flat plate"
-        errors = result.errors.get(before)
-        text = f"The flights show no effect that the {model} lacks"
-        if result.left_z >= Z_SIGNIFICANT:
-            text = (
-                f"The {model} is not all that the flights show, but no effect "
-                "of the library earns its place"
-            )
-        if errors is None or not math.isfinite(errors.position_rms_m):
-            return text + "."
-        size = format_length(errors.position_rms_m)
-        return f"{text}; it flies held-out flights to {size} in position (RMS)."
-    found = [_in_line(e) for e in named]
-    if is_unexplained:
+    found = [_in_line(e) if len(named) <= _MOST_IN_LINE else e.words for e in named]
+    if unnamed or result.verdict in ("unexplained", "partly_explained"):
         on = [name for e in unnamed for name in e.depends_on]
-        varying = f" that varies with {_and(on)}" if on else ""
+        on = on or list(result.left.depends_on)
+        varying = f" that varies with {join(on)}" if on else ""
         error = f"an error{varying} and that no effect of the library explains"
         found.append(error if varying else error.replace(" and that", " that"))
-    text = "The flights show " + _and(found, "; and ", "; ")
+    if not found:
+        found = differences(result)
+    if result.verdict == "not_trusted":
+        text = "Held-out flights do not bear out what the fitted ones seem to show"
+        text += ": " if found else ""
+    else:
+        text = "The flights show "
     change = _change(result)
+    text += join(found, "; and ", "; ")
     return f"{text}; {change}." if change else f"{text}."
+
+
+def _nothing_found(result: Result) -> str:
+    before = baseline(result)
+    model = "nominal model" if before == "as_drawn" else "refitted flat plate"
+    text = f"The flights show no effect that the {model} lacks"
+    errors = result.errors.get(before)
+    if errors is None or not math.isfinite(errors.position_rms_m):
+        return text + "."
+    size = _length(result, errors.position_rms_m)
+    return f"{text}; it flies held-out flights to {size} in position (RMS)."
 
 
 def remarks(result: Result) -> list[str]:
@@ -57,13 +72,93 @@ def remarks(result: Result) -> list[str]:
     said = []
     for e in result.effects:
         if e.indistinguishable_from:
-            others = _and(
-                [_words_of(k, result) for k in e.indistinguishable_from], " or "
+            others = join(
+                [words_of(k, result) for k in e.indistinguishable_from], " or "
             )
             said.append(f"From these flights, {e.words} could also be {others}.")
-    if result.left_z >= Z_SIGNIFICANT:
-        said.append(left_words(result))
-    return said
+        if not e.shape_fits:
+            said.append(
+                f"Shape not the library's ({e.kind}): the model carries a curve "
+                "beside the formula."
+            )
+    return [*said, *filter(None, [_calibration_words(result), left_words(result)])]
+
+
+def _calibration_words(result: Result) -> str:
+    """Returns what a pitch zero alone buys, where it buys something."""
+    plate, calibrated = (result.errors.get(m) for m in ("refitted", CALIBRATED))
+    if plate is None or calibrated is None:
+        return ""
+    if not calibrated.position_rms_m < _WORTH_TELLING * plate.position_rms_m:
+        return ""
+    change = _from_to(result, plate.position_rms_m, calibrated.position_rms_m)
+    return (
+        "Taking a constant error of the pitch reading out of the refitted plate alone "
+        f"takes the held-out position error {change} (RMS): that is calibration, not "
+        "physics."
+    )
+
+
+def left_words(result: Result) -> str:
+    """Returns what the corrected model leaves: a length and a ratio."""
+    left = result.left
+    if not math.isfinite(left.position_m):
+        return ""
+    model = "model" if result.verdict == "no_effect" else "corrected model"
+    size = _length(result, left.position_m)
+    text = f"The {model} leaves {size} of held-out flights"
+    if math.isfinite(left.ratio_to_noise):
+        ratio = f"{left.ratio_to_noise:.3g}"
+        if left.ratio_to_noise >= 100.0:
+            ratio = f"{left.ratio_to_noise:,.0f}"
+        text += f" (RMS), {ratio} times the noise of the measured position"
+    if left.depends_on:
+        text += f"; it varies with {join(left.depends_on)}"
+    return text + "."
+
+
+def air_words(result: Result) -> str:
+    """Returns how the air moves, as a sentence."""
+    air = result.air
+    if not math.isfinite(air.std_m_s):
+        return ""
+    if air.std_m_s == 0.0:
+        return "The flights need no moving air."
+    lasting = ""
+    if math.isfinite(air.correlation_s):
+        lasting = f", for about {air.correlation_s:.2g} s at a time"
+    return (
+        f"The air moves by {air.std_m_s:.2g} m/s (one standard deviation){lasting}; a "
+        "model's own error looks like that too."
+    )
+
+
+def differences(result: Result) -> list[str]:
+    """Returns what differs from flight to flight, where no effect tells it."""
+    told = {e.kind for e in result.effects if e.spread}
+    return [
+        f"{_name(n)} differs from flight to flight by {format_spread(s.std, s.unit)}"
+        for n, s in result.spreads.items()
+        if math.isfinite(s.std) and n not in told
+    ]
+
+
+def fold_words(result: Result) -> str:
+    """Returns in how many folds the corrected model is the better one."""
+    folds = result.folds
+    if not folds:
+        return ""
+    better = sum(f.corrected.position_rms_m < f.refitted.position_rms_m for f in folds)
+    return (
+        f"With each flight held out once, the corrected model's free rollouts are "
+        f"closer than the refitted plate's in {better} of {counted(folds, 'fold')}."
+    )
+
+
+def set_aside_words(s: SetAside) -> str:
+    """Returns which rows were not used, and why."""
+    rows = "all rows" if s.rows == "all" else f"lines {s.rows}"
+    return f"{s.file}, {rows}: {s.why}"
 
 
 def _change(result: Result) -> str:
@@ -74,49 +169,44 @@ def _change(result: Result) -> str:
     if not new < DIVERGED:
         return "held-out rollouts of the corrected model diverge"
     if not old < DIVERGED:
-        return (
-            f"held-out rollouts, which diverged, now err by {format_length(new)} (RMS)"
-        )
+        size = _length(result, new)
+        return f"held-out rollouts, which diverged, now err by {size} (RMS)"
     verb = "falls" if new < old else "goes"
-    change = f"from {format_length(old)} to {format_length(new)}"
-    return f"held-out position error {verb} {change} (RMS)"
+    return f"held-out position error {verb} {_from_to(result, old, new)} (RMS)"
 
 
-def left_words(result: Result) -> str:
-    """Returns what the corrected model leaves, as a sentence."""
-    z = result.left_z
-    model = "model" if result.verdict == "no_effect" else "corrected model"
-    if not math.isfinite(z):
-        return ""
-    if z < Z_SIGNIFICANT:
-        return f"The {model} leaves nothing but noise ({z:.1f} σ)."
-    size = f"{z:.1f}" if z < 100.0 else f"{z:,.0f}"
-    return (
-        f"The {model} still leaves more than noise ({size} σ; "
-        f"below {Z_SIGNIFICANT:g} is noise)."
-    )
+def _length(result: Result, value: float) -> str:
+    return unit_beside_noise(result, value).text(value)
+
+
+def _from_to(result: Result, old: float, new: float) -> str:
+    unit = unit_beside_noise(result, old, new)
+    return f"from {unit.text(old)} to {unit.text(new)}"
 
 
 def effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     """Returns an effect as text."""
     items = list(effect.coefficients.items())
+    units = {name: c.unit for name, c in items}
     return {
         "kind": effect.kind,
         "is_unexplained": effect.kind == "unexplained",
         "words": effect.words,
         "coefficients": [
-            (name.replace("_", " "), format_estimate(c) + in_degrees(c))
+            (_name(name), format_estimate(c) + in_degrees(c))
             for name, c in items[:_MOST_COEFFICIENTS]
         ],
         "more": max(len(items) - _MOST_COEFFICIENTS, 0),
-        "evidence": f"{effect.evidence:+,.0f}"
-        if math.isfinite(effect.evidence)
-        else MISSING,
-        "share": f"{100.0 * effect.share:.0f} %"
-        if math.isfinite(effect.share)
-        else MISSING,
+        "spread": [
+            (_name(name), format_spread(s, units.get(name, "")))
+            for name, s in effect.spread.items()
+        ],
+        "evidence": format_evidence(effect.evidence),
+        "share": format_share(effect.share),
+        "inclusion": format_share(effect.inclusion),
+        "shape_fits": effect.shape_fits,
         "confused": [
-            f"{_words_of(k, result)} ({k})" for k in effect.indistinguishable_from
+            f"{words_of(k, result)} ({k})" for k in effect.indistinguishable_from
         ],
         "depends_on": list(effect.depends_on),
     }
@@ -125,30 +215,41 @@ def effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
 def _in_line(effect):
     """Returns "a steady wind: x = -0.600 ± 0.001 m/s, z = ..."."""
     texts = [
-        f"{name.replace('_', ' ')} = {format_estimate(c)}"
+        f"{_name(name)} = {format_estimate(c)}"
         for name, c in list(effect.coefficients.items())[:3]
+    ]
+    texts += [
+        f"{_name(name)} differs by {format_spread(s, effect.coefficients[name].unit)} "
+        "from flight to flight"
+        for name, s in effect.spread.items()
+        if name in effect.coefficients
     ]
     colon = ", with " if ":" in effect.words else ": "
     return effect.words + (colon if texts else "") + ", ".join(texts)
 
 
-def _words_of(kind: str, result: Result) -> str:
+def words_of(kind: str, result: Result) -> str:
     """Returns an effect's short phrase for people."""
     kinds = {**KINDS, **{e.kind: e for e in result.own_effects}}
-    return kinds[kind].words if kind in kinds else kind.replace("_", " ")
+    return kinds[kind].words if kind in kinds else _name(kind)
 
 
-def _and(items, last=" and ", between=", "):
-    items = list(dict.fromkeys(items))
-    return last.join(filter(None, [between.join(items[:-1]), *items[-1:]]))
+def join(items: Iterable[str], last: str = " and ", between: str = ", ") -> str:
+    """Returns "a, b and c", each item once."""
+    once = list(dict.fromkeys(items))
+    return last.join(filter(None, [between.join(once[:-1]), *once[-1:]]))
 
 
-def counted(items, noun):
+def counted(items: Sized, noun: str) -> str:
     """Returns "1 flight" or "3 flights"."""
     return f"{len(items)} {noun}{'' if len(items) == 1 else 's'}"
 
 
-def notes_of(result):
+def notes_of(result: Result) -> list[str]:
     """Returns what was assumed, as sentences."""
     notes = result.settings.get("notes", ())
     return list(notes) if isinstance(notes, (list, tuple)) else [str(notes)]
+
+
+def _name(text: str) -> str:
+    return text.replace("_", " ")

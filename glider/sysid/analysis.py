@@ -22,6 +22,7 @@ from glider.sysid.fit.prediction import (
     measure_errors,
 )
 from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
     carried_of,
@@ -53,8 +54,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import FIELD_PRICE, PRICE, Traced, trace
-from glider.sysid.search.weighing import uncertainty_of, weigh
+from glider.sysid.search.tracing import FIELD_PRICE, Traced, trace
+from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
 """Sets of effects that a result lists."""
@@ -87,6 +88,7 @@ class Analysis:
         vehicle: Vehicle,
         kinds: tuple[str, ...],
         with_signs: bool,
+        seed: int,
         settings: dict[str, object],
     ) -> Result:
         """Runs all stages.
@@ -97,10 +99,11 @@ class Analysis:
             vehicle: of the campaign.
             kinds: of vehicle.kinds, those to try.
             with_signs: whether to look for angles of the other sign first.
+            seed: of all that is drawn by lot.
             settings: what the caller asked for, to be kept in the result.
         """
         logged, masks = inspection.campaign, inspection.masks
-        rng = np.random.default_rng(settings["seed"])
+        rng = np.random.default_rng(seed)
         with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
             warm_up(vehicle.layout)
         with self.stage("signs"):
@@ -116,10 +119,9 @@ class Analysis:
         everything = make_task(records, vehicle, kinds)
         task = everything.on(fitted)
         with self.stage("trace"):
-            traced = trace(task, noise, self.progress)
+            traced = trace(task, noise, rng, self.progress)
         model = traced.model
-        with self.stage("weigh", "weighing the effects"):
-            weighed = weigh(task, model, PRICE, rng)
+        with self.stage("weigh", "standard errors"):
             known = uncertainty_of(task, model)
             carried = carried_of(task, model, known)
             spreads = spreads_of(task, model)
@@ -145,7 +147,11 @@ class Analysis:
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
-        effects = effects_of(task, traced, weighed, known, carried, spreads, signs)
+            named_table = after_table
+            if model.has_curves or model.extra is not None:
+                named = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
+                named_table = _table(flown_by(task, named, model.scales), records)
+        effects = effects_of(task, traced, known, carried, spreads, signs)
         verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
         corrected = errors["corrected"]
         assert corrected is not None
@@ -167,10 +173,10 @@ class Analysis:
             ),
             correlations=correlations_of(task, model, known),
             spreads=spreads,
-            air=Air(std_m_s=model.scales.air, correlation_s=model.scales.air_time),
-            curves=curves_of(before_table, after_table),
+            air=_air(model),
+            curves=curves_of(before_table, named_table),
             vehicle=vehicle_of(vehicle, model, known),
-            warnings=(*inspection.warnings, *_warnings(held_out)),
+            warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
             set_aside=tuple(
                 SetAside(file=s.file, rows=s.rows, why=s.why)
                 for s in inspection.set_aside
@@ -225,6 +231,17 @@ class Analysis:
         }
 
 
+def _air(model: Fitted) -> Air:
+    """Returns how the air moves; what no log shows is still air."""
+    scales = model.scales
+    is_still = scales.air < STILL * FLOOR.air
+    return Air(std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time)
+
+
+STILL = 2.0
+"""Strength of the air over the least that is looked for, below which it is none."""
+
+
 def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:
     return tuple(f for f in campaign.flights if f.name in names)
 
@@ -254,8 +271,8 @@ def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
     )
 
 
-def _warnings(held_out: HeldOut | None) -> tuple[str, ...]:
-    if held_out is None:
+def _warnings(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
+    if held_out is None or verdict == "no_effect":
         return ()
     count = len(held_out.gain)
     lost = int(np.sum(held_out.gain < 0.0))

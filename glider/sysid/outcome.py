@@ -33,7 +33,7 @@ from glider.sysid.result import (
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.peaks import find_peaks
 from glider.sysid.search.tracing import Traced
-from glider.sysid.search.weighing import Uncertainty, Weighed
+from glider.sysid.search.weighing import Uncertainty
 
 FAMILIES = {
     "c_lift": (
@@ -76,6 +76,9 @@ SPREAD_KINDS = {
 SPREAD_EVIDENCE = 6.0
 """Evidence that a difference from flight to flight needs [nats]."""
 
+LEAST_SPREAD = 0.1
+"""Difference from flight to flight that is worth a word, in the coefficient's scale."""
+
 CURVE_Z = 5.0
 """Standard errors by which a curve must differ from nothing, somewhere in the middle
 90 % of the flown angles: of its ten independent places none does so by chance."""
@@ -108,7 +111,7 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
     found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return Carried(terms=found, data=curves.data(model.coordinates) if found else None)
+    return Carried(terms=found, data=curves.data(model.coordinates))
 
 
 def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
@@ -119,10 +122,12 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
     own = in_parallel(lambda f: own_values(f, model.scales), flights)
     names = [record.name for record in task.records]
     places = {"wind": 0, "elevator_trim": 2, "pitch_offset": 3}
-    for kind, (scale, _, unit) in SPREAD_KINDS.items():
+    for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
         lost = negative_log_likelihood(flights, least).sum() - base
-        if lost > SPREAD_EVIDENCE:
+        slot = task.layout.index[kind, coefficient]
+        least_std = LEAST_SPREAD * task.layout.scale[slot]
+        if lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std:
             values = [float(o[places[kind]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),
@@ -175,13 +180,12 @@ def judge(
             "The effects have names; where a shape is not the library's, a curve is "
             "carried."
         )
-    return "effect_found", "The effects explain what the plate lacks."
+    return "effect_found", "The effects have names and hold on held-out flights."
 
 
 def effects_of(
     task: Task,
     traced: Traced,
-    weighed: dict[str, Weighed],
     known: Uncertainty,
     carried: Carried,
     spreads: dict[str, Spread],
@@ -189,7 +193,9 @@ def effects_of(
 ) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
     model, layout = traced.model, task.layout
-    gained = max(traced.plate.cost - model.cost, 1e-9)
+    gained = sum(traced.evidence.values())
+    gained += 0.0 if traced.field is None else traced.field.evidence
+    gained = max(gained, 1e-9)
     found: list[FoundEffect] = []
     if not signs.are_right:
         found.append(_sign_entry(signs))
@@ -216,9 +222,9 @@ def effects_of(
                 },
                 evidence=float(evidence),
                 share=float(np.clip(evidence / gained, 0.0, 1.0)),
-                indistinguishable_from=weighed[name].rivals,
+                indistinguishable_from=traced.weighed[name].rivals,
                 depends_on=kind.depends_on,
-                inclusion=weighed[name].inclusion,
+                inclusion=traced.weighed[name].inclusion,
                 spread=spread,
                 shape_fits=not mine,
             )
@@ -233,7 +239,7 @@ def effects_of(
             for kind, spread in spreads.items()
             if kind not in model.kinds
         ]
-    return tuple(sorted(found, key=lambda e: -e.evidence))
+    return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
 def _sign_entry(signs: Signs) -> FoundEffect:
@@ -285,8 +291,8 @@ def _curve_entry(task: Task, model: Fitted, terms: tuple[str, ...]) -> FoundEffe
         kind="unexplained",
         words=f"no effect of the library: {', '.join(terms)} change with alpha",
         coefficients=peaks,
-        evidence=0.0,
-        share=0.0,
+        evidence=math.nan,
+        share=math.nan,
         indistinguishable_from=(),
         depends_on=("alpha",),
     )
@@ -304,10 +310,11 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
             for c in kind.coefficients
             if c.name == first
         },
-        evidence=0.0,
-        share=0.0,
+        evidence=math.nan,
+        share=math.nan,
         indistinguishable_from=(),
         depends_on=kind.depends_on,
+        inclusion=math.nan,
         spread={first: spread.std},
     )
 
@@ -379,14 +386,14 @@ def correlations_of(
     }
 
 
-def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
+def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
     """Returns what the plate lacks over the angle of attack, in bins of equal weight.
 
     Bands are standard errors over flights.
 
     Args:
         before: of the plate.
-        after: of the corrected model, on the same rows.
+        named: of the plate with the effects that have a name, on the same rows.
     """
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
@@ -402,7 +409,7 @@ def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
         }
 
     measured, plate = body(before.coefficients), body(before.modelled)
-    corrected = body(after.modelled)
+    explained = body(named.modelled)
     curves = []
     for term in measured:
         rows = []
@@ -420,7 +427,7 @@ def curves_of(before: ResidualTable, after: ResidualTable) -> tuple[Curve, ...]:
                     float(np.mean(alpha[here])),
                     float(np.mean(means)),
                     float(np.std(means, ddof=1) / np.sqrt(len(means))),
-                    float(np.mean((corrected[term] - plate[term])[here])),
+                    float(np.mean((explained[term] - plate[term])[here])),
                 )
             )
         columns = np.array(rows).reshape(-1, 4).T

@@ -103,6 +103,7 @@ def close_the_loop(
             vehicle,
             kinds,
             with_signs=effects is None or ANGLE_SIGN.kind in effects,
+            seed=seed,
             settings=settings,
         )
 

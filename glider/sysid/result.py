@@ -43,8 +43,9 @@ class FoundEffect:
         kind: in the library, of the caller's own, or "unexplained".
         words: a short phrase for people.
         coefficients: by name.
-        evidence: log-likelihood gained on flights left out of the fit [nats].
-        share: of the nominal model's error that it explains, 0 to 1.
+        evidence: log-likelihood lost without it, all else refitted [nats]; NaN where
+            only a difference from flight to flight was found.
+        share: of all the evidence, 0 to 1.
         indistinguishable_from: kinds that the data cannot tell from it.
         depends_on: variables that it varies with.
         inclusion: share of resampled sets of flights in which it is chosen, 0 to 1.
@@ -156,7 +157,8 @@ class Combination:
 
     Attributes:
         kinds: of its effects.
-        evidence: log-likelihood gained over the plate alone [nats].
+        evidence: log-likelihood gained over the plate alone, less the price of the
+            effects [nats].
     """
 
     kinds: tuple[str, ...]

@@ -18,7 +18,6 @@ from rich.console import Console
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import (
-    GliderModel,
     load_model,
 )
 from glider.report.folder import write_report
@@ -30,160 +29,24 @@ from glider.report.wording import (
     remarks,
 )
 from glider.sysid.result import (
+    CALIBRATED,
     Errors,
     Estimate,
-    FoundEffect,
-    HeldOutFlight,
-    ResidualTable,
-    Result,
 )
 from tests.helpers.own_kinds import FLAP
+from tests.report.results import (
+    VARIANTS,
+    WIND,
+    errors_json,
+    make_curve,
+    make_result,
+)
 
 SLOW = pytest.mark.slow
 
-FIGURES = {"errors", "residual", "evidence", "held_out", "coefficients"}
-
-WIND = FoundEffect(
-    kind="wind",
-    words="a steady wind",
-    coefficients={
-        "x": Estimate(value=-0.59987, std=0.00312, unit="m/s"),
-        "z": Estimate(value=0.0502, std=0.0009, unit="m/s"),
-    },
-    evidence=21345.6,
-    share=0.93,
-    indistinguishable_from=("frame_tilt",),
-    depends_on=("V", "alpha"),
-)
-UNEXPLAINED = FoundEffect(
-    kind="unexplained",
-    words="no effect of the library: the air moves with x",
-    coefficients={"wind_z_peak": Estimate(value=0.98, std=0.0, unit="m/s")},
-    evidence=5000.0,
-    share=0.99,
-    indistinguishable_from=(),
-    depends_on=("x",),
-)
-
-
-def make_errors(scale):
-    values = (0.8, 1.9, 14.0, 0.413, 0.9, 0.2, 0.22)
-    fields = (f.name for f in dataclasses.fields(Errors))
-    return Errors(**{n: scale * v for n, v in zip(fields, values, strict=True)})
-
-
-def make_flight(name, miss):
-    time = np.linspace(0.0, 0.8, 50)
-    pose = np.stack([6.0 * time - 3.5, 0.3 - time**2, 0.5 * np.sin(4.0 * time)], axis=1)
-    drift = np.outer(time**2, [1.0, -1.0, 0.5])
-    return HeldOutFlight(
-        name=name,
-        time=time,
-        measured=pose,
-        flown={
-            "as_drawn": pose + drift,
-            "refitted": pose + 0.5 * drift,
-            "corrected": pose + miss * drift,
-        },
-        fitted_until=0.16,
-    )
-
-
-def make_table(slope, rng):
-    alpha, speed = rng.uniform(-0.1, 1.0, 300), rng.uniform(3.0, 8.0, 300)
-    lift = np.sin(2.0 * alpha)
-    trend = np.outer(speed - 5.0, [0.1, 1.0, 4.0])
-    return ResidualTable(
-        variables={"alpha": alpha, "V": speed, "x": rng.uniform(-3.5, 1.0, 300)},
-        residual=slope * trend + rng.normal(size=(300, 3)),
-        coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
-        modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
-    )
-
-
-def make_result(**changes):
-    """Returns what closing the loop on a windy campaign may give."""
-    rng = np.random.default_rng(0)
-    result = Result(
-        campaign="head_wind",
-        path=Path("campaigns/head_wind"),
-        fit_flights=("flight_001.csv", "flight_002.csv"),
-        held_out_flights=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
-        verdict="effect_found",
-        effects=(WIND,),
-        errors={
-            "as_drawn": make_errors(1.0),
-            "refitted": make_errors(0.5),
-            "corrected": make_errors(0.001),
-        },
-        left_z=1.2,
-        candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
-        noise_position_m=4e-4,
-        noise_pitch_rad=2.5e-3,
-        model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
-        held_out=tuple(
-            make_flight(f"flight_1{i:02d}.csv", 0.001 * i) for i in range(6)
-        ),
-        residual_before=make_table(1.0, rng),
-        residual_after=make_table(0.0, rng),
-        seconds={"smooth": 0.31, "trace": 5.2},
-        version="0.1.0",
-        settings={"seed": 0, "effects": None, "notes": ["A mass of 1 kg is assumed."]},
-    )
-    return dataclasses.replace(result, **changes)
-
-
-def diverged():
-    """Returns a result with numbers that are missing, infinite or enormous."""
-    flight = make_flight("flight_100.csv", 0.0)
-    flown = {
-        "as_drawn": 1e300 ** np.linspace(0.0, 1.0, 50)[:, None] * np.ones((1, 3)),
-        "refitted": np.full((50, 3), np.nan),
-        "corrected": flight.measured,
-    }
-    table = make_result().residual_before
-    residual = table.residual.copy()
-    residual[:3] = [[np.nan] * 3, [np.inf] * 3, [1e200] * 3]
-    fields = [f.name for f in dataclasses.fields(Errors)]
-    return make_result(
-        errors={
-            "as_drawn": Errors(**dict.fromkeys(fields, math.inf)),
-            "refitted": Errors(**dict.fromkeys(fields, 1e300)),
-            "corrected": dataclasses.replace(make_errors(1e-3), pitch=math.nan),
-        },
-        effects=(
-            dataclasses.replace(
-                WIND,
-                coefficients={"x": Estimate(value=1.0, std=math.nan, unit="m/s")},
-                evidence=math.inf,
-            ),
-        ),
-        candidates={"wind": math.inf, "mass": math.nan},
-        left_z=math.nan,
-        noise_pitch_rad=math.nan,
-        held_out=(dataclasses.replace(flight, flown=flown),),
-        residual_before=dataclasses.replace(table, residual=residual),
-    )
-
-
-VARIANTS = {
-    "effect": make_result(),
-    "two effects": make_result(
-        effects=(WIND, UNEXPLAINED), verdict="effect_found", left_z=7.0
-    ),
-    "unexplained": make_result(
-        verdict="unexplained", effects=(UNEXPLAINED,), candidates={"mass": -2.0}
-    ),
-    "no effect": make_result(verdict="no_effect", effects=(), candidates={}),
-    "unknown vehicle": make_result(
-        errors={
-            "as_drawn": None,
-            "refitted": make_errors(0.5),
-            "corrected": make_errors(0.01),
-        },
-        held_out=(),
-    ),
-    "diverged": diverged(),
+FIGURES = {
+    *("errors", "curves", "coefficients", "evidence", "folds", "held_out"),
+    *("spreads", "residual"),
 }
 
 
@@ -202,7 +65,7 @@ def variant(request):
     scope="module",
     params=[
         name if name in ("effect", "diverged") else pytest.param(name, marks=SLOW)
-        for name in ("effect", "diverged", "unexplained", "unknown vehicle")
+        for name in ("effect", "diverged", "unexplained", "no effect")
     ],
 )
 def written(request, tmp_path_factory):
@@ -250,6 +113,18 @@ def summary(result, width=80, encoding="utf-8"):
     return raw.getvalue().decode(encoding)
 
 
+def drawn(result):
+    """Returns a stub of each figure that there is something to draw of."""
+    needs = {
+        "evidence": result.candidates,
+        "held_out": result.held_out,
+        "curves": result.curves,
+        "folds": result.folds,
+        "spreads": result.spreads,
+    }
+    return {name: stub for name, stub in STUBS.items() if needs.get(name, True)}
+
+
 def leaves(data):
     if isinstance(data, dict):
         return [leaf for value in data.values() for leaf in leaves(value)]
@@ -266,6 +141,7 @@ def test_json_has_the_schema_and_si_numbers():
             "held_out": [f"flight_1{i:02d}.csv" for i in range(6)],
         },
         "verdict": "effect_found",
+        "reason": "With the wind the held-out flights are flown to the noise.",
         "effects": [
             {
                 "kind": "wind",
@@ -275,27 +151,76 @@ def test_json_has_the_schema_and_si_numbers():
                 },
                 "evidence": 21345.6,
                 "share_of_residual": 0.93,
+                "inclusion": 0.97,
+                "spread_over_flights": {"x": 0.0512},
+                "shape": "library",
                 "indistinguishable_from": ["frame_tilt"],
                 "depends_on": ["V", "alpha"],
             }
         ],
         "errors": {
-            name: {
-                "equation": {
-                    "tangential": pytest.approx(scale * 0.8),
-                    "normal": pytest.approx(scale * 1.9),
-                    "pitch": pytest.approx(scale * 14.0),
-                },
-                "rollout": {
-                    "position_rms_m": pytest.approx(scale * 0.413),
-                    "position_end_m": pytest.approx(scale * 0.9),
-                    "pitch_rms_rad": pytest.approx(scale * 0.2),
-                },
-                "rollout_measured_pitch": {
-                    "position_rms_m": pytest.approx(scale * 0.22)
-                },
-            }
+            name: errors_json(scale)
             for name, scale in (("as_drawn", 1), ("refitted", 0.5), ("corrected", 1e-3))
+        },
+        "folds": [
+            {
+                "held_out": names,
+                "refitted": errors_json(0.5),
+                "corrected": errors_json(corrected),
+            }
+            for names, corrected in (
+                (["flight_001.csv", "flight_100.csv"], 0.4),
+                (["flight_002.csv"], 0.4),
+                (["flight_101.csv"], 0.6),
+            )
+        ],
+        "left": {
+            "ratio_to_noise": 13.25,
+            "position_m": 5.3e-3,
+            "depends_on": ["alpha"],
+        },
+        "air": {"std_m_s": 0.12, "correlation_s": 0.31},
+        "spreads": {
+            "elevator_trim": {
+                "std": 0.0203,
+                "unit": "rad",
+                "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
+            }
+        },
+        "correlations": {
+            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
+            "wind.z": {"wind.x": -0.84},
+        },
+        "candidates": {"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
+        "combinations": [
+            {"kinds": ["wind"], "evidence": 21345.6},
+            {"kinds": ["frame_tilt", "camber"], "evidence": 21330.2},
+            {"kinds": [], "evidence": 0.0},
+        ],
+        "curves": [
+            {
+                "term": curve.term,
+                "alpha": curve.alpha.tolist(),
+                "lack": curve.lack.tolist(),
+                "std": curve.std.tolist(),
+                "named": curve.named.tolist(),
+            }
+            for curve in (make_curve("c_normal"), make_curve("elevator_factor"))
+        ],
+        "vehicle": {
+            "wing_area_per_mass": {"value": 1.106, "std": 0.021, "unit": "m²/kg"}
+        },
+        "warnings": ["flight_002.csv: the clock of the pose drifts by 0.3 %."],
+        "set_aside": [
+            {"file": "flight_007.csv", "rows": "all", "why": "it stands still."},
+            {"file": "flight_001.csv", "rows": "41-80", "why": "the pose is frozen."},
+        ],
+        "planarity": {"flight_105.csv": "not planar: roll up to 31°"},
+        "seed": 0,
+        "settings": {
+            "seed": 0,
+            "effects": None,
+            "notes": ["A mass of 1 kg is assumed."],
         },
         "noise": {"position_m": 4e-4, "pitch_rad": 2.5e-3},
         "seconds": {"smooth": 0.31, "trace": 5.2},
@@ -313,8 +238,8 @@ def test_json_file_is_strict_whatever_the_numbers(written):
     data = json.loads(text, parse_constant=refuse)
     assert data == to_json(variant)
     assert data["errors"].keys() == {"as_drawn", "refitted", "corrected"}
-    for leaf in leaves(data):
-        assert leaf is None or type(leaf) in (str, float)
+    for leaf in leaves(to_json(variant)):
+        assert leaf is None or type(leaf) in (str, float, int)
 
 
 def test_numbers_that_are_none_become_null():
@@ -324,24 +249,50 @@ def test_numbers_that_are_none_become_null():
     assert data["effects"][0]["evidence"] is None
     assert data["effects"][0]["coefficients"]["x"]["std"] is None
     assert data["noise"]["pitch_rad"] is None
+    assert data["left"] == {
+        "ratio_to_noise": None,
+        "position_m": None,
+        "depends_on": [],
+    }
+    assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
+    assert data["curves"][0]["std"] == [None] * 40
+    assert data["spreads"]["wind"]["values"] == {"flight_001.csv": None}
+    assert data["correlations"]["wind.x"]["wind.z"] is None
+
+
+def test_json_has_the_calibrated_plate_only_where_there_is_one():
+    assert CALIBRATED not in to_json(make_result())["errors"]
+    errors = to_json(VARIANTS["not trusted"])["errors"]
+    assert errors[CALIBRATED] == errors_json(0.4)
+    assert errors["as_drawn"] is None
+
+
+def test_json_tells_a_shape_that_is_not_the_librarys():
+    (effect,) = to_json(VARIANTS["partly explained"])["effects"]
+    assert effect["shape"] == "not the library's"
 
 
 def test_numpy_numbers_become_plain_ones():
     fields = [f.name for f in dataclasses.fields(Errors)]
     errors = Errors(**dict.fromkeys(fields, np.float32(0.5)))
     result = make_result(
-        errors={"as_drawn": None, "refitted": errors, "corrected": errors}
+        errors={"as_drawn": None, "refitted": errors, "corrected": errors},
+        settings={"seed": np.int64(7), "flag": np.bool_(True), "path": Path("a/b")},
     )
     data = json.loads(json.dumps(to_json(result)))
+    assert data["seed"] == 7
+    assert data["settings"] == {"seed": 7, "flag": True, "path": "a/b"}
     assert data["errors"]["as_drawn"] is None
     assert data["errors"]["refitted"]["equation"]["normal"] == 0.5
 
 
 def test_page_needs_nothing_else(variant):
-    text = to_html(variant, STUBS)
+    figures = drawn(variant)
+    text = to_html(variant, figures)
     page = Page(text)
-    assert len(page.images) == len(FIGURES)
-    assert all(r.startswith("data:image/png;base64,") for r in page.references)
+    assert len(page.images) == len(figures)
+    assert all(r.startswith(("data:image/png;base64,", "#")) for r in page.references)
+    assert all(f'id="{r[1:]}"' in text for r in page.references if r.startswith("#"))
     assert not re.search(r"@import|url\(|https?://", text)
     assert not re.search(r"\b(nan|inf|None)\b", page.text)
 
@@ -352,10 +303,7 @@ def test_page_shows_every_figure_that_is_written(written):
     shown = {base64.b64decode(image.split(",")[1]) for image in page.images}
     files = {path.stem: path.read_bytes() for path in folder.glob("figures/*")}
     assert shown == set(files.values())
-    expected = FIGURES.copy()
-    expected -= set() if variant.candidates else {"evidence"}
-    expected -= set() if variant.held_out else {"held_out"}
-    assert files.keys() == expected
+    assert files.keys() == drawn(variant).keys()
     for png in shown:
         pixels = matplotlib.image.imread(io.BytesIO(png))
         assert np.ptp(pixels) > 0.5  # Not a blank sheet.
@@ -451,7 +399,7 @@ def test_summary_fits_a_pipe(variant, width, encoding):
 def test_summary_has_the_errors_of_each_model():
     text = summary(make_result())
     row = next(line for line in text.splitlines() if "position, RMS" in line)
-    assert " ".join(row.split()) == "position, RMS 0.413 m 0.206 m 0.413 mm 1,000×"
+    assert " ".join(row.split()) == ("position, RMS [mm] 413 206 0.413 0.566 1,000×")
     assert "x = -0.600 ± 0.003 m/s" in text
     assert "as drawn" not in summary(VARIANTS["unknown vehicle"])
 
@@ -462,29 +410,30 @@ def test_summary_has_the_errors_of_each_model():
         (
             "effect",
             "The flights show a steady wind: x = -0.600 ± 0.003 m/s, z = 0.0502 ",
-            "; held-out position error falls from 0.413 m to 0.413 mm (RMS).",
+            "m/s from flight to flight; held-out position error falls "
+            "from 413 mm to 0.413 mm (RMS).",
         ),
         (
             "two effects",
             "The flights show a steady wind: ",
             "; and an error that varies with x and that no effect of the library "
-            "explains; held-out position error falls from 0.413 m to 0.413 mm (RMS).",
+            "explains; held-out position error falls from 413 mm to 0.413 mm (RMS).",
         ),
         (
             "unexplained",
             "The flights show an error that varies with x and that no effect",
-            "falls from 0.413 m to 0.413 mm (RMS).",
+            "falls from 413 mm to 0.413 mm (RMS).",
         ),
         (
             "no effect",
             "The flights show no effect that the nominal model lacks; ",
-            "0.413 m in position (RMS).",
+            "413 mm in position (RMS).",
         ),
-        ("unknown vehicle", "The flights show", "from 0.206 m to 4.13 mm (RMS)."),
+        ("unknown vehicle", "The flights show", "from 206 mm to 4.13 mm (RMS)."),
         (
             "diverged",
-            "The flights show a steady wind: x = 1 m/s; ",
-            "held-out rollouts, which diverged, now err by 0.413 mm (RMS).",
+            "The flights show a steady wind: x = 1 m/s, x differs by 0.0512 m/s from ",
+            "flight; held-out rollouts, which diverged, now err by 0.413 mm (RMS).",
         ),
     ],
 )
@@ -493,16 +442,6 @@ def test_headline_is_one_sentence(name, start, end):
     assert text.startswith(start)
     assert text.endswith(end)
     assert not re.search(r"\.\s|nan|inf|None|  ", text)
-
-
-def test_what_is_left_is_said_even_where_nothing_was_found():
-    result = make_result(verdict="no_effect", effects=(), left_z=5000.0)
-    assert headline(result).startswith(
-        "The nominal model is not all that the flights show"
-    )
-    assert remarks(result) == [
-        "The model still leaves more than noise (5,000 σ; below 4 is noise)."
-    ]
 
 
 def test_an_own_effect_is_called_by_its_words():

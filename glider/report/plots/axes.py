@@ -1,8 +1,11 @@
 """Limits, ticks and points of axes: what they show."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 _POINTS = 1500
@@ -33,6 +36,17 @@ def limit(
         low, high = min(low, around), max(high, around)
     pad = margin * (high - low) or 0.05 * abs(high) or 1.0
     set_limits(low - pad, high + pad)
+
+
+def legend(figure: Figure, *axes: Axes) -> None:
+    """Adds one legend above all axes, each label once."""
+    shown: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            shown.setdefault(label, handle)
+    figure.legend(
+        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown)
+    )
 
 
 def few_ticks(ax, count=5):

@@ -98,6 +98,7 @@ def plot_errors(
     floor = 10.0 ** math.floor(math.log10(min([*finite, *_positive(noise)], default=1)))
     floor *= 0.5
     width = 0.8 / max(len(values), 1)
+    size = 8.0 if len(values) <= 3 else 6.0  # Numbers side by side have room.
     for i, (model, row) in enumerate(values.items()):
         places = np.arange(len(names)) + (i - (len(values) - 1) / 2) * width
         heights = np.array([v if math.isfinite(v) and v > 0 else floor for v in row])
@@ -117,7 +118,7 @@ def plot_errors(
                 textcoords="offset points",
                 ha="center",
                 va="bottom",
-                fontsize=8,
+                fontsize=size,
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
             )
     if _positive(noise):

@@ -52,19 +52,34 @@ def plot_residual(
     ax.set_xlabel(label)
 
 
-def binned_median(
-    x: np.ndarray, y: np.ndarray, bins: int = 18, fewest: int = 8
-) -> tuple[np.ndarray, np.ndarray]:
+def binned_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns mean x and median y of equally wide bins that hold enough points."""
+    centers, medians = binned_quantiles(x, y, (0.5,))
+    return centers, medians[0]
+
+
+def binned_quantiles(
+    x: np.ndarray,
+    y: np.ndarray,
+    quantiles: Sequence[float],
+    bins: int = 18,
+    fewest: int = 8,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns mean x (m,) and quantiles of y (q, m) of equally wide bins.
+
+    Bins that hold fewer than so many points are left out.
+    """
     x, y = finite(x, y)
-    if x.size < fewest:
-        return np.zeros(0), np.zeros(0)
-    low, high = np.quantile(x, [0.005, 0.995])
-    index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
-    full = [b for b in range(bins) if np.count_nonzero(index == b) >= fewest]
+    full = []
+    if x.size >= fewest:
+        low, high = np.quantile(x, [0.005, 0.995])
+        index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
+        members = [index == b for b in range(bins)]
+        full = [m for m in members if np.count_nonzero(m) >= fewest]
+    columns = [np.quantile(y[m], quantiles) for m in full]
     return (
-        np.array([np.mean(x[index == b]) for b in full]),
-        np.array([np.median(y[index == b]) for b in full]),
+        np.array([np.mean(x[m]) for m in full]),
+        np.array(columns).reshape(-1, len(quantiles)).T,
     )
 
 
@@ -73,33 +88,32 @@ def plot_coefficient(
     alpha: np.ndarray,
     measured: np.ndarray,
     modelled: np.ndarray,
+    flight: np.ndarray,
     model: str,
 ) -> None:
-    """Draws a force or moment coefficient against the angle of attack.
+    """Draws a measured force or moment coefficient against the angle of attack.
+
+    Each flight is a thin line, the middle two thirds of all flights' rows are a band,
+    and the model is a line of medians.
 
     Args:
         ax: to draw into.
         alpha: (N,) [rad].
         measured: (N,).
         modelled: (N,).
+        flight: (N,) number of the flight that each row is of.
         model: a key of COLORS.
     """
     degrees = np.degrees(alpha)
-    keep = thin(degrees, measured)
-    for values, name, size, opacity in (
-        (measured, "measured", 3.0, 0.3),
-        (modelled, model, 3.0, 0.55),
-    ):
-        ax.plot(
-            degrees[keep],
-            values[keep],
-            ".",
-            color=COLORS[name],
-            ms=size,
-            mew=0,
-            alpha=opacity,
-        )
-        # A larger one for the legend.
-        ax.plot([], [], "o", color=COLORS[name], ms=5, label=LABELS[name])
+    color = COLORS["measured"]
+    for number in np.unique(flight):
+        rows = flight == number
+        line = binned_quantiles(degrees[rows], measured[rows], (0.5,), 12, 2)
+        ax.plot(line[0], line[1][0], color=color, lw=0.5, alpha=0.3)
+    centers, band = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
+    ax.fill_between(centers, band[0], band[2], color=color, alpha=0.16, lw=0)
+    ax.plot(centers, band[1], color=color, lw=3.0, label=LABELS["measured"])
+    centers, medians = binned_median(degrees, modelled)
+    ax.plot(centers, medians, color=COLORS[model], lw=1.8, label=LABELS[model])
     limit(ax.set_xlim, degrees, margin=0.04)
     few_ticks(ax, 6)

@@ -7,12 +7,14 @@ import math
 from typing import Any
 
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E08A00", "#009E73", "#D55E00"
+PURPLE, GREY = "#CC79A7", "#8A8A8A"
 """Colours of the palette; its red is called vermilion."""
 
 COLORS = {
     "measured": "#000000",
-    "as_drawn": "#8A8A8A",
+    "as_drawn": GREY,
     "refitted": ORANGE,
+    "calibrated": PURPLE,
     "corrected": BLUE,
 }
 """Model to its colour."""
@@ -21,11 +23,16 @@ LABELS = {
     "measured": "measured",
     "as_drawn": "as drawn",
     "refitted": "refitted",
+    "calibrated": "pitch zero",
     "corrected": "corrected",
 }
 """Model to its name for people."""
 
-DASHES = {"as_drawn": (0, (4, 1.5)), "refitted": (0, (4, 1.2, 1, 1.2))}
+DASHES = {
+    "as_drawn": (0, (4, 1.5)),
+    "refitted": (0, (4, 1.2, 1, 1.2)),
+    "calibrated": (0, (1, 1)),
+}
 """Lines differ without colour too; those not named here are solid."""
 
 STYLE: Any = {
@@ -51,6 +58,14 @@ STYLE: Any = {
 }
 """Settings for `matplotlib.rc_context`, round the making of a figure."""
 
+TERMS = {
+    "c_normal": "normal force $C_n$",
+    "c_axial": "axial force $C_a$",
+    "c_moment": "moment $C_M$ [m]",
+    "elevator_factor": "force of the tail, factor",
+}
+"""Term of a curve to its name for people."""
+
 VARIABLES = {
     "x": ("x [m]", 1.0),
     "z": ("z [m]", 1.0),
@@ -65,7 +80,7 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
-WIDTHS = {"as_drawn": 2.4, "refitted": 2.4}
+WIDTHS = {"as_drawn": 2.4, "refitted": 2.4, "calibrated": 2.0}
 """Widths of lines; those not named here are thinner, and show what lies below."""
 
 

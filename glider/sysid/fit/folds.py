@@ -1,12 +1,14 @@
 """Does a correction hold? Flights held out in folds, both models refitted."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.sysid.fit.prediction import (
     Flown,
+    Prediction,
     errors_of,
     flight_errors,
     predict,
@@ -135,8 +137,8 @@ def hold_out(
     return HeldOut(folds=tuple(folds), gain=gain, free=free, along=along)
 
 
-def _predictor(flown: Flown):
-    def one(record: Record):
+def _predictor(flown: Flown) -> Callable[[Record], Prediction]:
+    def one(record: Record) -> Prediction:
         return predict(flown, record)
 
     return one

@@ -225,9 +225,7 @@ def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
     seen = record.seen[:, 0]
     free = (record.pose - predicted.pose)[seen, :2]
     along = (record.pose[:, :2] - predicted.translated)[seen]
-    return tuple(
-        float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) for error in (free, along)
-    )
+    return _rms([np.sum(free**2, axis=1)]), _rms([np.sum(along**2, axis=1)])
 
 
 def _rms(squares: list[np.ndarray]) -> float:

@@ -51,6 +51,8 @@ class Fitted:
         constants: name of each flight to its own, about which it is linear.
         extra: a field without a name that acts too, or None.
         cost: negative log posterior [nats].
+        freedom: what the curves cost for the room that they had beforehand and do not
+            fill, the logarithm of a ratio of volumes [nats].
     """
 
     kinds: tuple[str, ...]
@@ -62,6 +64,7 @@ class Fitted:
     constants: dict[str, Constants]
     extra: FieldData | None = None
     cost: float = np.inf
+    freedom: float = 0.0
 
     @property
     def has_curves(self) -> bool:
@@ -229,7 +232,10 @@ def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
         value = (own + covariance @ total[:-1, -1])[curve]
         mean_square = np.mean(value**2 + np.diag(covariance)[curve])
         strength = float(np.clip(np.sqrt(mean_square), *STRENGTH_RANGE))
-    return dataclasses.replace(model, strength=strength)
+    corner = np.linalg.inv(covariance[curve, curve])
+    freedom = 0.5 * float(np.linalg.slogdet(corner)[1])
+    freedom += len(corner) * np.log(strength)
+    return dataclasses.replace(model, strength=strength, freedom=freedom)
 
 
 STRENGTH_RANGE = (0.1, 5.0)

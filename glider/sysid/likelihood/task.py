@@ -73,8 +73,8 @@ class Task:
         A shape's mean is where it is now.
         """
         if self.vehicle.prior is not None and slot in self.vehicle.nuisance:
-            mean, spread = self.vehicle.prior
-            return float(mean[slot]), float(spread[slot])
+            means, spreads = self.vehicle.prior
+            return float(means[slot]), float(spreads[slot])
         if self.is_shape(slot):
             return now, SHAPE_SCALES * float(self.layout.scale[slot])
         coefficient = self.coefficient(slot)

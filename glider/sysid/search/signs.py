@@ -10,6 +10,7 @@ from glider.campaign.logs import (
 )
 from glider.sysid.checks.masks import Masks
 from glider.sysid.likelihood.model_fit import fit_model, start_of
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
@@ -19,6 +20,11 @@ from glider.sysid.replay.vehicle import Vehicle
 LEAST_GAIN = 20.0
 """Log-likelihood for each flight by which other signs must be better [nats]: a wrong
 sign turns forces round."""
+
+ROUGHLY = Scales(
+    position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
+)
+"""Scales under which signs are compared: whatever else is wrong may not cost much."""
 
 FLIGHTS = 6
 """Number of flights to ask; a wrong sign shows in any."""
@@ -76,7 +82,7 @@ def _cost(
     vehicle: Vehicle,
     signs: Signs,
 ) -> float:
-    """Returns the negative log-likelihood under some signs, scales fitted [nats]."""
+    """Returns the negative log-likelihood under some signs [nats]."""
     turned = tuple(turn(f, signs) for f in flights)
     # Its noise depends on the signs.
     noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
@@ -84,5 +90,7 @@ def _cost(
     task = make_task(records, vehicle, vehicle.kinds)
     model = start_of(task, noise, with_curves=False)
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
-    model = dataclasses.replace(model, kinds=kinds, free=task.free(kinds))
-    return fit_model(task, model, iterations=3).cost
+    model = dataclasses.replace(
+        model, kinds=kinds, free=task.free(kinds), scales=ROUGHLY
+    )
+    return fit_model(task, model, iterations=2, scales_free=False).cost

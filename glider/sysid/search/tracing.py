@@ -32,6 +32,7 @@ from glider.sysid.search.fields import (
     survey,
 )
 from glider.sysid.search.subsets import MOST_EFFECTS, Members, Scorer, best_set
+from glider.sysid.search.weighing import Weighed, uncertainty_of, weigh
 
 PRICE = 10.0
 """Evidence that an effect must bring [nats]."""
@@ -50,14 +51,17 @@ class Traced:
         model: with the effects that the flights show.
         plate: the model without any, fitted.
         evidence: kind to what is lost without it [nats].
+        weighed: kind to its rivals and to how often it is chosen.
         alone: kind to what it gains alone, to first order [nats].
-        combinations: kinds of each set that was fitted, and its gain [nats].
+        combinations: kinds of each set that was fitted, and its gain less the price of
+            its effects [nats].
         field: what has no name, or None.
     """
 
     model: Fitted
     plate: Fitted
     evidence: dict[str, float]
+    weighed: dict[str, Weighed]
     alone: dict[str, float]
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     field: FoundField | None
@@ -86,8 +90,17 @@ class Search:
         return found
 
 
-def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
-    """Finds the effects that the flights show."""
+def trace(
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
+) -> Traced:
+    """Finds the effects that the flights show.
+
+    Args:
+        task: the flights, and what may be wrong.
+        noise: of the sensors.
+        rng: that resamples the flights.
+        progress: called with a line of text as the work goes on.
+    """
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=task.vehicle.prior is None)
     if task.vehicle.prior is None:
@@ -106,26 +119,62 @@ def trace(task: Task, noise: Noise, progress: Progress) -> Traced:
         if field is not None:
             model, evidence = prune(search, field.model)
             field = dataclasses.replace(field, model=model)
-    if not model.kinds and model.extra is None:
+    model = without_needless_curves(search, model)
+    progress("weighing the effects")
+    weighed = weigh(task, model, PRICE, rng)
+    while weak := [k for k, w in weighed.items() if w.inclusion < LEAST_INCLUSION]:
+        kind = min(weak, key=lambda k: weighed[k].inclusion)
+        model, evidence = prune(search, search.fit(without(task, model, kind)))
+        weighed = weigh(task, model, PRICE, rng)
+    if field is not None:
+        field = dataclasses.replace(field, model=model)
+    if not model.kinds and model.extra is None and not model.has_curves:
         plate = model
     else:
         progress("fitting the plate alone")
-        nothing = dataclasses.replace(model, extra=None, cost=np.inf)
+        nothing = dataclasses.replace(
+            model, extra=None, coordinates=np.zeros(0), cost=np.inf, freedom=0.0
+        )
         for kind in model.kinds:
             nothing = without(task, nothing, kind)
         plate = search.fit(nothing)
     combinations = sorted(
-        ((m.kinds, plate.cost - m.cost) for m in search.fitted.values() if m.kinds),
+        (
+            (m.kinds, search.price(plate) - search.price(m))
+            for m in search.fitted.values()
+            if m.kinds
+        ),
         key=lambda c: -c[1],
     )
     return Traced(
         model=model,
         plate=plate,
         evidence=evidence,
+        weighed=weighed,
         alone=search.alone,
         combinations=tuple(combinations),
         field=field,
     )
+
+
+def without_needless_curves(search: Search, model: Fitted) -> Fitted:
+    """Returns the model without its curves, unless they are worth their price."""
+    if not model.has_curves:
+        return model
+    search.progress("are curves needed?")
+    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
+    bare = search.fit(bare, iterations=4)
+    gained = bare.cost - model.cost - model.freedom
+    return model if gained > CURVE_PRICE else bare
+
+
+CURVE_PRICE = 15.0
+"""Evidence that curves beside the formulas must bring [nats]."""
+
+
+LEAST_INCLUSION = 0.85
+"""Share of resampled flights that an effect must be chosen by: one that hangs on a few
+flights is not claimed."""
 
 
 def leaves_something(model: Fitted) -> bool:
@@ -155,8 +204,9 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
         if again is not None and again.extra is not None:
             options.append(dataclasses.replace(bare, model=again))
     best = min(options, key=lambda o: search.price(o.model))
-    if search.price(best.model) + FIELD_PRICE < search.price(model):
-        return best
+    gained = search.price(model) - search.price(best.model)
+    if gained > FIELD_PRICE:
+        return dataclasses.replace(best, evidence=gained)
     return None
 
 
@@ -229,7 +279,8 @@ def price_of(task: Task, model: Fitted) -> float:
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
     more = len(sizes) - len(model.kinds)
-    return model.cost + PRICE * len(model.kinds) + PRICE_OF_MORE * more
+    names = PRICE * len(model.kinds) + PRICE_OF_MORE * more
+    return model.cost + model.freedom + names
 
 
 PRICE_OF_MORE = 4.0
@@ -252,7 +303,56 @@ def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
                 break
             lost[kind] = fewer.cost - model.cost
         else:
-            return model, lost
+            lighter = without_a_pair(search, model)
+            if lighter is None:
+                return model, lost
+            model = lighter
+
+
+def without_a_pair(search: Search, model: Fitted) -> Fitted | None:
+    """Returns the model without two effects that only work against each other.
+
+    Where a formula has not quite the right shape, two others may be bought that nearly
+    cancel; each alone then seems needed. Curves, as strong as they must be, do better.
+    """
+    task = search.task
+    if not model.has_curves or len(model.kinds) < 3:
+        return None
+    for first, second in opposed_pairs(task, model):
+        search.progress(f"are {first} and {second} needed?")
+        fewer = without(task, without(task, model, first), second)
+        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
+        fewer = fit_strength(task, search.fit(fewer, iterations=4))
+        fewer = fit_strength(task, search.fit(fewer, iterations=4))
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
+
+
+OPPOSED = 0.7
+"""Correlation of two effects' coefficients from which on they may cancel."""
+
+
+def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
+    """Returns pairs of effects whose coefficients are hard to tell apart."""
+    known = uncertainty_of(task, model)
+    std = np.sqrt(np.diag(known.covariance))
+    correlation = np.abs(known.covariance / std[:, None] / std)
+    slots = {
+        kind: [
+            known.free.index(i)
+            for i in task.layout.slots_of(kind)
+            if i in known.free and not task.is_shape(i)
+        ]
+        for kind in model.kinds
+    }
+    found = []
+    for k, first in enumerate(model.kinds):
+        for second in model.kinds[k + 1 :]:
+            block = correlation[np.ix_(slots[first], slots[second])]
+            if block.size and block.max() > OPPOSED:
+                found.append((float(block.max()), first, second))
+    return [(a, b) for _, a, b in sorted(found, reverse=True)[:3]]
 
 
 def without(task: Task, model: Fitted, kind: str) -> Fitted:

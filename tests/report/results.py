@@ -1,0 +1,288 @@
+"""Results as closing the loop may give them, made by hand."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.sysid.result import (
+    CALIBRATED,
+    Air,
+    Combination,
+    Curve,
+    Errors,
+    Estimate,
+    Fold,
+    FoundEffect,
+    HeldOutFlight,
+    Left,
+    ResidualTable,
+    Result,
+    SetAside,
+    Spread,
+)
+
+WIND = FoundEffect(
+    kind="wind",
+    words="a steady wind",
+    coefficients={
+        "x": Estimate(value=-0.59987, std=0.00312, unit="m/s"),
+        "z": Estimate(value=0.0502, std=0.0009, unit="m/s"),
+    },
+    evidence=21345.6,
+    share=0.93,
+    indistinguishable_from=("frame_tilt",),
+    depends_on=("V", "alpha"),
+    inclusion=0.97,
+    spread={"x": 0.0512},
+)
+UNEXPLAINED = FoundEffect(
+    kind="unexplained",
+    words="no effect of the library: the air moves with x",
+    coefficients={"wind_z_peak": Estimate(value=0.98, std=0.0, unit="m/s")},
+    evidence=5000.0,
+    share=0.99,
+    indistinguishable_from=(),
+    depends_on=("x",),
+)
+
+
+def make_errors(scale):
+    """Returns errors of a few decimetres, times the scale."""
+    values = (0.8, 1.9, 14.0, 0.413, 0.9, 0.2, 0.22)
+    fields = (f.name for f in dataclasses.fields(Errors))
+    return Errors(**{n: scale * v for n, v in zip(fields, values, strict=True)})
+
+
+def make_flight(name, miss):
+    time = np.linspace(0.0, 0.8, 50)
+    pose = np.stack([6.0 * time - 3.5, 0.3 - time**2, 0.5 * np.sin(4.0 * time)], axis=1)
+    drift = np.outer(time**2, [1.0, -1.0, 0.5])
+    return HeldOutFlight(
+        name=name,
+        time=time,
+        measured=pose,
+        flown={
+            "as_drawn": pose + drift,
+            "refitted": pose + 0.5 * drift,
+            "corrected": pose + miss * drift,
+        },
+        fitted_until=0.16,
+    )
+
+
+def make_table(slope, rng):
+    alpha, speed = rng.uniform(-0.1, 1.0, 300), rng.uniform(3.0, 8.0, 300)
+    lift = np.sin(2.0 * alpha)
+    trend = np.outer(speed - 5.0, [0.1, 1.0, 4.0])
+    return ResidualTable(
+        variables={
+            "alpha": alpha,
+            "V": speed,
+            "x": rng.uniform(-3.5, 1.0, 300),
+        },
+        residual=slope * trend + rng.normal(size=(300, 3)),
+        coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
+        modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
+        flight=np.repeat(np.arange(6), 50),
+    )
+
+
+def make_curve(term):
+    alpha = np.linspace(-0.1, 1.0, 40)
+    lack = 0.3 * np.sin(3.0 * alpha)
+    return Curve(
+        term=term,
+        alpha=alpha,
+        lack=lack,
+        std=0.02 + 0.02 * alpha**2,
+        named=0.8 * lack,
+    )
+
+
+def make_fold(names, better=True):
+    return Fold(
+        held_out=names,
+        refitted=make_errors(0.5),
+        corrected=make_errors(0.4 if better else 0.6),
+    )
+
+
+def make_result(**changes):
+    """Returns what closing the loop on a windy campaign may give."""
+    rng = np.random.default_rng(0)
+    result = Result(
+        campaign="head_wind",
+        path=Path("campaigns/head_wind"),
+        fit_flights=("flight_001.csv", "flight_002.csv"),
+        held_out_flights=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        verdict="effect_found",
+        reason="With the wind the held-out flights are flown to the noise.",
+        effects=(WIND,),
+        errors={
+            "as_drawn": make_errors(1.0),
+            "refitted": make_errors(0.5),
+            "corrected": make_errors(0.001),
+        },
+        folds=(
+            make_fold(("flight_001.csv", "flight_100.csv")),
+            make_fold(("flight_002.csv",)),
+            make_fold(("flight_101.csv",), better=False),
+        ),
+        left=Left(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
+        candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
+        combinations=(
+            Combination(kinds=("wind",), evidence=21345.6),
+            Combination(kinds=("frame_tilt", "camber"), evidence=21330.2),
+            Combination(kinds=(), evidence=0.0),
+        ),
+        correlations={
+            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
+            "wind.z": {"wind.x": -0.84},
+        },
+        spreads={
+            "elevator_trim": Spread(
+                std=0.0203,
+                unit="rad",
+                values={"flight_001.csv": 0.015, "flight_002.csv": -0.031},
+            )
+        },
+        air=Air(std_m_s=0.12, correlation_s=0.31),
+        curves=(make_curve("c_normal"), make_curve("elevator_factor")),
+        vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
+        warnings=("flight_002.csv: the clock of the pose drifts by 0.3 %.",),
+        set_aside=(
+            SetAside(file="flight_007.csv", rows="all", why="it stands still."),
+            SetAside(file="flight_001.csv", rows="41-80", why="the pose is frozen."),
+        ),
+        planarity={"flight_105.csv": "not planar: roll up to 31°"},
+        noise_position_m=4e-4,
+        noise_pitch_rad=2.5e-3,
+        model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
+        held_out=tuple(
+            make_flight(f"flight_1{i:02d}.csv", 0.001 * i) for i in range(6)
+        ),
+        residual_before=make_table(1.0, rng),
+        residual_after=make_table(0.0, rng),
+        seconds={"smooth": 0.31, "trace": 5.2},
+        version="0.1.0",
+        settings={"seed": 0, "effects": None, "notes": ["A mass of 1 kg is assumed."]},
+    )
+    return dataclasses.replace(result, **changes)
+
+
+def diverged():
+    """Returns a result with numbers that are missing, infinite or enormous."""
+    flight = make_flight("flight_100.csv", 0.0)
+    flown = {
+        "as_drawn": 1e300 ** np.linspace(0.0, 1.0, 50)[:, None] * np.ones((1, 3)),
+        "refitted": np.full((50, 3), np.nan),
+        "corrected": flight.measured,
+    }
+    table = make_result().residual_before
+    residual = table.residual.copy()
+    residual[:3] = [[np.nan] * 3, [np.inf] * 3, [1e200] * 3]
+    fields = [f.name for f in dataclasses.fields(Errors)]
+    return make_result(
+        errors={
+            "as_drawn": Errors(**dict.fromkeys(fields, math.inf)),
+            "refitted": Errors(**dict.fromkeys(fields, 1e300)),
+            "corrected": dataclasses.replace(make_errors(1e-3), pitch=math.nan),
+        },
+        effects=(
+            dataclasses.replace(
+                WIND,
+                coefficients={"x": Estimate(value=1.0, std=math.nan, unit="m/s")},
+                evidence=math.inf,
+            ),
+        ),
+        candidates={"wind": math.inf, "mass": math.nan},
+        left=Left(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
+        folds=(
+            Fold(
+                held_out=("flight_100.csv",),
+                refitted=Errors(**dict.fromkeys(fields, math.inf)),
+                corrected=Errors(**dict.fromkeys(fields, math.nan)),
+            ),
+        ),
+        correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
+        combinations=(Combination(kinds=("wind",), evidence=math.nan),),
+        air=Air(std_m_s=math.nan, correlation_s=math.inf),
+        spreads={
+            "wind": Spread(
+                std=math.nan, unit="m/s", values={"flight_001.csv": math.nan}
+            )
+        },
+        curves=(dataclasses.replace(make_curve("c_axial"), std=np.full(40, np.nan)),),
+        vehicle={"wing_area": Estimate(value=math.nan, std=math.inf, unit="m²")},
+        noise_pitch_rad=math.nan,
+        held_out=(dataclasses.replace(flight, flown=flown),),
+        residual_before=dataclasses.replace(table, residual=residual),
+    )
+
+
+VARIANTS = {
+    "effect": make_result(),
+    "two effects": make_result(effects=(WIND, UNEXPLAINED), verdict="partly_explained"),
+    "unexplained": make_result(
+        verdict="unexplained", effects=(UNEXPLAINED,), candidates={"mass": -2.0}
+    ),
+    "partly explained": make_result(
+        verdict="partly_explained",
+        effects=(dataclasses.replace(WIND, shape_fits=False),),
+    ),
+    "not trusted": make_result(
+        verdict="not_trusted",
+        errors={
+            "as_drawn": None,
+            "refitted": make_errors(0.5),
+            CALIBRATED: make_errors(0.4),
+            "corrected": make_errors(0.6),
+        },
+    ),
+    "no effect": make_result(
+        verdict="no_effect",
+        effects=(),
+        candidates={},
+        folds=(),
+        combinations=(),
+        correlations={},
+        spreads={},
+        curves=(),
+        vehicle={},
+        warnings=(),
+        set_aside=(),
+        planarity={},
+        held_out=(),
+    ),
+    "unknown vehicle": make_result(
+        errors={
+            "as_drawn": None,
+            "refitted": make_errors(0.5),
+            "corrected": make_errors(0.01),
+        },
+        held_out=(),
+    ),
+    "diverged": diverged(),
+}
+
+
+def errors_json(scale):
+    """Returns what report.json has of make_errors(scale)."""
+    return {
+        "equation": {
+            "tangential": pytest.approx(scale * 0.8),
+            "normal": pytest.approx(scale * 1.9),
+            "pitch": pytest.approx(scale * 14.0),
+        },
+        "rollout": {
+            "position_rms_m": pytest.approx(scale * 0.413),
+            "position_end_m": pytest.approx(scale * 0.9),
+            "pitch_rms_rad": pytest.approx(scale * 0.2),
+        },
+        "rollout_measured_pitch": {"position_rms_m": pytest.approx(scale * 0.22)},
+    }

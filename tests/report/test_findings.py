@@ -1,0 +1,483 @@
+"""What the report says of how sure a finding is, beside its figures and words."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from glider.physics.effects import KINDS
+from glider.report.error_table import COLUMNS, columns_of, error_rows, noise_floor
+from glider.report.figures import FIGURES
+from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
+from glider.report.numbers import length_unit
+from glider.report.page import to_html
+from glider.report.plots.curves import BAND, plot_curve
+from glider.report.plots.flight_values import plot_pairs, plot_spread
+from glider.report.plots.residuals import binned_quantiles
+from glider.report.plots.style import BLUE, COLORS, LABELS, RED
+from glider.report.tables import (
+    combination_rows,
+    correlation_rows,
+    spread_rows,
+    spread_values,
+    vehicle_rows,
+)
+from glider.report.wording import (
+    air_words,
+    differences,
+    fold_words,
+    headline,
+    left_words,
+    remarks,
+)
+from glider.sysid.result import (
+    CALIBRATED,
+    MODELS,
+    VERDICTS,
+    Air,
+    Combination,
+    Left,
+    Spread,
+)
+from tests.report.results import (
+    UNEXPLAINED,
+    VARIANTS,
+    WIND,
+    make_curve,
+    make_errors,
+    make_flight,
+    make_result,
+)
+from tests.report.test_report import Page, summary
+
+
+def flat(text):
+    return " ".join(text.replace("\u00a0", " ").split())
+
+
+ALL_MODELS = make_result(
+    errors={
+        "as_drawn": make_errors(1.0),
+        "refitted": make_errors(0.5),
+        CALIBRATED: make_errors(0.41),
+        "corrected": make_errors(0.001),
+    }
+)
+
+
+# Errors: one unit a row, the noise beside them.
+
+
+@pytest.mark.parametrize(
+    "lengths, unit",
+    [
+        ((0.413, 0.000413), "mm"),
+        ((0.413, 0.011), "cm"),
+        ((2.0, 0.1), "m"),
+        ((12.0, 0.001), "m"),
+        ((math.nan, 1e300, 0.0), "m"),
+        ((math.inf, -0.02), "cm"),
+    ],
+)
+def test_lengths_of_a_row_have_one_unit(lengths, unit):
+    assert length_unit(*lengths).name == unit
+
+
+def test_every_cell_of_a_row_is_in_its_unit():
+    row = next(r for r in error_rows(ALL_MODELS) if r.name == "position, RMS")
+    assert row.unit == "mm"
+    assert row.cells == {
+        "as_drawn": "413",
+        "refitted": "206",
+        CALIBRATED: "169",
+        "corrected": "0.413",
+    }
+
+
+def test_noise_floor_is_that_of_noisy_poses():
+    """A perfect model's errors are noise: seen in what such noise does."""
+    rng = np.random.default_rng(3)
+    result = make_result(noise_position_m=0.02, noise_pitch_rad=0.03)
+    distance = np.hypot(*rng.normal(scale=0.02, size=(2, 100_000)))
+    rms = math.sqrt(np.mean(distance**2))
+    for name in ("position_rms_m", "measured_pitch_position_rms_m"):
+        assert noise_floor(result, name) == pytest.approx(rms, rel=0.01)
+    end = noise_floor(result, "position_end_m")
+    assert end == pytest.approx(np.mean(distance), rel=0.01)
+    assert noise_floor(result, "pitch_rms_rad") == 0.03
+
+
+def test_every_error_of_a_pose_has_its_noise_beside_it():
+    rows = error_rows(make_result())
+    assert [r.noise for r in rows] == ["–"] * 3 + ["0.566", "0.501", "0.143", "0.566"]
+
+
+def test_calibration_has_a_column_and_is_not_called_physics():
+    (said,) = [r for r in remarks(ALL_MODELS) if "calibration" in r]
+    assert "from 206 mm to 169 mm (RMS): that is calibration, not physics." in said
+    for text in (Page(to_html(ALL_MODELS, {})).text, summary(ALL_MODELS)):
+        assert LABELS[CALIBRATED] in text
+        assert said in flat(text)
+    assert LABELS[CALIBRATED] not in Page(to_html(make_result(), {})).text
+
+
+def test_calibration_that_buys_nothing_is_not_told():
+    errors = ALL_MODELS.errors | {CALIBRATED: make_errors(0.49)}
+    result = make_result(errors=errors)
+    assert not [r for r in remarks(result) if "calibration" in r]
+    assert LABELS[CALIBRATED] in summary(result)
+
+
+def test_summary_with_all_models_fits_a_narrow_terminal():
+    text = summary(ALL_MODELS)
+    assert max(len(line) for line in text.splitlines()) <= 80
+    assert "…" not in text
+    table = text[text.index("Errors on") : text.index("Noise:")]
+    rows = [line for line in table.splitlines() if line.strip()]
+    assert len(rows) == 3 + 3 + 7  # Heading, groups, errors: none is broken.
+    row = next(line for line in rows if "normal" in line)
+    assert row.split()[-6:] == ["1.90", "0.950", "0.779", "0.00190", "–", "1,000×"]
+
+
+def test_every_model_that_is_shown_has_a_colour_and_a_name():
+    assert set(MODELS) < set(COLUMNS)
+    assert set(COLUMNS) <= COLORS.keys()
+    assert set(COLUMNS) <= LABELS.keys()
+
+
+# Words.
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_each_verdict_has_its_badge_and_its_sentence(verdict):
+    result = make_result(verdict=verdict)
+    text = to_html(result, {})
+    assert f'class="badge {verdict}">{verdict.replace("_", " ")}<' in text
+    others = [make_result(verdict=v) for v in VERDICTS if v != verdict]
+    same = [r.verdict for r in others if headline(r) == headline(result)]
+    # An error without a name is told alike, however much of it has one.
+    assert set(same) <= {"partly_explained", "unexplained"}
+
+
+def test_a_finding_that_does_not_hold_is_not_claimed():
+    text = headline(VARIANTS["not trusted"])
+    assert text.startswith("Held-out flights do not bear out")
+    assert "a steady wind: x = -0.600" in text
+    assert text.endswith("goes from 206 mm to 248 mm (RMS).")
+
+
+def test_what_has_no_name_is_told_with_what_it_varies_with():
+    left = Left(ratio_to_noise=9.0, position_m=0.01, depends_on=("elevator",))
+    result = make_result(verdict="partly_explained", left=left)
+    assert "; and an error that varies with elevator and" in headline(result)
+    result = make_result(
+        verdict="partly_explained", effects=(WIND, UNEXPLAINED), left=left
+    )
+    assert "an error that varies with x and" in headline(result)
+
+
+def test_a_difference_between_flights_alone_is_a_finding():
+    result = make_result(effects=())
+    assert headline(result).startswith(
+        "The flights show elevator trim differs from flight to flight by 0.0203 rad"
+    )
+
+
+def test_the_reason_follows_the_verdict():
+    result = make_result()
+    for text in (Page(to_html(result, {})).text, summary(result)):
+        said = flat(text)
+        assert said.index(headline(result)) < said.index(result.reason)
+        assert said.index(result.reason) < said.index("evidence")
+
+
+@pytest.mark.parametrize(
+    "ratio, position, text",
+    [
+        (13.25, 5.3e-3, "leaves 5.30 mm of held-out flights (RMS), 13.2 times the"),
+        (12_499_590.0, 2.0, "2,000 mm of held-out flights (RMS), 12,499,590 times"),
+        (math.inf, 0.02, "leaves 20.0 mm of held-out flights; it varies with V."),
+    ],
+)
+def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
+    left = Left(ratio_to_noise=ratio, position_m=position, depends_on=("V",))
+    assert text in left_words(make_result(left=left))
+    assert "σ" not in left_words(make_result(left=left))
+
+
+def test_what_is_left_is_not_told_where_it_is_not_known():
+    left = Left(ratio_to_noise=1.0, position_m=math.nan, depends_on=())
+    assert left_words(make_result(left=left)) == ""
+
+
+@pytest.mark.parametrize(
+    "std, correlation, text",
+    [
+        (0.12, 0.31, "The air moves by 0.12 m/s (one standard deviation), for about "),
+        (0.12, math.inf, "The air moves by 0.12 m/s (one standard deviation); a "),
+        (0.0, 0.3, "The flights need no moving air."),
+        (math.nan, 0.3, ""),
+    ],
+)
+def test_air_is_told_as_it_moves(std, correlation, text):
+    said = air_words(make_result(air=Air(std_m_s=std, correlation_s=correlation)))
+    assert said.startswith(text)
+    assert bool(said) == bool(text)
+
+
+def test_differences_from_flight_to_flight_are_told_with_their_number():
+    result = make_result()
+    (said,) = differences(result)
+    assert said == "elevator trim differs from flight to flight by 0.0203 rad (1.16°)"
+    assert "Elevator trim differs from flight to flight by 0.0203 rad" in flat(
+        summary(result)
+    )
+    assert "x differs from flight to flight by 0.0512 m/s" in flat(summary(result))
+    assert "x ± 0.0512 m/s" in flat(Page(to_html(result, {})).text)
+
+
+def test_a_difference_that_an_effect_tells_is_told_once():
+    spread = Spread(std=0.0512, unit="m/s", values={"flight_001.csv": 0.1})
+    result = make_result(spreads={"wind": spread})
+    assert differences(result) == []
+    assert summary(result).count("0.0512") == 2  # The headline and the effect.
+
+
+def test_the_headline_of_many_effects_has_no_coefficients():
+    kinds = [dataclasses.replace(WIND, words=f"effect {i}") for i in range(3)]
+    assert headline(make_result(effects=tuple(kinds[:2]))).count("-0.600") == 2
+    text = headline(make_result(effects=tuple(kinds)))
+    assert text.startswith("The flights show effect 0; effect 1; and effect 2; held-")
+
+
+def test_how_often_an_effect_is_chosen_is_told():
+    result = make_result()
+    assert "chosen in 97 % of resampled sets" in flat(summary(result))
+    assert " 97 % " in flat(Page(to_html(result, {})).text)
+
+
+def test_a_shape_that_is_not_the_librarys_is_told():
+    result = VARIANTS["partly explained"]
+    for text in (summary(result), Page(to_html(result, {})).text):
+        assert flat(text).lower().count("shape not the library's") == 2
+    assert "shape not" not in summary(make_result()).lower()
+
+
+def test_folds_are_counted():
+    assert "in 2 of 3 folds" in fold_words(make_result())
+    assert fold_words(make_result(folds=())) == ""
+
+
+def test_warnings_and_rows_set_aside_are_told():
+    result = make_result()
+    for text in (summary(result), Page(to_html(result, {})).text):
+        assert result.warnings[0] in flat(text)
+        for aside in result.set_aside:
+            assert aside.file in text
+            assert aside.why in text
+    many = make_result(set_aside=result.set_aside * 4)
+    assert "Set aside: 3 more" in summary(many)
+    assert Page(to_html(many, {})).text.count("the pose is frozen.") == 4
+
+
+def test_the_vehicle_is_told_with_its_errors():
+    result = make_result()
+    for text in (summary(result), Page(to_html(result, {})).text):
+        assert "wing area per mass" in text
+        assert "1.11 ± 0.02 m²/kg" in flat(text)
+    assert vehicle_rows(make_result(vehicle={})) == []
+
+
+# Tables.
+
+
+def test_combinations_are_compared_with_the_best():
+    rows = combination_rows(make_result())
+    assert [r.behind for r in rows] == ["", "-15", "-21,346"]
+    assert [r.is_chosen for r in rows] == [True, False, False]
+    assert rows[1].words == [KINDS["frame_tilt"].words, KINDS["camber"].words]
+    page = Page(to_html(make_result(), {})).text
+    assert "none: the plate alone" in page
+    few = (Combination(kinds=("wind",), evidence=5.0),)
+    assert f"{41 - 12} more are in" in flat(
+        Page(to_html(make_result(combinations=few * 41), {})).text
+    )
+
+
+def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
+    sign = dataclasses.replace(WIND, kind="angle_sign")
+    rows = combination_rows(make_result(effects=(sign, WIND, UNEXPLAINED)))
+    assert [r.is_chosen for r in rows] == [True, False, False]
+
+
+def test_correlations_are_told_once_and_only_where_they_matter():
+    assert correlation_rows(make_result()) == [("wind.x", "wind.z", "-0.84")]
+    rows = {"a": {"a": 1.0, "b": 0.6, "c": -0.9, "d": math.nan}}
+    assert correlation_rows(make_result(correlations=rows)) == [
+        ("a", "c", "-0.90"),
+        ("a", "b", "+0.60"),
+    ]
+
+
+def test_the_flight_that_differs_most_is_named():
+    assert spread_rows(make_result()) == [
+        ("elevator trim", "0.0203 rad (1.16°)", "flight_002.csv: -0.0310 rad (-1.78°)")
+    ]
+    unknown = Spread(std=0.1, unit="m/s", values={"a.csv": math.nan})
+    assert spread_rows(make_result(spreads={"wind": unknown})) == [
+        ("wind", "0.100 m/s", "–")
+    ]
+
+
+def test_each_flights_own_values_are_listed():
+    wind = Spread(std=0.1, unit="m/s", values={"flight_002.csv": 0.25})
+    result = make_result(spreads=make_result().spreads | {"wind": wind})
+    assert spread_values(result) == [
+        ("flight_001.csv", ["0.0150 rad (0.859°)", "–"]),
+        ("flight_002.csv", ["-0.0310 rad (-1.78°)", "0.250 m/s"]),
+    ]
+    page = flat(Page(to_html(result, {})).text)
+    assert "flight_002.csv-0.0310 rad (-1.78°)0.250 m/s" in page
+
+
+def test_flights_that_stand_out_are_the_worst_ones_first():
+    misses = {"a": 0.105, "b": 0.11, "c": 0.12, "d": 0.1, "e": 0.5, "f": 0.09, "g": 0.2}
+    flights = tuple(make_flight(f"{n}.csv", m) for n, m in misses.items())
+    result = make_result(
+        held_out=flights, planarity={"e.csv": "not planar: roll up to 31°"}
+    )
+    rows = worst_flights(result)
+    assert [r.name[0] for r in rows] == ["e", "g", "c", "b", "a"]
+    assert [r.stands_out for r in rows] == [True, False, False, False, False]
+    assert rows[0].times == f"{0.5 / 0.11:.1f}×"
+    assert float(rows[0].after) == pytest.approx(
+        1e3 * position_rms(flights[4], "corrected"), rel=1e-2
+    )
+    assert {r.unit for r in rows} == {"mm"}
+    assert rows[0].planarity == "not planar: roll up to 31°"
+    page = flat(Page(to_html(result, {})).text)
+    assert "stands out. not planar" in page
+    assert f"more than {STANDS_OUT:g} times the median" in page
+
+
+def test_a_flight_that_diverged_stands_out():
+    lost = make_flight("lost.csv", 0.1)
+    flown = {**lost.flown, "corrected": np.full((50, 3), np.nan)}
+    flights = (
+        make_flight("a.csv", 0.1),
+        dataclasses.replace(lost, flown=flown),
+        dataclasses.replace(lost, name="too.csv", flown=flown),
+    )
+    worst = worst_flights(make_result(held_out=flights))[0]
+    assert (worst.after, worst.times) == ("diverges", "–")
+    assert worst.stands_out
+
+
+# Figures.
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def test_the_curve_that_has_no_name_is_what_names_leave(ax):
+    curve = make_curve("c_normal")
+    plot_curve(ax, curve.alpha, curve.lack, curve.std, curve.named)
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    alpha = np.degrees(curve.alpha)
+    np.testing.assert_allclose(lines["the plate lacks"][:, 0], alpha)
+    np.testing.assert_allclose(lines["the plate lacks"][:, 1], curve.lack)
+    np.testing.assert_allclose(lines["has no name"][:, 1], curve.lack - curve.named)
+    (band,) = ax.collections
+    corners = band.get_paths()[0].vertices
+    i = int(np.argmax(curve.std))
+    at = corners[np.isclose(corners[:, 0], alpha[i])][:, 1]
+    assert np.ptp(at) == pytest.approx(2.0 * BAND * curve.std[i])
+
+
+def test_each_curve_has_its_axes():
+    for count in (1, 2, 3, 4):
+        result = make_result(curves=(make_curve("c_moment"),) * count)
+        figure = FIGURES["curves"](result)
+        assert figure is not None
+        shown = [ax for ax in figure.axes if ax.get_visible()]
+        assert [ax.get_title() for ax in shown] == ["moment $C_M$ [m]"] * count
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize(
+    "result", [ALL_MODELS, VARIANTS["diverged"]], ids=("all", "few")
+)
+def test_the_legend_is_inside_the_figure(name, result):
+    figure = FIGURES[name](result)
+    FigureCanvasAgg(figure).draw()
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= figure.bbox.x1
+
+
+@pytest.mark.parametrize("result", [make_result(), ALL_MODELS], ids=("three", "four"))
+def test_numbers_of_bars_do_not_overlap(result):
+    errors = dict.fromkeys(columns_of(result), make_errors(0.5432))
+    figure = FIGURES["errors"](make_result(errors=errors))
+    FigureCanvasAgg(figure).draw()
+    for ax in figure.axes:
+        boxes = sorted((t.get_window_extent() for t in ax.texts), key=lambda b: b.x0)
+        for left, right in pairwise(boxes):
+            assert left.x1 <= right.x0
+
+
+def test_folds_that_get_worse_are_red(ax):
+    plot_pairs(ax, np.array([2.0, 2.0, np.nan]), np.array([1.0, 3.0, 1.0]))
+    colors = [line.get_color() for line in ax.lines if len(line.get_xdata()) == 2]
+    assert colors[:2] == [BLUE, RED]
+
+
+def test_fold_figure_has_the_errors_in_one_unit():
+    figure = FIGURES["folds"](make_result())
+    assert figure is not None
+    assert [ax.get_ylabel() for ax in figure.axes] == ["RMS [mm]"] * 2 + ["RMS [°]"]
+    first = figure.axes[0].lines[0].get_ydata()
+    np.testing.assert_allclose(first, [206.5, 165.2])
+
+
+def test_flights_farthest_off_are_named(ax):
+    values = {"a.csv": 0.1, "b.csv": -3.0, "c.csv": math.nan, "d.csv": 2.0, "e": 0.2}
+    plot_spread(ax, values, 1.0)
+    assert {t.get_text() for t in ax.texts} == {"b", "d", "e"}
+
+
+def test_spreads_of_angles_are_in_degrees():
+    figure = FIGURES["spreads"](make_result())
+    assert figure is not None
+    (ax,) = figure.axes
+    assert ax.get_ylabel() == "[°]"
+    points = ax.lines[-1].get_ydata()
+    np.testing.assert_allclose(points, np.degrees([0.015, -0.031]))
+
+
+def test_coefficients_are_drawn_flight_by_flight():
+    figure = FIGURES["coefficients"](make_result())
+    assert figure is not None
+    for ax in figure.axes:
+        thin = [line for line in ax.lines if line.get_linewidth() < 1.0]
+        assert len(thin) == 6
+        assert len(ax.collections) == 1  # The band.
+
+
+def test_binned_quantiles_are_those_of_each_bin():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.0, 1.0, 20_000)
+    y = 3.0 * x + rng.normal(size=x.size)
+    centers, (low, middle, high) = binned_quantiles(x, y, (0.1587, 0.5, 0.8413))
+    np.testing.assert_allclose(middle, 3.0 * centers, atol=0.15)
+    np.testing.assert_allclose(high - low, 2.0, atol=0.2)
+    centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
+    assert centers.shape == (0,)
+    assert lines.shape == (2, 0)
