@@ -26,8 +26,9 @@ from glider.sysid.fit.simulate import (
     layout_for,
     theta_of,
 )
-from glider.sysid.likelihood.scales import start_scales
-from glider.sysid.replay.noise import measure_noise
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.scales import Scales, fit_scales, start_scales
+from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import (
     Record,
     prepare,
@@ -101,7 +102,8 @@ def refly(
     flights (`glider.sysid.fit.prediction`); the elevator moves as its commands say.
 
     Args:
-        campaign: all of it, for the noise is measured on all its flights.
+        campaign: all of it: its flights tell the noise, and what differs between
+            them under the last model.
         flight: of the campaign.
         models: by name, at least one; the measured flight's forces are the last
             one's.
@@ -112,10 +114,11 @@ def refly(
     """
     *_, last = models.values()
     true = signs_of(last)
+    scales = _scales(campaign, last)
     motions = {}
     for label, model in models.items():
         signs = signs_of(model)
-        record, predicted = _predicted(campaign, flight, model)
+        record, predicted = _predicted(campaign, flight, model, scales)
         elevator = logged_elevator(record, theta_of(model)) + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
@@ -155,22 +158,53 @@ def _rows_before_it_blows_up(poses: np.ndarray) -> int:
     return int(np.argmax(far)) if far.any() else len(poses)
 
 
-def _predicted(
-    campaign: Campaign, flight: Flight, model: GliderModel
-) -> tuple[Record, Prediction]:
+_ASKED = 12
+"""Flights that are asked how much differs between flights."""
+
+
+def _records(
+    campaign: Campaign, flights: tuple[Flight, ...], model: GliderModel
+) -> tuple[list[Record], Noise]:
+    """Returns flights and the campaign's noise, angles as a model knows them."""
     signs = signs_of(model)
     turned = turn_campaign(campaign, signs)
     noise = measure_noise(turned)
-    flights = (turn(flight, signs),)
-    (record,) = prepare(flights, turned, noise, layout_for(model))
-    theta = theta_of(model)
+    flights = tuple(turn(flight, signs) for flight in flights)
+    return prepare(flights, turned, noise, layout_for(model)), noise
+
+
+def _some(campaign: Campaign) -> tuple[Flight, ...]:
+    return campaign.flights[:: max(1, len(campaign.flights) // _ASKED)]
+
+
+def _scales(campaign: Campaign, model: GliderModel) -> Scales:
+    """Returns the noise of a campaign's flights, and what differs between them."""
+    records, noise = _records(campaign, _some(campaign), model)
+    start, theta = start_scales(noise), theta_of(model)
+    flights = [linearize(r, theta, model.residual_field) for r in records]
+    scales, cost = fit_scales(flights, start)
+    return scales if np.isfinite(cost) else start  # A model may blow up.
+
+
+def _predicted(
+    campaign: Campaign, flight: Flight, model: GliderModel, scales: Scales
+) -> tuple[Record, Prediction]:
+    """Returns a flight and what a model makes of it.
+
+    Args:
+        campaign: of the flight.
+        flight: as logged.
+        model: that flies it.
+        scales: of the best model that there is.
+    """
+    ((record, *others), _) = _records(campaign, (flight, *_some(campaign)), model)
     flown = Flown(
-        theta=theta,
+        theta=theta_of(model),
         field=model.residual_field,
-        scales=start_scales(noise),
+        scales=scales,
         own_trims=not make_vehicle(campaign).trim_is_known,
     )
-    scales = rollout_scales(flown, [record], flown.scales)
+    scales = rollout_scales(flown, others, scales)
     return record, predict(dataclasses.replace(flown, scales=scales), record)
 
 

@@ -102,8 +102,12 @@ def test_a_held_out_flight_is_flown_as_closing_the_loop_did(campaign):
     nominal = nominal_model(campaign)
     models = {"as_drawn": nominal, "corrected": result.model}
     flown = refly(campaign, find_flight(campaign, held_out.name), models)
-    for name in models:
-        assert np.allclose(flown[name].poses[:, :3], held_out.flown[name], atol=1e-9)
+    for name, tolerance in (("as_drawn", 5e-3), ("corrected", 1e-3)):
+        # Held-out flights, too, are asked here how much differs between flights.
+        error = flown[name].poses[:, :3] - held_out.flown[name]
+        assert np.abs(error).max() < tolerance
+    nominal = held_out.flown["as_drawn"] - held_out.measured
+    assert np.abs(nominal).max() > 0.1
 
 
 def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
@@ -114,9 +118,9 @@ def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
     seen = refly(turned, find_flight(turned, "flight_003"), models)
     for name in ("measured", "corrected"):
         assert np.allclose(seen[name].poses, motions[name].poses)
-    # The nominal model met the log as it was written; its first pitch fits it there.
-    start = seen["as drawn"].poses[0, 2]
-    assert start == pytest.approx(motions["measured"].poses[0, 2], abs=0.05)
+    # The nominal model met the log as it was written, and could not fly that.
+    lost, _ = position_error(seen["measured"], seen["as drawn"])
+    assert lost > 2.0 * position_error(motions["measured"], motions["as drawn"])[0]
 
 
 def test_a_model_that_blows_up_is_shown_until_then(campaign, flight):

@@ -124,6 +124,8 @@ def find_launch(model: Flown, record: Record, rows: int) -> Launch:
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)
         own = smoothed_start(flight, model.scales)
+        if not np.all(np.isfinite(own)):  # It blows up: it starts as measured.
+            own = np.zeros_like(own)
         n = len(flight.nodes[0])
         wind_x, wind_z, trim, zero = own[n + PROCESSES :]
         constants = Constants(
