@@ -29,7 +29,7 @@ from glider.sysid.fit.simulate import (
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import PRACTICE, campaign_path
-from tests.helpers.tasks import begin, task_of
+from tests.helpers.tasks import begin, fly, task_of, typical
 
 TRUTH = {
     "still_air": None,
@@ -128,18 +128,8 @@ def planted() -> None:
     right = 0
     for i, kinds in enumerate([*alone, *PAIRS]):
         size = 1.0 if len(kinds) == 1 else 0.5
-        effects = []
-        for name in kinds:
-            coefficients = KINDS[name].coefficients
-            values = [
-                c.default if c.is_shape and c.default else size * c.scale
-                for c in coefficients
-            ]
-            named = dict(zip([c.name for c in coefficients], values, strict=True))
-            effects.append(KINDS[name](**named))
-        model = GliderModel(effects=tuple(effects))
-        plan = CampaignPlan(flights=20)
-        campaign = simulate_campaign(model, plan, np.random.default_rng(i))
+        effects = [typical(name, size) for name in kinds]
+        campaign = fly(*effects, seed=i, flights=20)
         begin = time.perf_counter()
         result = close_the_loop(campaign)
         seconds = time.perf_counter() - begin

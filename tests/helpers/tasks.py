@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.physics.effects import KINDS
+from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import Fitted, fit_model, start_of
@@ -50,10 +50,10 @@ def fit_kinds(campaign: Campaign, *kinds: str, masks=None) -> tuple[Task, Fitted
     return task, fit_model(task, begin(task, noise, kinds))
 
 
-def typical(kind: str):
-    """Returns an effect of the library of a typical size."""
+def typical(kind: str, size: float = 1.0) -> Effect:
+    """Returns an effect of the library, its coefficients in their scales."""
     values = {
-        c.name: c.default if c.is_shape and c.default else c.scale
+        c.name: c.default if c.is_shape and c.default else size * c.scale
         for c in KINDS[kind].coefficients
     }
     return KINDS[kind](**values)

@@ -5,13 +5,9 @@ import pytest
 
 from glider.errors import InputError
 from glider.physics.effects import KINDS
-from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import (
-    CampaignPlan,
-    simulate_campaign,
-)
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import campaign_path
+from tests.helpers.tasks import fly, typical
 
 
 def kinds_of(result):
@@ -129,11 +125,9 @@ def test_what_the_library_lacks_is_unexplained_and_carried():
     assert errors_fall(result)
 
 
-def planted(*effects, seed=0, **plan):
+def planted(*effects):
     """A campaign of our own whose truth holds undeclared effects."""
-    model = GliderModel(effects=effects)
-    plan = CampaignPlan(**{"flights": 12, **plan})
-    return simulate_campaign(model, plan, np.random.default_rng(seed))
+    return fly(*effects, flights=12)
 
 
 @pytest.mark.slow
@@ -158,13 +152,7 @@ def planted(*effects, seed=0, **plan):
     ids="+".join,
 )
 def test_planted_effects_are_traced(kinds):
-    effects = []
-    for name in kinds:
-        values = {
-            c.name: c.default if c.is_shape and c.default else c.scale
-            for c in KINDS[name].coefficients
-        }
-        effects.append(KINDS[name](**values))
+    effects = [typical(kind) for kind in kinds]
     result = close_the_loop(planted(*effects))
     assert sorted(kinds_of(result)) == sorted(kinds)
     for effect in effects:

@@ -199,8 +199,9 @@ def test_columns_are_derivatives_of_the_errors(kind):
     model, campaign = planted(kind, flights=2, duration=0.4, capture=fine)
     task, _ = task_of(campaign, LAYOUT)
     theta = theta_of(model)
+    tolerance = 0.1 if kind.is_replayed else 0.03  # A path has kinks.
     for direction in slopes(LAYOUT, theta, LAYOUT.slots_of(kind.kind)):
-        assert column_error(task.records[0], theta, direction) < 0.05
+        assert column_error(task.records[0], theta, direction) < tolerance
 
 
 def test_an_own_actuator_of_the_servos_formula_replays_as_the_servo_does():
