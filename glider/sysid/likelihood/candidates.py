@@ -126,13 +126,42 @@ def gather(task: Task, model: Fitted) -> Candidates:
                 directions += columns
         if found:
             variants[kind] = tuple(found)
+    flights, wild = _tamed(task, directions, linear_flights(task, model, directions))
+    for kind in set(variants) - set(model.kinds):
+        variants[kind] = tuple(v for v in variants[kind] if not wild & set(v))
     return Candidates(
         task=task,
         model=model,
         directions=tuple(directions),
-        variants={k: v for k, v in variants.items() if v[0]},
-        flights=linear_flights(task, model, directions),
+        variants={k: v for k, v in variants.items() if v and v[0]},
+        flights=flights,
     )
+
+
+_LARGEST_PUSH = 1e3
+"""Change of a state in one interval, by a coefficient of its usual scale, that no
+flight has: a formula is then far outside of what it is for."""
+
+
+def _tamed(
+    task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
+) -> tuple[list[LinearFlight], set[int]]:
+    """Returns the flights with columns of nothing for the wild ones, and which."""
+    scale = task.layout.scale[[d.slot for d in directions]]
+    columns = slice(0, len(directions))
+    wild = np.zeros(len(directions), dtype=bool)
+    for flight in flights:
+        largest = np.abs(flight.inputs[:, :, columns]).max(axis=(0, 1), initial=0.0)
+        wild |= ~(largest * scale < _LARGEST_PUSH)  # So is what is not a number.
+    found = set(np.flatnonzero(wild).tolist())
+    if not found:
+        return list(flights), found
+    tame = []
+    for flight in flights:
+        inputs = flight.inputs.copy()
+        inputs[:, :, sorted(found)] = 0.0
+        tame.append(dataclasses.replace(flight, inputs=inputs))
+    return tame, found
 
 
 def saturated_scales(

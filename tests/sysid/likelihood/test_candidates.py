@@ -68,6 +68,20 @@ def test_an_effect_is_worth_the_same_whether_it_acts_or_not(dragged):
     assert again == pytest.approx(0.01, rel=0.05)
 
 
+def test_a_formula_far_outside_of_what_it_is_for_is_no_candidate():
+    """Flights deep below a ground that ground_effect takes to be at zero."""
+    campaign = fly(flights=2, duration=0.4)
+    flights = tuple(
+        dataclasses.replace(f, pose=f.pose - [0.0, 60.0, 0.0]) for f in campaign.flights
+    )
+    task, noise = task_of(dataclasses.replace(campaign, flights=flights))
+    candidates = gather(task, begin(task, noise))
+    assert "ground_effect" in task.kinds
+    assert "ground_effect" not in candidates.variants
+    assert {"wind", "profile_drag"} <= set(candidates.variants)
+    assert np.all(np.isfinite(candidates.grams(candidates.model.scales)))
+
+
 def test_what_a_model_lacks_is_not_taken_for_noise(dragged):
     task, plate, model = dragged
     scales, change = saturated_scales(gather(task, plate), plate.scales, 3)

@@ -19,7 +19,7 @@ from glider.sysid.likelihood.scales import (
 from tests.helpers.tasks import fly, task_of
 
 ROWS = 14
-SCALES = Scales(air=0.2, air_time=0.1, moment=5.0, wind=0.1, trim=0.01, pitch_zero=0.01)
+SCALES = Scales(air=0.2, air_time=0.1, moment=5.0, wind=0.1, trim=0.02, pitch_zero=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +145,13 @@ def test_what_was_not_seen_does_not_count(flight):
     wild = np.where(flight.record.seen[:, :, None], flight.outputs, 1e9)
     other = whiten(dataclasses.replace(flight, outputs=wild), SCALES)
     np.testing.assert_array_equal(other.gram, whiten(flight, SCALES).gram)
+
+
+def test_a_flight_begins_with_the_air_and_the_constants_of_any_other(flight):
+    spreads = np.sqrt(start_variances(flight, SCALES)[-8:])
+    s = SCALES
+    expected = [s.air, s.air, s.moment, s.servo, s.wind, s.wind, s.trim, s.pitch_zero]
+    np.testing.assert_allclose(spreads, expected)
 
 
 def test_changed_coefficients_are_one_column(flight):

@@ -165,7 +165,8 @@ def test_real_errors_are_never_called_no_effect():
     truth = GliderModel(effects=(KINDS["command_delay"](delay=0.03),))
     plan = CampaignPlan(flights=8)
     flown = simulate_campaign(truth, plan, np.random.default_rng(8))
-    assert close_the_loop(flown, effects=["angle_sign"]).verdict == "unexplained"
+    verdict = close_the_loop(flown, effects=["angle_sign"]).verdict
+    assert verdict in ("unexplained", "not_trusted")
 
 
 def test_effects_that_these_logs_cannot_show_are_refused(campaign):
