@@ -1,0 +1,62 @@
+"""How sure an effect is: rivals that would do as well, and how often it is chosen."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import KINDS
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.search.tracing import PRICE
+from glider.sysid.search.weighing import uncertainty_of, weigh
+from tests.helpers.tasks import begin, fly, task_of
+
+
+def weighed(effect, *kinds, offered, flights=8):
+    task, noise = task_of(fly(effect, flights=flights))
+    task = dataclasses.replace(task, kinds=offered)
+    model = fit_model(task, begin(task, noise, kinds))
+    return weigh(task, model, PRICE, np.random.default_rng(0)), task, model
+
+
+def test_a_strong_effect_is_chosen_by_all_and_has_no_rival():
+    drag = KINDS["profile_drag"](cd0=0.05)
+    offered = ("profile_drag", "wind", "servo_lag", "pitch_damping")
+    found, *_ = weighed(drag, "profile_drag", offered=offered)
+    assert found["profile_drag"].inclusion == 1.0
+    assert found["profile_drag"].rivals == ()
+
+
+def test_an_idle_effect_is_chosen_by_few():
+    drag = KINDS["profile_drag"](cd0=0.05)
+    offered = ("profile_drag", "pitch_damping")
+    found, *_ = weighed(drag, "profile_drag", "pitch_damping", offered=offered)
+    assert found["profile_drag"].inclusion == 1.0
+    assert found["pitch_damping"].inclusion < 0.5
+
+
+def test_what_can_hardly_be_told_apart_is_a_rival():
+    """Drags along the flow and along the body, of so little that either will do."""
+    offered = ("profile_drag", "axial_drag", "servo_lag")
+    drag = KINDS["profile_drag"](cd0=0.0008)
+    found, *_ = weighed(drag, "profile_drag", offered=offered, flights=3)
+    assert found["profile_drag"].rivals == ("axial_drag",)
+
+
+def test_without_effects_there_is_nothing_to_weigh():
+    task, noise = task_of(fly(flights=2, duration=0.3))
+    assert weigh(task, begin(task, noise), PRICE, np.random.default_rng(0)) == {}
+
+
+def test_what_is_not_free_has_no_standard_error():
+    drag = KINDS["profile_drag"](cd0=0.05)
+    _, task, model = weighed(drag, "profile_drag", offered=("profile_drag",), flights=3)
+    known = uncertainty_of(task, model)
+    index = task.layout.index
+    assert 0.0 < known.std(index["profile_drag", "cd0"]) < 0.005
+    assert np.isnan(known.std(index["wind", "x"]))
+    assert known.covariance.shape == (1, 1)
+    assert known.flights.shape == (3, 2, 2)
+    assert known.covariance[0, 0] == pytest.approx(
+        known.std(index["profile_drag", "cd0"]) ** 2
+    )
