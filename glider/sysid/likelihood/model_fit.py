@@ -180,7 +180,7 @@ def fit_model(
             break
         if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
             break
-        gram = sum(grams_of(flights, scales))
+        gram = np.sum(grams_of(flights, scales), axis=0)
         count = len(current.coordinates)
         step = bounded_step(
             with_prior(gram, own, mean, precision),
@@ -228,7 +228,7 @@ def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
         return model
     index = list(model.free)
     flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
-    gram = sum(grams_of(flights, model.scales))
+    gram = np.sum(grams_of(flights, model.scales), axis=0)
     strength = model.strength
     for _ in range(rounds):
         trial = dataclasses.replace(model, strength=strength)
