@@ -21,7 +21,7 @@ def to_json(result: Result) -> dict[str, Any]:
     errors = {model: _errors(result.errors.get(model)) for model in MODELS}
     if result.errors.get(CALIBRATED) is not None:
         errors[CALIBRATED] = _errors(result.errors[CALIBRATED])
-    return _plain(
+    return plain(
         {
             "campaign": result.campaign,
             "flights": {"fit": result.fit_flights, "held_out": result.held_out_flights},
@@ -101,12 +101,12 @@ def _errors(errors: Errors | None) -> dict[str, Any] | None:
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Returns what JSON has: no arrays, no NumPy numbers, None for NaN and infinity."""
     if isinstance(value, dict):
-        return {str(name): _plain(v) for name, v in value.items()}
+        return {str(name): plain(v) for name, v in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if value is None or isinstance(value, (str, bool)):
         return value
     if isinstance(value, np.bool_):

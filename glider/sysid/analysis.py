@@ -54,7 +54,7 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import FIELD_PRICE, Traced, trace
+from glider.sysid.search.tracing import FIELD_PRICE, Traced, forces_alone, trace
 from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
@@ -122,7 +122,7 @@ class Analysis:
             traced = trace(task, noise, rng, self.progress)
         model = traced.model
         with self.stage("weigh", "standard errors"):
-            known = uncertainty_of(task, model)
+            known = uncertainty_of(task, traced.judged)
             carried = carried_of(task, model, known)
             spreads = spreads_of(task, model)
         with self.stage("refit", "refitting the plate alone"):
@@ -143,7 +143,10 @@ class Analysis:
                 errors["as_drawn"] = None
             held_out = None
             if signs.are_right:
-                held_out = hold_out(everything, plate, model, rng)
+                both = plate, model
+                if traced.forces is not None:
+                    both = forces_alone(task, plate), forces_alone(task, model)
+                held_out = hold_out(everything, *both, rng, traced.forces)
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
@@ -165,7 +168,7 @@ class Analysis:
             effects=effects,
             errors=errors,
             folds=() if held_out is None else held_out.folds,
-            left=_left(task, model, corrected, noise),
+            left=_left(task, traced.judged, corrected, noise),
             candidates=traced.alone,
             combinations=tuple(
                 Combination(kinds=kinds, evidence=gain)
@@ -208,6 +211,8 @@ class Analysis:
             names = {record.name for record in task.records}
             records = _records(logged, noise, task.vehicle, inspection)
             task = task.on([r for r in records if r.name in names])
+        if traced.forces is not None:
+            return traced.plate
         bare = dataclasses.replace(
             traced.plate, coordinates=np.zeros(0), free=task.vehicle.own
         )
@@ -220,7 +225,11 @@ class Analysis:
         calibrated = dataclasses.replace(
             plate, free=tuple(sorted({*plate.free, *offset}))
         )
-        calibrated = fit_model(task, calibrated, iterations=4)
+        if traced.forces is not None:
+            calibrated = dataclasses.replace(calibrated, scales=traced.forces)
+        calibrated = fit_model(
+            task, calibrated, iterations=4, scales_free=traced.forces is None
+        )
         drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
         own = traced.model.scales
         return {

@@ -11,7 +11,7 @@ from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut
+from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import Fitted, linear_flights
 from glider.sysid.likelihood.scales import (
@@ -155,9 +155,11 @@ def judge(
         assert refitted is not None and corrected is not None
         free, along = held_out.ratios
         split = (
-            corrected.position_rms_m / refitted.position_rms_m,
-            corrected.measured_pitch_position_rms_m
-            / refitted.measured_pitch_position_rms_m,
+            ratio_of(refitted.position_rms_m, corrected.position_rms_m),
+            ratio_of(
+                refitted.measured_pitch_position_rms_m,
+                corrected.measured_pitch_position_rms_m,
+            ),
         )
         if held_out.t < LEAST_T and signs.are_right:
             return "not_trusted", (

@@ -23,7 +23,7 @@ WIND = EffectKind(
     adds_to=("wind_x", "wind_z"),
     coefficients=(
         Coefficient(name="x", unit="m/s", scale=0.5, lower=-5.0, upper=5.0),
-        Coefficient(name="z", unit="m/s", scale=0.1, lower=-5.0, upper=5.0),
+        Coefficient(name="z", unit="m/s", scale=0.05, lower=-5.0, upper=5.0),
     ),
     formula=_wind,
     words="a steady wind",

@@ -52,9 +52,11 @@ def plot_residual(
     ax.set_xlabel(label)
 
 
-def binned_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def binned_median(
+    x: np.ndarray, y: np.ndarray, bins: int = 18
+) -> tuple[np.ndarray, np.ndarray]:
     """Returns mean x and median y of equally wide bins that hold enough points."""
-    centers, medians = binned_quantiles(x, y, (0.5,))
+    centers, medians = binned_quantiles(x, y, (0.5,), bins)
     return centers, medians[0]
 
 

@@ -1,6 +1,6 @@
 """The exercise's answers in key figures and in words."""
 
-from glider.report.numbers import finite_or_none
+from glider.report.json_report import plain
 from glider.studies.basis.basis_model import (
     CHANNELS,
     BasisFit,
@@ -22,7 +22,7 @@ def key_figures(study: BasisStudy) -> dict[str, object]:
         },
         **{name: _subset(fit) for name, fit in subsets.items()},
         "cross_validation": {
-            signs: {name: finite_or_none(error) for name, error in errors.items()}
+            signs: {name: plain(error) for name, error in errors.items()}
             for signs, errors in study.choice.items()
         },
         "signs": vars(study.signs),
@@ -52,7 +52,7 @@ def _subset(fit: BasisFit) -> dict[str, object]:
 
 def _channels(fit: BasisFit) -> dict[str, dict]:
     return {
-        channel: {"rank": found.rank, "condition": finite_or_none(found.condition)}
+        channel: {"rank": found.rank, "condition": plain(found.condition)}
         for channel, found in zip(CHANNELS, fit.regressions, strict=True)
     }
 

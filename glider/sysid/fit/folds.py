@@ -20,10 +20,11 @@ from glider.sysid.likelihood.model_fit import (
     Fitted,
     beforehand,
     field_of,
+    grams_of,
     linear_flights,
     with_prior,
 )
-from glider.sysid.likelihood.scales import Scales, negative_log_likelihood, whiten
+from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.result import Fold
@@ -66,9 +67,19 @@ class HeldOut:
     @property
     def ratios(self) -> tuple[float, float]:
         """Corrected over plate errors, free and along the measured pitch."""
-        free = np.sqrt(np.mean(self.free**2, axis=0))
-        along = np.sqrt(np.mean(self.along**2, axis=0))
-        return float(free[1] / free[0]), float(along[1] / along[0])
+        return ratio_of(*_rms(self.free)), ratio_of(*_rms(self.along))
+
+
+def _rms(errors: np.ndarray) -> tuple[float, float]:
+    before, after = np.sqrt(np.mean(errors**2, axis=0))
+    return float(before), float(after)
+
+
+def ratio_of(before: float, after: float) -> float:
+    """Returns after over before; a model that blows up has an infinite error."""
+    if not np.isfinite(after):
+        return np.inf
+    return after / before if np.isfinite(before) else 0.0
 
 
 def robust_t(gains: np.ndarray) -> float:
@@ -100,7 +111,11 @@ def flown_by(task: Task, model: Fitted, scales: Scales) -> Flown:
 
 
 def hold_out(
-    task: Task, plate: Fitted, corrected: Fitted, rng: np.random.Generator
+    task: Task,
+    plate: Fitted,
+    corrected: Fitted,
+    rng: np.random.Generator,
+    judged_by: Scales | None = None,
 ) -> HeldOut:
     """Holds out each flight once.
 
@@ -109,11 +124,18 @@ def hold_out(
         plate: the model before.
         corrected: the model after.
         rng: that deals the flights to folds.
+        judged_by: scales to refit and to judge by, if not the models' own.
     """
     count = len(task.records)
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    refits = [_Refits(task, model) for model in (plate, corrected)]
+    refits = [
+        _Refits(
+            task,
+            dataclasses.replace(model, scales=judged_by or model.scales),
+        )
+        for model in (plate, corrected)
+    ]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
     folds = []
     for part in parts:
@@ -152,9 +174,7 @@ class _Refits:
         directions = slopes(task.layout, model.theta, model.free)
         self.flights = linear_flights(task, model, directions)
         scales = model.scales
-        self.grams = np.stack(
-            in_parallel(lambda f: whiten(f, scales).gram, self.flights)
-        )
+        self.grams = np.stack(grams_of(self.flights, scales))
 
     def without(self, part: np.ndarray) -> tuple[Fitted, np.ndarray]:
         """Returns the model without some flights, and their costs under it [nats]."""

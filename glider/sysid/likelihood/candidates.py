@@ -5,17 +5,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
     Fitted,
     beforehand,
+    grams_of,
     linear_flights,
     with_prior,
 )
-from glider.sysid.likelihood.scales import Scales, fit_scales, whiten
+from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
 
 Variant = tuple[int, ...]
@@ -53,7 +53,7 @@ class Candidates:
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return np.stack(in_parallel(lambda f: whiten(f, scales).gram, self.flights))
+        return np.stack(grams_of(self.flights, scales))
 
     def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
         """Returns the evidence of sets of effects, and the variants in its columns.
@@ -119,11 +119,11 @@ def gather(task: Task, model: Fitted) -> Candidates:
         allowed = set(task.free((kind,))) - own
         found = []
         for columns in starts_of(layout, layout.kinds[kind], model.theta):
-            columns = [d for d in columns if d.slot in allowed]
-            if columns:
+            mine = [d for d in columns if d.slot in allowed]
+            if mine:
                 first = len(directions)
-                found.append(tuple(range(first, first + len(columns))))
-                directions += columns
+                found.append(tuple(range(first, first + len(mine))))
+                directions += mine
         if found:
             variants[kind] = tuple(found)
     flights, wild = _tamed(task, directions, linear_flights(task, model, directions))

@@ -3,8 +3,9 @@
 Lift, drag, moment and the tail's force may differ from any formula by smooth curves
 over alpha. In a fit they are a nuisance with small, shrunken weights: they take up
 what a formula of nearly the right shape leaves, so that no second name is bought for
-it. What a formula of the simplest shape can say (a constant drag, camber, plate lift, axial drag, a constant moment, a shifted center of pressure, the tail's area) is
-left out of them: names come first.
+it. What a formula of the simplest shape can say (a constant drag, camber, plate lift,
+axial drag, a constant moment, a shifted center of pressure, the tail's area) is left
+out of them: names come first.
 """
 
 import dataclasses

@@ -180,7 +180,7 @@ def fit_model(
             break
         if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
             break
-        gram = sum(in_parallel(lambda f: whiten(f, scales).gram, flights))
+        gram = np.sum(grams_of(flights, scales), axis=0)
         count = len(current.coordinates)
         step = bounded_step(
             with_prior(gram, own, mean, precision),
@@ -190,15 +190,22 @@ def fit_model(
             np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
         )
         if task.own_trims:
-            adjusted = [f.combined(step) for f in flights]
-            found = in_parallel(lambda f: flight_constants(f, scales), adjusted)
-            names = [record.name for record in task.records]
-            constants = dict(zip(names, found, strict=True))
+            constants = _constants([f.combined(step) for f in flights], scales)
             current = dataclasses.replace(current, constants=constants)
             best = dataclasses.replace(best, constants=constants)
         current = _moved(task, current, step, lower, upper)
     assert best is not None
     return best
+
+
+def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray]:
+    """Returns what each flight knows of its columns, see `Filtered.gram`."""
+    return in_parallel(lambda f: whiten(f, scales).gram, flights)
+
+
+def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Constants]:
+    found = in_parallel(lambda f: flight_constants(f, scales), flights)
+    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
 
 
 def _moved(
@@ -221,7 +228,7 @@ def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
         return model
     index = list(model.free)
     flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
-    gram = sum(in_parallel(lambda f: whiten(f, model.scales).gram, flights))
+    gram = np.sum(grams_of(flights, model.scales), axis=0)
     strength = model.strength
     for _ in range(rounds):
         trial = dataclasses.replace(model, strength=strength)

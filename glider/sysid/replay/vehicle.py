@@ -38,10 +38,13 @@ _RELATIVE_SPREAD = {"elevator_area": 0.1}
 """A tail's area shows in the moment only over the inertia: it is kept near its usual
 share."""
 
-_TRIM_SPREAD = 0.1
+_TRIM_SPREAD = 0.05
 """Angle at which an elevator without a servo may stand [rad]."""
 
-_MARKER_SPREAD = 0.02
+_MOMENT_SPREAD = 0.02
+"""Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
+
+_MARKER_SPREAD = 0.01
 """Distance that a tracked point may lie from a center of mass that is not told [m]."""
 
 PRIOR_SCALES = 4.0
@@ -106,8 +109,15 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_blowback"}
-    if campaign.elevator != "servo":
+        if "elevator_area" in unknown:  # How the flow meets it is one with its size.
+            dropped |= {"downwash", "stalled_downwash", "tail_wake"}
+    if campaign.elevator == "fixed":
         nuisance.append(index["elevator_trim", "angle"])
+    if campaign.elevator == "fixed_per_flight":
+        # At an unknown angle a tail could look like camber and drag: what all flights
+        # have of it is a moment alone.
+        nuisance.append(index["pitch_moment", "coefficient"])
+        dropped.add("pitch_moment")
     if "mass" not in known or "wing_area" in unknown:
         dropped.add("mass")
     if "wing_offset" in unknown:  # Then nobody has told where its center of mass is.
@@ -125,8 +135,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             i = index["parameters", name]
             relative = _RELATIVE_SPREAD.get(name, 0.5)
             spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
-        if campaign.elevator != "servo":
-            spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
+        spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
+        spread[index["pitch_moment", "coefficient"]] = _MOMENT_SPREAD
         if "wing_offset" in unknown:
             spread[list(layout.slots_of("marker_offset"))] = _MARKER_SPREAD
         prior = theta.copy(), spread

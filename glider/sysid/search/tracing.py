@@ -22,7 +22,7 @@ from glider.sysid.likelihood.model_fit import (
     fit_strength,
     start_of,
 )
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.search.fields import (
@@ -31,7 +31,7 @@ from glider.sysid.search.fields import (
     fit_field,
     survey,
 )
-from glider.sysid.search.subsets import MOST_EFFECTS, Members, Scorer, best_set
+from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.weighing import Weighed, uncertainty_of, weigh
 
 PRICE = 10.0
@@ -56,6 +56,7 @@ class Traced:
         combinations: kinds of each set that was fitted, and its gain less the price of
             its effects [nats].
         field: what has no name, or None.
+        forces: the scales under which the forces were judged, if not the model's own.
     """
 
     model: Fitted
@@ -65,6 +66,13 @@ class Traced:
     alone: dict[str, float]
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     field: FoundField | None
+    forces: Scales | None
+
+    @property
+    def judged(self) -> Fitted:
+        """The model under the scales that it was judged by."""
+        scales = self.model.scales if self.forces is None else self.forces
+        return dataclasses.replace(self.model, scales=scales)
 
 
 @dataclasses.dataclass
@@ -82,7 +90,8 @@ class Search:
 
     def fit(self, model: Fitted, iterations: int = 6) -> Fitted:
         """Fits a model and remembers it."""
-        found = fit_model(self.task, model, iterations)
+        free = self.task.vehicle.prior is None
+        found = fit_model(self.task, model, iterations, scales_free=free)
         if found.extra is None:
             key = frozenset(found.kinds)
             if key not in self.fitted or found.cost < self.fitted[key].cost:
@@ -103,17 +112,11 @@ def trace(
     """
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=task.vehicle.prior is None)
-    if task.vehicle.prior is None:
-        model = by_sets(search, start)
-    else:
-        model = grow(search, along_attitude(search, start))
+    is_known = task.vehicle.prior is None
+    model = by_sets(search, start) if is_known else along_attitude(search, start)
     model, evidence = prune(search, model)
-    if not model.has_curves:
-        progress("fitting what formulas leave")
-        model = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
-        model = fit_strength(task, search.fit(model))
     field = None
-    if leaves_something(model):
+    if is_known and leaves_something(model):
         progress("looking for what else the residual depends on")
         field = beyond_names(search, model)
         if field is not None:
@@ -121,11 +124,11 @@ def trace(
             field = dataclasses.replace(field, model=model)
     model = without_needless_curves(search, model)
     progress("weighing the effects")
-    weighed = weigh(task, model, PRICE, rng)
+    weighed = weigh(task, model, base_price(task), rng)
     while weak := [k for k, w in weighed.items() if w.inclusion < LEAST_INCLUSION]:
         kind = min(weak, key=lambda k: weighed[k].inclusion)
         model, evidence = prune(search, search.fit(without(task, model, kind)))
-        weighed = weigh(task, model, PRICE, rng)
+        weighed = weigh(task, model, base_price(task), rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)
     if not model.kinds and model.extra is None and not model.has_curves:
@@ -138,6 +141,11 @@ def trace(
         for kind in model.kinds:
             nothing = without(task, nothing, kind)
         plate = search.fit(nothing)
+    forces = None
+    if not is_known:
+        progress("fitting the moment")
+        forces = model.scales
+        plate, model = (with_moment(task, m, noise) for m in (plate, model))
     combinations = sorted(
         (
             (m.kinds, search.price(plate) - search.price(m))
@@ -154,6 +162,7 @@ def trace(
         alone=search.alone,
         combinations=tuple(combinations),
         field=field,
+        forces=forces,
     )
 
 
@@ -199,10 +208,8 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
         for kind in model.kinds:
             nothing = without(task, nothing, kind)
         bare = fit_field(task, nothing, survey(task, nothing))
-        again = by_sets(search, bare.model) if task.vehicle.prior is None else None
-        options.append(bare)
-        if again is not None and again.extra is not None:
-            options.append(dataclasses.replace(bare, model=again))
+        again = by_sets(search, bare.model)
+        options += [bare, dataclasses.replace(bare, model=again)]
     best = min(options, key=lambda o: search.price(o.model))
     gained = search.price(model) - search.price(best.model)
     if gained > FIELD_PRICE:
@@ -240,48 +247,23 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
     return min(tried.values(), key=search.price)
 
 
-def grow(search: Search, model: Fitted) -> Fitted:
-    """Adds effects one by one, the few most promising fitted in full.
-
-    Where the vehicle itself is unknown, what a set without an effect would be cannot be
-    told from the linear flights: areas and angles would go far.
-    """
-    task = search.task
-    while len(model.kinds) < MOST_EFFECTS:
-        candidates = gather(task, model)
-        gram = candidates.grams(model.scales).sum(axis=0)
-        evidence, variants = candidates.evidence(gram)
-        score = Scorer(evidence, variants, PRICE)
-        start = tuple((kind, variants[kind][0]) for kind in model.kinds)
-        ranked = sorted(score.larger(start), key=score, reverse=True)
-        best_of_kind = {members[-1][0]: members for members in reversed(ranked)}
-        hopeful = sorted(best_of_kind.values(), key=score, reverse=True)
-        found = []
-        for members in hopeful[:TRIED]:
-            search.progress(f"with {members[-1][0]}?")
-            begun = begin(candidates, evidence, members, model.scales)
-            fitted = search.fit(begun, iterations=4)
-            if fitted.cost < np.inf:
-                found.append(fitted)
-        best = min(found, key=search.price, default=model)
-        if not search.price(best) < search.price(model):
-            return model
-        model = best
-    return model
-
-
-TRIED = 4
-"""Further effects that are fitted in full before one is taken."""
-
-
 def price_of(task: Task, model: Fitted) -> float:
     """Returns a model's cost with the price of its effects [nats]."""
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
     more = len(sizes) - len(model.kinds)
-    names = PRICE * len(model.kinds) + PRICE_OF_MORE * more
+    names = base_price(task) * len(model.kinds) + PRICE_OF_MORE * more
     return model.cost + model.freedom + names
 
+
+def base_price(task: Task) -> float:
+    """Returns the evidence that an effect must bring [nats]."""
+    return PRICE if task.vehicle.prior is None else PRICE_OF_FORCES
+
+
+PRICE_OF_FORCES = 6.0
+"""The same where the vehicle is not known: no curves compete, and with the effects of
+servo, tail and masses out of question there are half as many to choose from [nats]."""
 
 PRICE_OF_MORE = 4.0
 """Evidence that each further coefficient of an effect must bring [nats]."""
@@ -365,31 +347,62 @@ def without(task: Task, model: Fitted, kind: str) -> Fitted:
 
 
 def along_attitude(search: Search, model: Fitted) -> Fitted:
-    """Returns a start for a glider of which little is known: forces alone.
+    """Finds the effects of a glider of which little is known: forces come first.
 
     The flights are taken along their measured attitude, with errors that last for
-    whole flights: what bends the path counts, not what makes it tremble.
+    whole flights: what bends the path counts, not what makes it tremble; and what the
+    moment is, which nobody knows, tells nothing of the forces. The search is about the
+    usual glider, for far from it areas and angles could look like anything.
     """
     task = search.task
-    rows = np.mean([len(record.time) for record in task.records])
-    scales = dataclasses.replace(
-        model.scales,
-        position=ATTITUDE_ERROR * np.sqrt(rows / INDEPENDENT_ERRORS),
-        **ALONG_ATTITUDE,
-    )
+    model = dataclasses.replace(model, scales=attitude_scales(task, model.scales))
     candidates = gather(task, model)
-    evidence, variants = candidates.evidence(candidates.grams(scales).sum(axis=0))
-    score = Scorer(evidence, variants, PRICE)
+    gram = candidates.grams(model.scales).sum(axis=0)
+    evidence, variants = candidates.evidence(gram)
+    score = Scorer(evidence, variants, PRICE_OF_FORCES)
     search.alone = {
-        kind: max(score(((kind, v),)) for v in own) + PRICE
+        kind: max(score(((kind, v),)) for v in own) + PRICE_OF_FORCES
         for kind, own in variants.items()
     }
     members = best_set(score)
-    begun = begin(candidates, evidence, members, scales)
+    begun = begin(candidates, evidence, members, model.scales)
     names = ", ".join(begun.kinds) or "the plate"
     search.progress(f"along the measured attitude: {names}")
-    begun = fit_model(task, begun, scales_free=False)
-    return search.fit(dataclasses.replace(begun, scales=model.scales))
+    return search.fit(begun)
+
+
+def with_moment(task: Task, model: Fitted, noise: Noise) -> Fitted:
+    """Returns a model of forces with its moment fitted, and all scales."""
+    index = task.layout.index
+    slots = [index[slot] for slot in _OF_MOMENT]
+    free = tuple(i for i in slots if i in task.vehicle.nuisance)
+    start = dataclasses.replace(model, free=free, scales=start_scales(noise))
+    return dataclasses.replace(fit_model(task, start), free=model.free)
+
+
+def forces_alone(task: Task, model: Fitted) -> Fitted:
+    """Returns a model of which a refit to other flights leaves the moment as it is."""
+    index = task.layout.index
+    kept = {index[slot] for slot in _OF_MOMENT}
+    return dataclasses.replace(
+        model, free=tuple(i for i in model.free if i not in kept)
+    )
+
+
+_OF_MOMENT = (
+    ("parameters", "pitch_inertia"),
+    ("parameters", "wing_offset"),
+    ("elevator_trim", "angle"),
+    ("pitch_moment", "coefficient"),
+)
+"""Unknown numbers of a vehicle that are hardly seen in the forces."""
+
+
+def attitude_scales(task: Task, scales: Scales) -> Scales:
+    """Returns the scales of flights along their measured attitude."""
+    rows = np.mean([len(record.time) for record in task.records])
+    error = ATTITUDE_ERROR * np.sqrt(rows / INDEPENDENT_ERRORS)
+    return dataclasses.replace(scales, position=float(error), **ALONG_ATTITUDE)
 
 
 ATTITUDE_ERROR = 0.03

@@ -4,16 +4,15 @@ import dataclasses
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import covariance
 from glider.sysid.likelihood.model_fit import (
     Fitted,
     beforehand,
+    grams_of,
     linear_flights,
 )
-from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.subsets import Members, Scorer, climb
 
@@ -109,7 +108,7 @@ def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
     """
     directions = slopes(task.layout, model.theta, model.free)
     flights = linear_flights(task, model, directions)
-    grams = np.stack(in_parallel(lambda f: whiten(f, model.scales).gram, flights))
+    grams = np.stack(grams_of(flights, model.scales))
     _, _, precision = beforehand(task, model, model.free)
     return Uncertainty(
         free=model.free,
