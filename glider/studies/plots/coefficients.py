@@ -13,7 +13,7 @@ from glider.report.plots.axes import (
     limit,
     thin,
 )
-from glider.report.plots.residuals import binned_median
+from glider.report.plots.residuals import binned_quantiles
 from glider.report.plots.style import (
     COLORS,
     STYLE,
@@ -44,7 +44,7 @@ def plot_models(
     ax.plot(degrees[keep], measured[keep], ".", color="k", ms=2.5, mew=0, alpha=0.35)
     ax.plot([], [], "o", color="k", ms=4, label="measured")
     for (name, values), shade in zip(modelled.items(), _SHADES, strict=False):
-        centers, medians = binned_median(degrees, values, bins=30)
+        centers, (medians,) = binned_quantiles(degrees, values, (0.5,), bins=30)
         ax.plot(centers, medians, color="white", lw=3.4)
         ax.plot(centers, medians, color=shade, lw=1.8, label=name)
     limit(ax.set_xlim, degrees, margin=0.03)

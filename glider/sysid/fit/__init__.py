@@ -1,6 +1,5 @@
-"""Coefficients from flights: fits, their information, and what they leave.
+"""What models make of flights that they were not fitted to, and flights to fit to.
 
-output_error: the joint fit. information: what one flight knows, as a matrix. field_fit:
-a residual field. whiteness: is anything left? prediction: errors on held-out flights.
-regression: linear models. simulate: campaigns with a known truth.
+prediction: errors on flights that a model has not seen. folds: each flight held out
+once. regression: linear models. simulate: campaigns with a known truth.
 """

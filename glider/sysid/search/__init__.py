@@ -1,6 +1,5 @@
-"""Which effects explain the flights? Candidates, evidence, and a decision.
+"""Which effects explain the flights?
 
-candidates, beam_search: sets of effects, tried and weighed. residual_field: what has no
-name. decision: one against the other. free_rollout_search: real flights without a
-nominal model. signs: angles logged with the other sign. explanation: what was found.
+signs: angles logged with the other sign. tracing: the search. subsets: the best of all
+sets. fields, peaks: what has no name, and where it is largest. weighing: how sure?
 """
