@@ -111,11 +111,13 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         dropped |= {"elevator_trim", "elevator_blowback"}
         if "elevator_area" in unknown:  # How the flow meets it is one with its size.
             dropped |= {"downwash", "stalled_downwash", "tail_wake"}
-    if campaign.elevator == "fixed":
+    if campaign.elevator == "fixed" or (
+        campaign.elevator == "fixed_per_flight" and "elevator_area" not in unknown
+    ):
         nuisance.append(index["elevator_trim", "angle"])
-    if campaign.elevator == "fixed_per_flight":
-        # At an unknown angle a tail could look like camber and drag: what all flights
-        # have of it is a moment alone.
+    elif campaign.elevator == "fixed_per_flight":
+        # At an unknown angle an unknown tail could look like camber and drag: what all
+        # flights have of it is a moment alone.
         nuisance.append(index["pitch_moment", "coefficient"])
         dropped.add("pitch_moment")
     if "mass" not in known or "wing_area" in unknown:
