@@ -155,9 +155,10 @@ class Analysis:
                 named = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
                 named_table = _table(flown_by(task, named, model.scales), records)
         effects = effects_of(task, traced, known, carried, spreads, signs)
-        verdict, reason = judge(traced, signs, carried, held_out, errors, effects)
         corrected = errors["corrected"]
         assert corrected is not None
+        left = _left(task, traced.judged, corrected, noise)
+        verdict, reason = judge(traced, signs, carried, held_out, errors, effects, left)
         return Result(
             campaign=logged.name,
             path=logged.path,
@@ -168,7 +169,7 @@ class Analysis:
             effects=effects,
             errors=errors,
             folds=() if held_out is None else held_out.folds,
-            left=_left(task, traced.judged, corrected, noise),
+            left=left,
             candidates=traced.alone,
             combinations=tuple(
                 Combination(kinds=kinds, evidence=gain)

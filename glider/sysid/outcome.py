@@ -27,6 +27,7 @@ from glider.sysid.result import (
     Errors,
     Estimate,
     FoundEffect,
+    Left,
     ResidualTable,
     Spread,
 )
@@ -144,11 +145,17 @@ def judge(
     held_out: HeldOut | None,
     errors: dict[str, Errors | None],
     effects: tuple[FoundEffect, ...],
+    left: Left,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
     model = traced.model
     nothing = not model.kinds and traced.field is None and not carried.terms
     if nothing and signs.are_right:
+        if traced.forces is not None and left.depends_on:
+            return "unexplained", (
+                "What the plate lacks depends on "
+                f"{', '.join(left.depends_on)}, and no effect holds."
+            )
         return "no_effect", "Nothing that the flights show beyond noise and air."
     if held_out is not None and not nothing:
         refitted, corrected = errors["refitted"], errors["corrected"]

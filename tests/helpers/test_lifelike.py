@@ -86,6 +86,8 @@ def flown_by_library(effects, start, commands):
             x,
             np.stack([here[:-1], middle, here[1:]], axis=1),
             rate,
+            np.zeros((len(rate), 2)),
+            np.ones(len(rate)),
             layout.dynamics(theta),
             NO_FIELD,
         )

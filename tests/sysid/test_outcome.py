@@ -19,7 +19,7 @@ from glider.sysid.outcome import (
     spreads_of,
 )
 from glider.sysid.replay.signs import Signs
-from glider.sysid.result import VERDICTS, Errors, FoundEffect, ResidualTable
+from glider.sysid.result import VERDICTS, Errors, FoundEffect, Left, ResidualTable
 from glider.sysid.search.weighing import Uncertainty
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
@@ -60,6 +60,7 @@ def verdict(
     split=(0.1, 0.1),
     shape_fits=True,
     unnamed=None,
+    left_over=None,
 ):
     """Judges a trace that found kinds, and a field or curves without a name."""
     if unnamed is None:
@@ -72,11 +73,20 @@ def verdict(
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=tuple(kinds)),
         field=object() if field else None,
+        forces=None if left_over is None else object(),
     )
+    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
     held_out = types.SimpleNamespace(t=t, ratios=ratios) if signs.are_right else None
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(*split)}
     carried = Carried(terms=terms, data=None)
-    return judge(traced, signs, carried, held_out, errors, tuple(effects))
+    return judge(traced, signs, carried, held_out, errors, tuple(effects), left)
+
+
+def test_thrown_gliders_that_leave_much_are_never_without_effect():
+    word, reason = verdict(left_over=("alpha", "V"))
+    assert word == "unexplained"
+    assert "alpha, V" in reason
+    assert verdict(left_over=())[0] == "no_effect"
 
 
 def test_nothing_found_is_no_effect():

@@ -125,8 +125,8 @@ def trace(
     model = without_needless_curves(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, base_price(task), rng)
-    while weak := [k for k, w in weighed.items() if w.inclusion < LEAST_INCLUSION]:
-        kind = min(weak, key=lambda k: weighed[k].inclusion)
+    while weak := [k for k, w in weighed.items() if w.support < LEAST_SUPPORT]:
+        kind = min(weak, key=lambda k: weighed[k].support)
         model, evidence = prune(search, search.fit(without(task, model, kind)))
         weighed = weigh(task, model, base_price(task), rng)
     if field is not None:
@@ -181,9 +181,9 @@ CURVE_PRICE = 15.0
 """Evidence that curves beside the formulas must bring [nats]."""
 
 
-LEAST_INCLUSION = 0.85
-"""Share of resampled flights that an effect must be chosen by: one that hangs on a few
-flights is not claimed."""
+LEAST_SUPPORT = 0.85
+"""Share of resampled flights by which an effect, or one that is like it, must be
+chosen: one that hangs on a few flights is not claimed."""
 
 
 def leaves_something(model: Fitted) -> bool:

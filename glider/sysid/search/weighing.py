@@ -34,10 +34,12 @@ class Weighed:
     Attributes:
         rivals: kinds that would do as well in its place.
         inclusion: share of the resampled flights that it is chosen by.
+        support: the same of it or one of its rivals.
     """
 
     rivals: tuple[str, ...]
     inclusion: float
+    support: float
 
 
 def weigh(
@@ -66,14 +68,20 @@ def weigh(
                 rivals[gone].append(kind)
     few = {kind: variants[kind] for kind in variants if kind in near}
     counts = dict.fromkeys(model.kinds, 0)
+    supports = dict.fromkeys(model.kinds, 0)
     for _ in range(RESAMPLES):
         drawn = rng.integers(len(grams), size=len(grams))
         again, _ = candidates.evidence(grams[drawn].sum(axis=0))
-        for kind, _ in climb(Scorer(again, few, price), chosen):
-            if kind in counts:
-                counts[kind] += 1
+        found = {kind for kind, _ in climb(Scorer(again, few, price), chosen)}
+        for kind in model.kinds:
+            counts[kind] += kind in found
+            supports[kind] += not found.isdisjoint((kind, *rivals[kind]))
     return {
-        kind: Weighed(rivals=tuple(rivals[kind]), inclusion=counts[kind] / RESAMPLES)
+        kind: Weighed(
+            rivals=tuple(rivals[kind]),
+            inclusion=counts[kind] / RESAMPLES,
+            support=supports[kind] / RESAMPLES,
+        )
         for kind in model.kinds
     }
 
