@@ -5,6 +5,7 @@ log -> inspect -> smooth -> signs -> trace -> errors before and after -> verdict
 
 import dataclasses
 import importlib.metadata
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -275,7 +276,7 @@ def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
     real = [key for key, gain in found.items() if gain > FIELD_PRICE]
     real.sort(key=lambda key: -found[key])
     return Left(
-        ratio_to_noise=corrected.position_rms_m / (np.sqrt(2.0) * noise.position),
+        ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
         position_m=corrected.position_rms_m,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
     )
