@@ -113,8 +113,10 @@ def trace(
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=task.vehicle.prior is None)
     is_known = task.vehicle.prior is None
-    model = by_sets(search, start) if is_known else along_attitude(search, start)
-    model, evidence = prune(search, model)
+    if is_known:
+        model, evidence = prune(search, by_sets(search, start))
+    else:
+        model, evidence = along_attitude(search, start)
     field = None
     if is_known and leaves_something(model):
         progress("looking for what else the residual depends on")
@@ -127,7 +129,8 @@ def trace(
     weighed = weigh(task, model, base_price(task), rng)
     while weak := [k for k, w in weighed.items() if w.support < LEAST_SUPPORT]:
         kind = min(weak, key=lambda k: weighed[k].support)
-        model, evidence = prune(search, search.fit(without(task, model, kind)))
+        model = search.fit(without(task, model, kind))
+        model, evidence = prune(search, model) if is_known else (model, evidence)
         weighed = weigh(task, model, base_price(task), rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)
@@ -346,13 +349,16 @@ def without(task: Task, model: Fitted, kind: str) -> Fitted:
     return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
 
 
-def along_attitude(search: Search, model: Fitted) -> Fitted:
+def along_attitude(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
     """Finds the effects of a glider of which little is known: forces come first.
 
     The flights are taken along their measured attitude, with errors that last for
     whole flights: what bends the path counts, not what makes it tremble; and what the
     moment is, which nobody knows, tells nothing of the forces. The search is about the
     usual glider, for far from it areas and angles could look like anything.
+
+    Returns:
+        the model, and the evidence of each of its effects [nats].
     """
     task = search.task
     model = dataclasses.replace(model, scales=attitude_scales(task, model.scales))
@@ -368,7 +374,11 @@ def along_attitude(search: Search, model: Fitted) -> Fitted:
     begun = begin(candidates, evidence, members, model.scales)
     names = ", ".join(begun.kinds) or "the plate"
     search.progress(f"along the measured attitude: {names}")
-    return search.fit(begun)
+    lost = {
+        kind: score(members) - score(fewer) + PRICE_OF_FORCES
+        for (kind, _), fewer in zip(members, score.smaller(members), strict=True)
+    }
+    return search.fit(begun), lost
 
 
 def with_moment(task: Task, model: Fitted, noise: Noise) -> Fitted:
