@@ -217,7 +217,7 @@ def log_slopes(
         field: the residual Field, whose last basis function is a constant.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, n, n), written: its slopes by the node.
-        by_term: (K, n, 5), written: by each constant of FIELD_TERMS.
+        by_term: (K, n, 6), written: by each constant of FIELD_TERMS.
         by_theta: (K, n, m), written: along each direction.
     """
     n = nodes.shape[1]
@@ -517,7 +517,7 @@ def slopes_along(
 
     Returns:
         the ends (K, n), and their slopes by the node (K, n, n), by a constant of each
-        of FIELD_TERMS (K, n, 5) and along the directions (K, n, m).
+        of FIELD_TERMS (K, n, 6) and along the directions (K, n, m).
     """
     intervals, n, terms = len(nodes) - 1, nodes.shape[1], field.weights.shape[1]
     nothing = np.zeros((1, field.centers.shape[1]))

@@ -15,8 +15,6 @@ from glider.sysid.replay.residual import flow_variables
 from glider.sysid.replay.signals import logged_elevator, pose_signals
 from glider.sysid.replay.theta import OFFSET
 
-PITCH = 2
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Constants:
@@ -130,10 +128,10 @@ def linearize(
     kinds, intervals = layout.compiled_kinds, len(record.time) - 1
     wind = np.asarray(constants.wind) + record.side_wind
     dynamics = layout.dynamics(theta)
-    nodes = _nodes(record, theta, field)
+    nodes = true_nodes(record, theta, field)
     elevator, rate = pose_signals(record, theta)
     elevator = elevator + constants.trim
-    plain = [d for d in directions if _is_plain(record, d, theta)]
+    plain = [d for d in directions if _is_plain(record, d)]
     moved = np.array([layout.dynamics(d.moved) for d in plain])
     ends, by_x, by_term, by_plain = slopes_along(
         kinds,
@@ -201,12 +199,7 @@ def linearize(
     )
 
 
-def _nodes(record: Record, theta: np.ndarray, field: Field) -> np.ndarray:
-    nodes = true_nodes(record, theta, field)
-    return nodes
-
-
-def _is_plain(record: Record, direction: Direction, theta: np.ndarray) -> bool:
+def _is_plain(record: Record, direction: Direction) -> bool:
     """Whether the direction leaves the log's signals and the nodes as they are."""
     layout = record.layout
     if direction.slot >= layout.num_compiled:
@@ -217,7 +210,7 @@ def _is_plain(record: Record, direction: Direction, theta: np.ndarray) -> bool:
 
 def _apart(record, direction, field, constants, wind):
     """Returns nodes and ends under a direction's own base."""
-    nodes = _nodes(record, direction.base, field)
+    nodes = true_nodes(record, direction.base, field)
     signals = pose_signals(record, direction.base)
     return nodes, _advance(
         record, nodes, signals, direction.base, field, constants, wind

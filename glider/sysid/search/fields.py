@@ -18,9 +18,9 @@ from glider.sysid.likelihood.model_fit import (
     Fitted,
     beforehand,
     fit_model,
+    grams_of,
     linear_flights,
 )
-from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.residual import flow_variables
 
@@ -136,7 +136,7 @@ def _gain(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Returns a field's evidence, its weights and their covariance."""
     wide = in_parallel(lambda f: basis.widened(f, model.theta), flights)
-    gram = sum(in_parallel(lambda f: whiten(f, model.scales).gram, wide))
+    gram = np.sum(grams_of(wide, model.scales), axis=0)
     own, mean, precision = beforehand(task, model, model.free)
     m, count = len(own), len(basis.spreads)
     every = np.concatenate([precision, basis.spreads**-2])

@@ -235,10 +235,7 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         score = Scorer(evidence, variants, PRICE)
         start = tuple((kind, variants[kind][0]) for kind in model.kinds)
         if not search.alone:
-            search.alone = {
-                kind: max(score(((kind, v),)) for v in own) + PRICE
-                for kind, own in variants.items()
-            }
+            search.alone = alone_of(score)
         members = best_set(score, start)
         kinds = frozenset(kind for kind, _ in members)
         if kinds in tried:
@@ -248,6 +245,14 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         model = fit_strength(task, search.fit(begun))
         tried[kinds] = model
     return min(tried.values(), key=search.price)
+
+
+def alone_of(score: Scorer) -> dict[str, float]:
+    """Returns what each kind gains alone, its price not taken [nats]."""
+    return {
+        kind: max(score(((kind, v),)) for v in own) + score.price
+        for kind, own in score.variants.items()
+    }
 
 
 def price_of(task: Task, model: Fitted) -> float:
@@ -366,10 +371,7 @@ def along_attitude(search: Search, model: Fitted) -> tuple[Fitted, dict[str, flo
     gram = candidates.grams(model.scales).sum(axis=0)
     evidence, variants = candidates.evidence(gram)
     score = Scorer(evidence, variants, PRICE_OF_FORCES)
-    search.alone = {
-        kind: max(score(((kind, v),)) for v in own) + PRICE_OF_FORCES
-        for kind, own in variants.items()
-    }
+    search.alone = alone_of(score)
     members = best_set(score)
     begun = begin(candidates, evidence, members, model.scales)
     names = ", ".join(begun.kinds) or "the plate"
