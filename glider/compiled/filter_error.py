@@ -34,6 +34,7 @@ def filter_flight(
     times,
     by_x,
     by_air,
+    by_trim,
     inputs,
     pose_by_x,
     outputs,
@@ -52,6 +53,7 @@ def filter_flight(
         times: (K + 1,) of the nodes [s].
         by_x: (K, n, n) how each interval's end moves with its node.
         by_air: (K, n, 2) how it moves with a constant velocity of the air.
+        by_trim: (K, n) how it moves with the flight's own trim.
         inputs: (K, n, m) how each column moves it.
         pose_by_x: (K + 1, 3, n) how the pose moves with the node.
         outputs: (K + 1, 4, m) how each column moves pose and elevator.
@@ -128,8 +130,8 @@ def filter_flight(
             for a in range(2):
                 transition[i, gust + a] = by_air[k, i, a]
                 transition[i, wind + a] = by_air[k, i, a]
+            transition[i, trim] = by_trim[k, i]
             if i != ELEVATOR:
-                transition[i, trim] = by_x[k, i, ELEVATOR]
                 transition[i, servo] = by_x[k, i, ELEVATOR]
         transition[PITCH, moment] = 0.5 * step * step
         transition[PITCH_RATE, moment] = step

@@ -23,7 +23,7 @@ from glider.sysid.fit.prediction import (
     measure_errors,
 )
 from glider.sysid.likelihood.model_fit import Fitted, fit_model
-from glider.sysid.likelihood.scales import FLOOR
+from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
     carried_of,
@@ -53,9 +53,11 @@ from glider.sysid.result import (
     Result,
     SetAside,
 )
+from glider.sysid.search.attitude import forces_alone
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.tracing import FIELD_PRICE, Traced, forces_alone, trace
+from glider.sysid.search.traced import Traced
+from glider.sysid.search.tracing import FIELD_PRICE, trace
 from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
@@ -146,8 +148,12 @@ class Analysis:
             if signs.are_right:
                 both = plate, model
                 if traced.forces is not None:
-                    both = forces_alone(task, plate), forces_alone(task, model)
-                held_out = hold_out(everything, *both, rng, traced.forces)
+                    forces = traced.forces
+                    both = (
+                        forces_alone(task, plate, forces),
+                        forces_alone(task, model, forces),
+                    )
+                held_out = hold_out(everything, *both, model.scales, rng)
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
@@ -228,9 +234,12 @@ class Analysis:
             plate, free=tuple(sorted({*plate.free, *offset}))
         )
         if traced.forces is not None:
-            calibrated = dataclasses.replace(calibrated, scales=traced.forces)
+            calibrated = forces_alone(task, calibrated, traced.forces)
         calibrated = fit_model(
-            task, calibrated, iterations=4, scales_free=traced.forces is None
+            task,
+            calibrated,
+            iterations=4,
+            free_scales=NAMES if traced.forces is None else (),
         )
         drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
         own = traced.model.scales

@@ -33,7 +33,7 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.peaks import find_peaks
-from glider.sysid.search.tracing import Traced
+from glider.sysid.search.traced import Traced
 from glider.sysid.search.weighing import Uncertainty
 
 FAMILIES = {

@@ -114,8 +114,8 @@ def hold_out(
     task: Task,
     plate: Fitted,
     corrected: Fitted,
+    scales: Scales,
     rng: np.random.Generator,
-    judged_by: Scales | None = None,
 ) -> HeldOut:
     """Holds out each flight once.
 
@@ -123,19 +123,13 @@ def hold_out(
         task: on all flights.
         plate: the model before.
         corrected: the model after.
+        scales: of sensors, and of what differs from flight to flight, of rollouts.
         rng: that deals the flights to folds.
-        judged_by: scales to refit and to judge by, if not the models' own.
     """
     count = len(task.records)
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    refits = [
-        _Refits(
-            task,
-            dataclasses.replace(model, scales=judged_by or model.scales),
-        )
-        for model in (plate, corrected)
-    ]
+    refits = [_Refits(task, model) for model in (plate, corrected)]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
     folds = []
     for part in parts:
@@ -144,7 +138,7 @@ def hold_out(
         for j, refit in enumerate(refits):
             model, costs = refit.without(part)
             gain[part] += costs if j == 0 else -costs
-            flown = flown_by(task, model, corrected.scales)
+            flown = flown_by(task, model, scales)
             predictions = in_parallel(_predictor(flown), unseen)
             errors.append(errors_of(flown, unseen, predictions))
             for i, record, predicted in zip(part, unseen, predictions, strict=True):

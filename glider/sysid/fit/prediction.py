@@ -23,7 +23,7 @@ from glider.sysid.likelihood.scales import (
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.signals import pose_signals, trimmed
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import Errors
 
@@ -143,12 +143,13 @@ def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
     launch = find_launch(model, record, rows)
     layout = record.layout
     elevator, rate = pose_signals(record, model.theta)
+    theta, shift = trimmed(record, model.theta, launch.constants.trim)
     signals = (
-        elevator + launch.constants.trim,
+        elevator + shift,
         rate,
         np.asarray(launch.constants.wind) + record.side_wind,
         record.bank,
-        layout.dynamics(model.theta),
+        layout.dynamics(theta),
         model.field,
     )
     kinds = layout.compiled_kinds

@@ -55,19 +55,24 @@ class Candidates:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
         return np.stack(grams_of(self.flights, scales))
 
-    def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
-        """Returns the evidence of sets of effects, and the variants in its columns.
+    def from_nothing(
+        self, grams: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Returns the information about effects that count from nothing.
 
-        Effects that act count from nothing, not from where they are: their columns'
-        share in the model is given back to the error.
+        Not from where they are: the share of those that act is given back to the error.
 
         Args:
-            gram: (m + 1, m + 1), summed over flights.
+            grams: (..., m + 1, m + 1).
+
+        Returns:
+            the same with the error of the model without effects; and (m,) the columns'
+            values there, their means beforehand and their precisions.
         """
         task, model = self.task, self.model
         slots = [d.slot for d in self.directions]
         value, mean, precision = beforehand(task, model, slots)
-        restored = np.zeros(len(gram))
+        restored = np.zeros(grams.shape[-1])
         restored[-1] = 1.0
         for j, slot in enumerate(slots):
             acts = task.layout.slots[slot][0] in model.kinds
@@ -76,15 +81,24 @@ class Candidates:
                 value[j] = mean[j]
             elif not acts:
                 value[j] = mean[j]
-        whole = gram.copy()
-        whole[:, -1] = gram @ restored
-        whole[-1, :] = whole[:, -1]
-        whole[-1, -1] = restored @ gram @ restored
+        whole = grams.copy()
+        whole[..., :, -1] = grams @ restored
+        whole[..., -1, -1] = whole[..., :, -1] @ restored
+        whole[..., -1, :-1] = whole[..., :-1, -1]
+        return whole, value, mean, precision
+
+    def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
+        """Returns the evidence of sets of effects, and the variants in its columns.
+
+        Args:
+            gram: (m + 1, m + 1), summed over flights.
+        """
+        whole, value, mean, precision = self.from_nothing(gram)
+        slots = [d.slot for d in self.directions]
         always = self.always
         reduced = eliminate(whole, always, precision[always], (mean - value)[always])
         keep = [j for j in range(len(slots)) if j not in set(always)]
-        place = {j: k for k, j in enumerate(keep)}
-        layout = task.layout
+        layout = self.task.layout
         kept_slots = [slots[j] for j in keep]
         found = Evidence(
             gram=reduced,
@@ -92,11 +106,17 @@ class Candidates:
             lower=layout.lower[kept_slots] - value[keep],
             upper=layout.upper[kept_slots] - value[keep],
         )
-        variants = {
+        return found, self.columns_of_kinds()
+
+    def columns_of_kinds(self) -> dict[str, list[Variant]]:
+        """Returns the variants of each kind, in the columns that are not always on."""
+        always = set(self.always)
+        keep = [j for j in range(len(self.directions)) if j not in always]
+        place = {j: k for k, j in enumerate(keep)}
+        return {
             kind: [tuple(place[j] for j in v) for v in own]
             for kind, own in self.variants.items()
         }
-        return found, variants
 
 
 def gather(task: Task, model: Fitted) -> Candidates:

@@ -7,12 +7,12 @@ import numpy as np
 
 from glider.compiled.filter_error import OWN_STATES, PROCESSES
 from glider.compiled.replay import advance_nodes, measure_nodes, slopes_along
-from glider.physics.effects import FIELD_VARIABLES, Field
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, Field
 from glider.sysid.likelihood.directions import Direction
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import flow_variables
-from glider.sysid.replay.signals import logged_elevator, pose_signals
+from glider.sysid.replay.signals import logged_elevator, pose_signals, trimmed
 from glider.sysid.replay.theta import OFFSET
 
 
@@ -41,6 +41,7 @@ class LinearFlight:
     nodes: np.ndarray
     by_x: np.ndarray
     by_air: np.ndarray
+    by_trim: np.ndarray
     by_term: np.ndarray
     inputs: np.ndarray
     pose_by_x: np.ndarray
@@ -75,6 +76,16 @@ class LinearFlight:
             outputs=_joined(self.outputs, np.zeros((*self.outputs.shape[:2], count))),
             start=_joined(self.start, unit),
         )
+
+    def with_force_errors(self) -> "LinearFlight":
+        """Returns the flight with errors of C_L and C_D in place of moving air.
+
+        What a formula gets wrong is a force in any direction; air that moves hardly
+        turns the force on a plate, and would make drag too sure.
+        """
+        terms = [FIELD_TERMS.index(name) for name in ("c_lift", "c_drag")]
+        forces = np.ascontiguousarray(self.by_term[:, :, terms])
+        return dataclasses.replace(self, by_air=forces)
 
     def middle_alpha(self, theta: np.ndarray) -> np.ndarray:
         """Returns the angle of attack in the middle of each interval [rad]."""
@@ -127,12 +138,16 @@ def linearize(
     layout = record.layout
     kinds, intervals = layout.compiled_kinds, len(record.time) - 1
     wind = np.asarray(constants.wind) + record.side_wind
-    dynamics = layout.dynamics(theta)
+
+    def own_dynamics(theta: np.ndarray) -> np.ndarray:
+        return layout.dynamics(trimmed(record, theta, constants.trim)[0])
+
+    dynamics = own_dynamics(theta)
     nodes = true_nodes(record, theta, field)
     elevator, rate = pose_signals(record, theta)
-    elevator = elevator + constants.trim
+    elevator = elevator + trimmed(record, theta, constants.trim)[1]
     plain = [d for d in directions if _is_plain(record, d)]
-    moved = np.array([layout.dynamics(d.moved) for d in plain])
+    moved = np.array([own_dynamics(d.moved) for d in plain])
     ends, by_x, by_term, by_plain = slopes_along(
         kinds,
         record.time,
@@ -192,11 +207,25 @@ def linearize(
         nodes=nodes,
         by_x=by_x,
         by_air=np.ascontiguousarray(by_term[:, :, :2]),
+        by_trim=_by_trim(record, theta, by_x, by_term),
         by_term=by_term,
         inputs=inputs,
         pose_by_x=pose_by_x,
         outputs=outputs,
     )
+
+
+def _by_trim(
+    record: Record, theta: np.ndarray, by_x: np.ndarray, by_term: np.ndarray
+) -> np.ndarray:
+    """Returns how each interval's end moves with the flight's own trim, (K, n)."""
+    if not record.trim_is_moment:
+        by_trim = by_x[:, :, OFFSET].copy()
+        by_trim[:, OFFSET] = 0.0
+        return by_trim
+    slot = record.layout.index["pitch_moment", "coefficient"]
+    per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
+    return per_radian * by_term[:, :, FIELD_TERMS.index("c_moment")]
 
 
 def _is_plain(record: Record, direction: Direction) -> bool:
@@ -220,11 +249,12 @@ def _apart(record, direction, field, constants, wind):
 def _advance(record, nodes, signals, theta, field, constants, wind):
     elevator, rate = signals
     layout = record.layout
+    theta, shift = trimmed(record, theta, constants.trim)
     return advance_nodes(
         layout.compiled_kinds,
         record.time,
         nodes,
-        elevator + constants.trim,
+        elevator + shift,
         rate,
         wind,
         record.bank,

@@ -17,6 +17,7 @@ from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight, linearize
 from glider.sysid.likelihood.scales import (
+    NAMES,
     Scales,
     fit_scales,
     flight_constants,
@@ -50,6 +51,8 @@ class Fitted:
         scales: of all noise.
         constants: name of each flight to its own, about which it is linear.
         extra: a field without a name that acts too, or None.
+        has_force_errors: whether errors of the forces stand in for moving air, see
+            `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
         cost: negative log posterior [nats].
         freedom: what the curves cost for the room that they had beforehand and do not
             fill, the logarithm of a ratio of volumes [nats].
@@ -63,6 +66,7 @@ class Fitted:
     scales: Scales
     constants: dict[str, Constants]
     extra: FieldData | None = None
+    has_force_errors: bool = False
     cost: float = np.inf
     freedom: float = 0.0
 
@@ -106,6 +110,8 @@ def linear_flights(
         record = task.records[i]
         own = model.constants.get(record.name, Constants())
         flight = linearize(record, model.theta, field, directions, own)
+        if model.has_force_errors:
+            flight = flight.with_force_errors()
         if not model.has_curves:
             return flight
         alpha = flight.middle_alpha(model.theta)
@@ -144,9 +150,16 @@ def fit_model(
     task: Task,
     model: Fitted,
     iterations: int = 6,
-    scales_free: bool = True,
+    free_scales: Sequence[str] = NAMES,
 ) -> Fitted:
-    """Fits a model's free numbers, its curves and, unless told not to, the scales."""
+    """Fits a model's free numbers, its curves and its scales.
+
+    Args:
+        task: what is fitted to what.
+        model: where the fit starts.
+        iterations: at most.
+        free_scales: names of the scales to fit; all by default.
+    """
     index = list(model.free)
     m = len(index)
     lower, upper = task.layout.lower[index], task.layout.upper[index]
@@ -158,8 +171,10 @@ def fit_model(
         )
         now = [f.error_only() for f in flights]
         scales = current.scales
-        if scales_free:
-            scales, value = fit_scales(now, scales, iterations=3 if iteration else 6)
+        if free_scales:
+            scales, value = fit_scales(
+                now, scales, free_scales, iterations=3 if iteration else 6
+            )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
         own, mean, precision = beforehand(task, current, index)

@@ -178,6 +178,7 @@ def whiten(
         record.time,
         flight.by_x,
         flight.by_air,
+        flight.by_trim,
         flight.inputs,
         flight.pose_by_x,
         flight.outputs,

@@ -45,6 +45,8 @@ class Record:
         commands: (k,) [rad/s].
         limits: travel of the elevator [rad], or None.
         rest: where the elevator stood before the first command [rad].
+        trim_is_moment: whether an elevator trim of the flight's own makes a moment and
+            no force, see `glider.sysid.replay.signals.trimmed`.
         bank: (n - 1,) factor of the wing's force in the plane where it is rolled, see
             `glider.sysid.replay.attitude`; one without attitude.
         side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
@@ -66,6 +68,7 @@ class Record:
     commands: np.ndarray
     limits: tuple[float, float] | None
     rest: float
+    trim_is_moment: bool
     bank: np.ndarray
     side_wind: np.ndarray
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
@@ -185,6 +188,8 @@ def _record(
         commands=commands,
         limits=campaign.elevator_limits if has_servo else None,
         rest=rest,
+        trim_is_moment=campaign.elevator == "fixed_per_flight"
+        and "elevator_area" not in campaign.vehicle,
         bank=bank,
         side_wind=side_wind,
     )

@@ -18,7 +18,7 @@ from glider.physics.effects import (
 from glider.physics.effects.field import COEFFICIENTS
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.signals import node_signals
+from glider.sysid.replay.signals import node_signals, trimmed
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import ResidualTable
 
@@ -61,8 +61,9 @@ def flow_along(
 
     The flow's columns are those of `compiled.replay.log_flow`.
     """
+    theta, shift = trimmed(record, theta, trim)
     nodes = true_nodes(record, theta).copy()
-    nodes[:, OFFSET] = trim
+    nodes[:, OFFSET] = shift
     elevator, rate = node_signals(record, theta)
     kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
     values = flow_at(kinds, record.time, nodes, elevator, rate, dynamics, field)

@@ -18,6 +18,27 @@ def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndar
     return elevator, rate
 
 
+def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
+    """Returns a flight's model and what to add to its elevator [rad] for its own trim.
+
+    A tail of unknown size at an unknown angle, and ballast, which moves the center of
+    mass, are a moment first: what they do to the forces is small and cannot be told.
+    Such a trim is one of the moment alone, that of a tail of the model's size at a
+    small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
+    """
+    if not record.trim_is_moment:
+        return theta, trim
+    index = record.layout.index
+    area, tail, hinge, offset = (
+        theta[index["parameters", name]]
+        for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
+    )
+    moved = theta.copy()
+    slot = index["pitch_moment", "coefficient"]
+    moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
+    return moved, 0.0
+
+
 def logged_elevator(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns the elevator's path at the times of the log's rows, (n,)."""
     return _signals(record, theta)[2]

@@ -44,9 +44,6 @@ _TRIM_SPREAD = 0.05
 _MOMENT_SPREAD = 0.02
 """Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
 
-_MARKER_SPREAD = 0.01
-"""Distance that a tracked point may lie from a center of mass that is not told [m]."""
-
 PRIOR_SCALES = 4.0
 """Spread of effects' coefficients beforehand, in their scales, where there is no
 nominal model to hold them against."""
@@ -121,10 +118,14 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         nuisance.append(index["pitch_moment", "coefficient"])
         dropped.add("pitch_moment")
     if "mass" not in known or "wing_area" in unknown:
-        dropped.add("mass")
-    if "wing_offset" in unknown:  # Then nobody has told where its center of mass is.
-        nuisance += layout.slots_of("marker_offset")
+        # Air that moves with the wing is one with its area and its lift by pitch rate;
+        # a wind that all flights share with its area, its camber and its drag.
+        dropped |= {"mass", "added_mass", "wind", "wind_shear"}
+    if "wing_offset" in unknown:
+        # A tracked point ahead of it shows in the pitch acceleration, as do errors of
+        # the moment: it could be anywhere.
         dropped.add("marker_offset")
+        notes.append("The tracked point is taken for the center of mass.")
     if "pitch_inertia" in unknown:
         dropped.add("inertia")
     if "elevator_area" in unknown:
@@ -139,8 +140,6 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
         spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
         spread[index["pitch_moment", "coefficient"]] = _MOMENT_SPREAD
-        if "wing_offset" in unknown:
-            spread[list(layout.slots_of("marker_offset"))] = _MARKER_SPREAD
         prior = theta.copy(), spread
     return Vehicle(
         layout=layout,

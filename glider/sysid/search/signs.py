@@ -93,4 +93,4 @@ def _cost(
     model = dataclasses.replace(
         model, kinds=kinds, free=task.free(kinds), scales=ROUGHLY
     )
-    return fit_model(task, model, iterations=2, scales_free=False).cost
+    return fit_model(task, model, iterations=2, free_scales=()).cost

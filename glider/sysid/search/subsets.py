@@ -1,9 +1,11 @@
 """Sets of effects by their evidence: a beam with swaps, and hill climbing."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
 
 from glider.sysid.likelihood.candidates import Member, Variant
-from glider.sysid.likelihood.evidence import Evidence
 
 MOST_EFFECTS = 8
 """Effects of a set at most."""
@@ -17,16 +19,28 @@ _HOPELESS = 30.0
 Members = tuple[Member, ...]
 
 
+class SetEvidence(Protocol):
+    """What tells how much better a set of columns explains the flights than none."""
+
+    def log_marginal(self, columns: Sequence[int]) -> float:
+        """Returns the gain [nats]."""
+        ...
+
+    def step(self, columns: Sequence[int]) -> np.ndarray:
+        """Returns the columns' coefficients, counted from nothing."""
+        ...
+
+
 class Scorer:
     """Evidence of sets less a price for each member; what was asked once is kept."""
 
     def __init__(
         self,
-        evidence: Evidence,
+        evidence: SetEvidence,
         variants: Mapping[str, Sequence[Variant]],
-        price: float,
+        price: Callable[[str], float],
     ):
-        """Takes the price of a member [nats]."""
+        """Takes the price of a member by its kind [nats]."""
         self.evidence, self.variants, self.price = evidence, variants, price
         self._kept: dict[frozenset[Member], float] = {}
 
@@ -36,8 +50,36 @@ class Scorer:
         if key not in self._kept:
             columns = [c for _, variant in members for c in variant]
             value = self.evidence.log_marginal(columns)
-            self._kept[key] = value - self.price * len(members)
+            self._kept[key] = value - sum(self.price(kind) for kind, _ in members)
         return self._kept[key]
+
+    def alone(self) -> dict[str, float]:
+        """Returns what each kind gains alone, its price not taken [nats]."""
+        return {
+            kind: max(self.evidence.log_marginal(v) for v in own)
+            for kind, own in self.variants.items()
+        }
+
+    def lost(self, members: Members) -> dict[str, float]:
+        """Returns what is lost without each member, its price not taken [nats]."""
+        return {
+            kind: self(members) - self(fewer) + self.price(kind)
+            for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
+        }
+
+    def ranked(self) -> list[tuple[tuple[str, ...], float]]:
+        """Returns the kinds of all sets that were asked, best first [nats]."""
+        best: dict[tuple[str, ...], float] = {}
+        for members, value in self._kept.items():
+            kinds = tuple(sorted(kind for kind, _ in members))
+            if kinds and value > best.get(kinds, -np.inf):
+                best[kinds] = value
+        return sorted(best.items(), key=lambda item: -item[1])
+
+    def among(self, kinds: Collection[str]) -> "Scorer":
+        """Returns the scorer with only some kinds to choose from."""
+        few = {kind: own for kind, own in self.variants.items() if kind in kinds}
+        return Scorer(self.evidence, few, self.price)
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member more."""

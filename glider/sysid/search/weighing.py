@@ -1,10 +1,11 @@
 """How sure is each effect of a set: evidence, rivals, resampled flights, errors."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
-from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import covariance
 from glider.sysid.likelihood.model_fit import (
@@ -42,17 +43,20 @@ class Weighed:
     support: float
 
 
+Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
+"""Makes a scorer of candidates, of what each flight tells and how often it counts."""
+
+
 def weigh(
-    task: Task, model: Fitted, price: float, rng: np.random.Generator
+    task: Task, model: Fitted, scoring: Scoring, rng: np.random.Generator
 ) -> dict[str, Weighed]:
     """Returns what speaks for each effect of a model."""
     if not model.kinds:
         return {}
     candidates = gather(task, model)
     grams = candidates.grams(model.scales)
-    evidence, variants = candidates.evidence(grams.sum(axis=0))
-    score = Scorer(evidence, variants, price)
-    chosen: Members = tuple((k, variants[k][0]) for k in model.kinds)
+    score = scoring(candidates, grams, np.ones(len(grams)))
+    chosen: Members = tuple((k, score.variants[k][0]) for k in model.kinds)
     best = score(chosen)
     near = set(model.kinds)
     rivals: dict[str, list[str]] = {kind: [] for kind in model.kinds}
@@ -66,13 +70,13 @@ def weigh(
             (gone,) = lost
             if kind not in rivals[gone]:
                 rivals[gone].append(kind)
-    few = {kind: variants[kind] for kind in variants if kind in near}
     counts = dict.fromkeys(model.kinds, 0)
     supports = dict.fromkeys(model.kinds, 0)
     for _ in range(RESAMPLES):
         drawn = rng.integers(len(grams), size=len(grams))
-        again, _ = candidates.evidence(grams[drawn].sum(axis=0))
-        found = {kind for kind, _ in climb(Scorer(again, few, price), chosen)}
+        times = np.bincount(drawn, minlength=len(grams)).astype(float)
+        again = scoring(candidates, grams, times).among(near)
+        found = {kind for kind, _ in climb(again, chosen)}
         for kind in model.kinds:
             counts[kind] += kind in found
             supports[kind] += not found.isdisjoint((kind, *rivals[kind]))
@@ -84,6 +88,19 @@ def weigh(
         )
         for kind in model.kinds
     }
+
+
+LEAST_SUPPORT = 0.85
+"""Share of resampled flights by which an effect, or one that is like it, must be
+chosen: one that hangs on a few flights is not claimed."""
+
+
+def weakest(weighed: dict[str, Weighed]) -> str | None:
+    """Returns the effect that fewest resampled flights support, if too few."""
+    kind = min(weighed, key=lambda k: weighed[k].support, default=None)
+    if kind is None or weighed[kind].support >= LEAST_SUPPORT:
+        return None
+    return kind
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -69,7 +69,7 @@ def test_a_shape_is_fitted_from_its_first_guess():
 def test_scales_may_be_kept(windy):
     task, noise = task_of(windy)
     start = begin(task, noise, ["wind"])
-    model = fit_model(task, start, scales_free=False)
+    model = fit_model(task, start, free_scales=())
     assert model.scales == start.scales
     assert model.theta[task.layout.slots_of("wind")[0]] == pytest.approx(-0.4, abs=0.1)
 

@@ -19,7 +19,7 @@ def scorer(table, variants, price=PRICE):
         lower=np.full(count, -np.inf),
         upper=np.full(count, np.inf),
     )
-    return Scorer(evidence, variants, price)
+    return Scorer(evidence, variants, lambda kind: price)
 
 
 @pytest.fixture

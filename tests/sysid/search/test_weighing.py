@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.search.tracing import PRICE
+from glider.sysid.search.tracing import scoring
 from glider.sysid.search.weighing import uncertainty_of, weigh
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -16,7 +16,7 @@ def weighed(effect, *kinds, offered, flights=8):
     task, noise = task_of(fly(effect, flights=flights))
     task = dataclasses.replace(task, kinds=offered)
     model = fit_model(task, begin(task, noise, kinds))
-    return weigh(task, model, PRICE, np.random.default_rng(0)), task, model
+    return weigh(task, model, scoring, np.random.default_rng(0)), task, model
 
 
 def test_a_strong_effect_is_chosen_by_all_and_has_no_rival():
@@ -45,7 +45,7 @@ def test_what_can_hardly_be_told_apart_is_a_rival():
 
 def test_without_effects_there_is_nothing_to_weigh():
     task, noise = task_of(fly(flights=2, duration=0.3))
-    assert weigh(task, begin(task, noise), PRICE, np.random.default_rng(0)) == {}
+    assert weigh(task, begin(task, noise), scoring, np.random.default_rng(0)) == {}
 
 
 def test_what_is_not_free_has_no_standard_error():

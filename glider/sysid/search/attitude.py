@@ -1,0 +1,194 @@
+"""Effects of a glider of which little is known: forces come first.
+
+The flights are taken along their measured attitude, so that the moment, which nobody
+knows, tells nothing of the forces. No formula will be quite right: what is left is an
+error of the forces that lasts, whose strength and time are estimated, and a set of
+effects is worth what it foretells of flights that it was not fitted to.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.model_fit import (
+    Fitted,
+    fit_model,
+    linear_flights,
+    start_of,
+)
+from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
+from glider.sysid.search.held_out import HeldOutEvidence
+from glider.sysid.search.sets_in_models import begin, plate_of, without
+from glider.sysid.search.subsets import Scorer, best_set
+from glider.sysid.search.traced import Traced
+from glider.sysid.search.weighing import weakest, weigh
+
+ROUNDS = 4
+"""Rounds at most: the strength of the errors depends on the set, and the set on it."""
+
+PRICE = 3.0
+"""What an effect must gain on flights left out [nats]: e^3 is twenty to one, and about
+twenty effects are asked."""
+
+PRICE_OF_MORE = 2.0
+"""What each further coefficient of an effect must gain [nats]."""
+
+EVERY_GLIDER_HAS = (
+    "camber",
+    "profile_drag",
+    "axial_drag",
+    "induced_drag",
+    "attached_lift",
+    "pitch_rate_lift",
+    "pitch_damping",
+)
+"""Effects that need no cause of their own: no wing's lift is a flat plate's."""
+
+PRICE_OF_A_CAUSE = 8.0
+"""What another effect must gain more [nats]."""
+
+FORCE_ERROR = 0.06
+"""Error of C_L and C_D where the search starts."""
+
+ERROR_TIME = 0.3
+"""Time over which the errors last, where the search starts [s]."""
+
+ALONG_ATTITUDE = {
+    "position": 1e-3,
+    "pitch": 2e-3,
+    "moment": 200.0,
+    "air": FORCE_ERROR,
+    "air_time": ERROR_TIME,
+    "wind": 1e-3,
+    "trim": 0.02,
+    "pitch_zero": 3e-3,
+}
+"""Scales of flights along their measured attitude: the moment tells nothing."""
+
+_OF_MOMENT = (
+    ("parameters", "pitch_inertia"),
+    ("parameters", "wing_offset"),
+    ("elevator_trim", "angle"),
+    ("pitch_moment", "coefficient"),
+)
+"""Unknown numbers of a vehicle that are hardly seen in the forces."""
+
+
+def price_of_kind(task: Task, kind: str) -> float:
+    """Returns what an effect must gain on flights left out [nats]."""
+    slots = task.layout.slots_of(kind)
+    sizes = sum(not task.is_shape(i) for i in slots)
+    cause = 0.0 if kind in EVERY_GLIDER_HAS else PRICE_OF_A_CAUSE
+    return PRICE + PRICE_OF_MORE * (sizes - 1) + cause
+
+
+def trace_along_attitude(
+    task: Task,
+    noise: Noise,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> Traced:
+    """Finds the effects that the forces along the measured attitude show."""
+    start = start_of(task, noise, with_curves=False)
+    scales = dataclasses.replace(start.scales, **ALONG_ATTITUDE)
+    model = dataclasses.replace(start, scales=scales, has_force_errors=True)
+    alone: dict[str, float] = {}
+    tried: list[frozenset[str]] = []
+    for _ in range(ROUNDS):
+        progress("searching for effects along the measured attitude")
+        candidates = gather(task, model)
+        grams = candidates.grams(model.scales)
+        score = scoring(candidates, grams, np.ones(len(grams)))
+        alone = alone or score.alone()
+        members = best_set(score)
+        model = refit(task, begin(candidates, score.evidence, members, model.scales))
+        if frozenset(model.kinds) in tried:
+            break
+        tried.append(frozenset(model.kinds))
+    progress("weighing the effects")
+    weighed = weigh(task, model, scoring, rng)
+    while weak := weakest(weighed):
+        members = tuple(m for m in members if m[0] != weak)
+        model = refit(task, without(task, model, weak))
+        weighed = weigh(task, model, scoring, rng)
+    plate = model
+    if model.kinds:
+        progress("fitting the plate alone")
+        plate = fit_model(task, plate_of(task, model), free_scales=())
+    progress("fitting the moment")
+    return Traced(
+        model=with_moment(task, model, noise),
+        plate=with_moment(task, plate, noise),
+        evidence=score.lost(members),
+        weighed=weighed,
+        alone=alone,
+        combinations=tuple(score.ranked()),
+        field=None,
+        forces=model,
+    )
+
+
+def scoring(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Scorer:
+    """Returns what sets gain on flights left out that count so often, less a price."""
+    evidence = HeldOutEvidence(candidates, grams, counts)
+    variants = candidates.columns_of_kinds()
+    task = candidates.task
+    return Scorer(evidence, variants, lambda kind: price_of_kind(task, kind))
+
+
+def refit(task: Task, model: Fitted) -> Fitted:
+    """Returns a model fitted to the forces, and the errors that it leaves there."""
+    return with_error_of_forces(task, fit_model(task, model, free_scales=()))
+
+
+def with_error_of_forces(task: Task, model: Fitted) -> Fitted:
+    """Returns a model of forces with the error that it leaves."""
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
+    return dataclasses.replace(model, scales=scales)
+
+
+def with_moment(task: Task, model: Fitted, noise: Noise) -> Fitted:
+    """Returns a model of forces with its moment fitted, and all scales."""
+    index = task.layout.index
+    slots = [index[slot] for slot in _OF_MOMENT]
+    free = tuple(i for i in slots if i in task.vehicle.nuisance)
+    kept = {name: getattr(model.scales, name) for name in OF_FORCES}
+    start = dataclasses.replace(
+        model,
+        free=free,
+        scales=dataclasses.replace(start_scales(noise), **kept),
+        has_force_errors=False,
+    )
+    others = [name for name in NAMES if name not in OF_FORCES]
+    fitted = fit_model(task, start, free_scales=others)
+    return dataclasses.replace(fitted, free=model.free)
+
+
+OF_FORCES = ("wind", "pitch_zero")
+"""Scales that the forces have told: what is off in the moment, whose formula is
+rougher, must not turn the flights' axes or their winds."""
+
+
+def forces_alone(task: Task, model: Fitted, forces: Fitted) -> Fitted:
+    """Returns a model as a refit of its forces to other flights takes it.
+
+    The moment stays as it is.
+
+    Args:
+        task: that the model is of.
+        model: with its moment.
+        forces: of whose scales the forces are judged.
+    """
+    index = task.layout.index
+    kept = {index[slot] for slot in _OF_MOMENT}
+    return dataclasses.replace(
+        model,
+        free=tuple(i for i in model.free if i not in kept),
+        scales=forces.scales,
+        has_force_errors=True,
+    )
