@@ -14,6 +14,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
+from glider.sysid.checks.clocks import check_limits
 from glider.sysid.checks.inspection import Inspection
 from glider.sysid.checks.masks import ALL
 from glider.sysid.checks.planarity import planarity
@@ -115,6 +116,7 @@ class Analysis:
             if with_signs:
                 signs = find_signs(logged, _pick(logged, names[0]), masks, vehicle)
         campaign = turn_campaign(logged, signs)
+        check_limits(campaign, masks)
         with self.stage("smooth"):
             noise = measure_noise(campaign, masks)
             records = _records(campaign, noise, vehicle, inspection)

@@ -1,6 +1,7 @@
 """What does a broken log do to the answer? Prints a table; asserts nothing.
 
-    python -m tests.benchmarks.bench_broken [--campaign NAME] [--flights N] [KIND ...]
+    python -m tests.benchmarks.bench_broken [--campaign NAME] [--flights N] [--checks]
+        [KIND ...]
 
 A good campaign is broken in one way at a time, written to a folder and taken through
 `close_the_loop`. A line a kind: the outcome, the median position error of held-out
@@ -30,9 +31,18 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
+from glider.sysid.checks.clocks import check_limits
+from glider.sysid.checks.inspection import inspect
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.sysid.likelihood.outliers import find_outlying
+from glider.sysid.likelihood.task import make_task
 from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.noise import measure_noise
+from glider.sysid.replay.record import prepare
+from glider.sysid.replay.signs import turn_campaign
+from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
+from glider.sysid.search.signs import find_signs
 from tests.helpers.campaigns import campaign_path
 from tests.sysid.checks import breaking as b
 
@@ -122,7 +132,7 @@ def cells(column: str, edit: Callable[[float], float], everywhere: bool) -> Brea
     def change(text: list[str]) -> list[str]:
         k = text[0].split(",").index(column)
         rows = [line.split(",") for line in text[1:]]
-        changed = [r[:k] + [f"{edit(float(r[k])):.9g}"] + r[k + 1 :] for r in rows]
+        changed = [[*r[:k], f"{edit(float(r[k])):.9g}", *r[k + 1 :]] for r in rows]
         return [text[0], *(",".join(r) for r in changed)]
 
     return lines(change, everywhere)
@@ -141,9 +151,7 @@ def swap_cells(first: str, second: str) -> Break:
 
 def first_flights(count: int) -> Break:
     """Keeps a few flights."""
-    return Break(
-        campaign=lambda c: dataclasses.replace(c, flights=c.flights[:count])
-    )
+    return Break(campaign=lambda c: dataclasses.replace(c, flights=c.flights[:count]))
 
 
 def doubled(campaign: Campaign) -> Campaign:
@@ -255,9 +263,7 @@ def kinds() -> dict[str, Break]:
         "command rate halved": setting(command_rate=25.0),
         # Elevator and commands.
         "elevator sign": every(b.with_servo(lambda f: -f.elevator), "angle_sign"),
-        "command sign": every(
-            b.with_servo(command=lambda f: -f.command), "angle_sign"
-        ),
+        "command sign": every(b.with_servo(command=lambda f: -f.command), "angle_sign"),
         "both signs": every(
             b.with_servo(lambda f: -f.elevator, lambda f: -f.command), "angle_sign"
         ),
@@ -315,7 +321,7 @@ def kinds() -> dict[str, Break]:
         "times jitter by 1 ms": every(b.jitter(1e-3, rng)),
         "times jitter by 4 ms": every(b.jitter(4e-3, rng)),
         "times jitter in one": one(b.jitter(4e-3, rng)),
-        "a time twice": lines(lambda t: t[:40] + [t[39]] + t[40:]),
+        "a time twice": lines(lambda t: [*t[:40], t[39], *t[40:]]),
         "a step back in time": lines(lambda t: [*t[:40], t[41], t[40], *t[42:]]),
         "rows backwards in one": one(b.backwards),
         "rows backwards": every(b.backwards),
@@ -442,6 +448,33 @@ def judge(good: Result, broken: Break, result: Result) -> tuple[str, str]:
     return ("WRONG", "; ".join(faults)) if faults else ("right", "")
 
 
+def check(campaign: Campaign, broken: Break) -> Answer:
+    """Takes a broken campaign through the checks alone: refused, told or silent."""
+    begin = time.perf_counter()
+    try:
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place) / "campaign"
+            save_campaign(folder, broken.campaign(campaign))
+            broken.folder(folder)
+            inspection = inspect(load_campaign(folder))
+        whole, masks = inspection.campaign, inspection.masks
+        vehicle = make_vehicle(whole)
+        turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
+        check_limits(turned, masks)
+        noise = measure_noise(turned, masks)
+        records = prepare(turned.flights, turned, noise, vehicle.layout, masks)
+        outlying = find_outlying(make_task(records, vehicle, vehicle.kinds), noise)
+    except InputError as error:
+        words, outcome = str(error), "refused"
+    else:
+        notes = [f"{s.file}: {s.why}" for s in inspection.set_aside]
+        notes += [f"{name} stands out ({r:.3g})" for name, r in outlying.items()]
+        notes += inspection.warnings
+        outcome = "told" if notes else "silent"
+        words = " | ".join(notes[:3])
+    return Answer(outcome=outcome, words=words, seconds=time.perf_counter() - begin)
+
+
 def run(campaign: Campaign, good: Result, broken: Break) -> Answer:
     """Answers a broken campaign and judges the answer."""
     begin = time.perf_counter()
@@ -487,17 +520,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("kinds", nargs="*", metavar="KIND", help="all by default")
     parser.add_argument("--campaign", default="attached_lift")
     parser.add_argument("--flights", type=int, default=20)
+    parser.add_argument(
+        "--checks", action="store_true", help="no tracing: refused, told or silent"
+    )
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
     whole = load_campaign(campaign_path(args.campaign))
     campaign = dataclasses.replace(whole, flights=whole.flights[: args.flights])
-    good = answer(campaign, Break())
-    said = " + ".join(e.kind for e in good.effects) or "nothing"
-    print(f"unbroken: {good.verdict}: {said}")
     ways = kinds()
+    if not args.checks:
+        good = answer(campaign, Break())
+        said = " + ".join(e.kind for e in good.effects) or "nothing"
+        print(f"unbroken: {good.verdict}: {said}")
     count: Counter[str] = Counter()
     for name in args.kinds or ways:
-        line = run(campaign, good, ways[name])
+        way = ways[name]
+        line = check(campaign, way) if args.checks else run(campaign, good, way)
         show(name, line)
         count[line.outcome] += 1
     print(f"\n{sum(count.values())} kinds: {dict(count.most_common())}")

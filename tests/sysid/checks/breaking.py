@@ -347,9 +347,7 @@ def noisy(size, rng):
 
 def heavy_tails(size, rng):
     """Adds noise of Student's t with two degrees of freedom."""
-    return lambda f: with_pose(
-        f, f.pose + rng.standard_t(2, size=f.pose.shape) * size
-    )
+    return lambda f: with_pose(f, f.pose + rng.standard_t(2, size=f.pose.shape) * size)
 
 
 def hit(first, change):
