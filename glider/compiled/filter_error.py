@@ -100,6 +100,8 @@ def filter_flight(
                     value += covariance[i, j] * row[j]
                 gain[i] = value
                 own += row[i] * value
+            if own < variance[k, c]:  # By rounding: a covariance adds nothing negative.
+                own = variance[k, c]
             inverse = 1.0 / own
             scale = np.sqrt(inverse)
             variances[k, c] = own

@@ -7,13 +7,16 @@ import dataclasses
 import importlib.metadata
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.errors import InputError
+from glider.sysid.checks.clocks import check_limits
 from glider.sysid.checks.inspection import Inspection
+from glider.sysid.checks.masks import ALL
 from glider.sysid.checks.planarity import planarity
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out
 from glider.sysid.fit.prediction import (
@@ -23,6 +26,7 @@ from glider.sysid.fit.prediction import (
     measure_errors,
 )
 from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
@@ -114,12 +118,18 @@ class Analysis:
             if with_signs:
                 signs = find_signs(logged, _pick(logged, names[0]), masks, vehicle)
         campaign = turn_campaign(logged, signs)
+        check_limits(campaign, masks)
         with self.stage("smooth"):
             noise = measure_noise(campaign, masks)
             records = _records(campaign, noise, vehicle, inspection)
+        with self.stage("compare", "comparing flights"):
+            everything = make_task(records, vehicle, kinds)
+            outlying = find_outlying(everything, noise)
+            records = [r for r in records if r.name not in outlying]
+            everything = everything.on(records)
+            names = _without(names, outlying, campaign)
         fitted = [r for r in records if r.name in names[0]]
         unseen = [r for r in records if r.name in names[1]]
-        everything = make_task(records, vehicle, kinds)
         task = everything.on(fitted)
         with self.stage("trace"):
             traced = trace(task, noise, rng, self.progress)
@@ -136,6 +146,7 @@ class Analysis:
             if not signs.are_right:
                 own = measure_noise(logged, masks)
                 before = _records(logged, own, vehicle, inspection)
+                before = [r for r in before if r.name not in outlying]
             errors: dict[str, Errors | None] = {}
             predictions: dict[str, list[Prediction]] = {}
             for name, pilot in flown.items():
@@ -188,10 +199,7 @@ class Analysis:
             curves=curves_of(before_table, named_table),
             vehicle=vehicle_of(vehicle, model, known),
             warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
-            set_aside=tuple(
-                SetAside(file=s.file, rows=s.rows, why=s.why)
-                for s in inspection.set_aside
-            ),
+            set_aside=_set_aside(inspection, outlying),
             planarity=_planarity(logged),
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
@@ -260,6 +268,43 @@ def _air(model: Fitted) -> Air:
 
 STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
+
+
+def _without(
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    outlying: Mapping[str, float],
+    campaign: Campaign,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Returns names of flights to fit and held out without those that stand out."""
+    fitted, unseen = (tuple(n for n in group if n not in outlying) for group in names)
+    if len(fitted) < 2 or not unseen:
+        raise InputError(
+            f"{campaign.path}: {', '.join(outlying)} cannot be flights of the same "
+            "glider as the others, and too few are left to fit and to hold out."
+        )
+    return fitted, unseen
+
+
+def _set_aside(
+    inspection: Inspection, outlying: Mapping[str, float]
+) -> tuple[SetAside, ...]:
+    """Returns all that is not used: rows that are faulty, flights that stand out."""
+    rows = [
+        SetAside(file=s.file, rows=s.rows, why=s.why)
+        for s in inspection.set_aside
+        if s.file not in outlying
+    ]
+    flights = [
+        SetAside(
+            file=name,
+            rows=ALL,
+            why=f"no model explains it with the others: its mean squared error is "
+            f"{ratio:.3g} times that of the middle flight (another clock, axis, unit "
+            "or glider, or a hit?)",
+        )
+        for name, ratio in outlying.items()
+    ]
+    return tuple(sorted(rows + flights, key=lambda s: s.file))
 
 
 def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:

@@ -18,6 +18,11 @@ _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator after its commands that are tried [s]: effects of the library
 (command_delay, servo_lag) stay below 0.3."""
 _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
+_BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, for which comes first [s].
+_LEADS = -0.015
+"""Delay below which an elevator moves before its commands [s]: no servo does. Measured:
+-0.005 to 0.025 in 20 campaigns, of three flights each, too: half a row, for a command
+is held until the next."""
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
 for a servo at once, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for commands
@@ -30,11 +35,12 @@ _FOLLOWS_ALONE = 0.6
 """Share of the campaign's correlation that a flight alone must reach at its delay.
 Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
 fall below, for few rates correlate by chance."""
+_BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
 _WIDE = 0.15  # Travel from which on one flight alone can be judged [rad].
 
 
 def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
-    """Raises InputError where elevator and commands have nothing to do with each other.
+    """Raises InputError where an elevator does not follow commands, or precedes them.
 
     Args:
         campaign: of flights; one without a servo passes.
@@ -71,6 +77,35 @@ def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); both on the clock of 'time' are "
             "needed."
+        )
+    _, delay = calc_correlation(campaign.flights, masks, _BOTH_WAYS)
+    if delay < _LEADS:
+        raise InputError(
+            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
+            "'elevator_rate_command' tells it to; both on the clock of 'time' are "
+            "needed."
+        )
+
+
+def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
+    """Raises InputError where the elevator goes far beyond what its limits say.
+
+    Args:
+        campaign: of flights, the signs of their angles turned right.
+        masks: rows of the elevator to leave out, by the name of the flight.
+    """
+    if campaign.elevator != "servo" or campaign.elevator_limits is None:
+        return
+    angles = np.concatenate(
+        [np.asarray(f.elevator)[~masks[f.name].elevator] for f in campaign.flights]
+    )
+    lowest, highest = np.percentile(angles, [1.0, 99.0])
+    lower, upper = campaign.elevator_limits
+    if max(lower - lowest, highest - upper) > _BEYOND:
+        raise InputError(
+            f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
+            f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
+            "the travel that the servo has is needed (trailing edge down, up)."
         )
 
 

@@ -4,13 +4,20 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from glider.campaign.logs import (
     Campaign,
     Flight,
 )
 from glider.sysid.checks.masks import Masks
-from glider.sysid.likelihood.model_fit import fit_model, start_of
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.model_fit import (
+    fit_model,
+    linear_flights,
+    start_of,
+)
+from glider.sysid.likelihood.outliers import ROUGHLY
+from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
@@ -20,11 +27,6 @@ from glider.sysid.replay.vehicle import Vehicle
 LEAST_GAIN = 20.0
 """Log-likelihood for each flight by which other signs must be better [nats]: a wrong
 sign turns forces round."""
-
-ROUGHLY = Scales(
-    position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
-)
-"""Scales under which signs are compared: whatever else is wrong may not cost much."""
 
 FLIGHTS = 6
 """Number of flights to ask; a wrong sign shows in any."""
@@ -53,25 +55,26 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round: no small effect of the library comes near.
-    So the best set of signs must beat the logged one by `LEAST_GAIN`, each with
-    `COMPANIONS` fitted.
+    So the best set of signs must beat the logged one by `LEAST_GAIN` in the middle
+    flight, each with `COMPANIONS` fitted: no flight alone can turn the others.
     """
     few = tuple(flights[:FLIGHTS])
     options = _WITH_SERVO if campaign.elevator == "servo" else ((-1, 1, 1),)
     logged = _cost(campaign, few, masks, vehicle, Signs())
-    best, lowest = Signs(), logged
+    best, most = Signs(), 0.0
     for pitch, elevator, command in options:
         signs = Signs(pitch=pitch, elevator=elevator, command=command)
         cost = _cost(campaign, few, masks, vehicle, signs)
-        if cost < lowest:
-            best, lowest = signs, cost
-    rows = 4 * sum(len(f.time) for f in few)
-    if best.are_right or logged - lowest < LEAST_GAIN * len(few):
+        gain = float(np.median(logged - cost))
+        if gain > most:
+            best, most = signs, gain
+    rows = 4 * np.mean([len(f.time) for f in few])
+    if best.are_right or most < LEAST_GAIN:
         return Signs()
     return dataclasses.replace(
         best,
-        evidence=float(logged - lowest),
-        share=float(1.0 - math.exp(-2.0 * (logged - lowest) / rows)),
+        evidence=most * len(few),
+        share=float(1.0 - math.exp(-2.0 * most / rows)),
     )
 
 
@@ -81,8 +84,8 @@ def _cost(
     masks: Mapping[str, Masks],
     vehicle: Vehicle,
     signs: Signs,
-) -> float:
-    """Returns the negative log-likelihood under some signs [nats]."""
+) -> np.ndarray:
+    """Returns the flights' negative log-likelihoods under some signs [nats]."""
     turned = tuple(turn(f, signs) for f in flights)
     # Its noise depends on the signs.
     noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
@@ -93,4 +96,6 @@ def _cost(
     model = dataclasses.replace(
         model, kinds=kinds, free=task.free(kinds), scales=ROUGHLY
     )
-    return fit_model(task, model, iterations=2, free_scales=()).cost
+    fitted = fit_model(task, model, iterations=2, free_scales=())
+    flights_now = [f.error_only() for f in linear_flights(task, fitted, ())]
+    return negative_log_likelihood(flights_now, ROUGHLY)

@@ -181,3 +181,180 @@ def shift_commands(late):
         return dataclasses.replace(f, command=np.where(known, f.command[row], 0.0))
 
     return edit
+
+
+def in_body_axes(flight: Flight) -> Flight:
+    """Turns each position by the pitch, as if cameras rode along."""
+    x, z, pitch = flight.pose.T
+    s, c = np.sin(pitch), np.cos(pitch)
+    return with_pose(flight, np.column_stack([c * x - s * z, s * x + c * z, pitch]))
+
+
+def tilt(angle):
+    """Turns the axes of the cameras about +y."""
+
+    def edit(flight):
+        x, z, pitch = flight.pose.T
+        s, c = np.sin(angle), np.cos(angle)
+        return with_pose(
+            flight, np.column_stack([c * x + s * z, c * z - s * x, pitch + angle])
+        )
+
+    return edit
+
+
+def pitch_of_path(flight: Flight) -> np.ndarray:
+    """Returns poses whose pitch is the direction of the path."""
+    slope = np.gradient(flight.pose[:, :2], flight.time, axis=0)
+    return np.column_stack([flight.pose[:, :2], -np.arctan2(slope[:, 1], slope[:, 0])])
+
+
+def joined(first: Flight, second: Flight) -> Flight:
+    """Returns two flights in one file, times as they are."""
+    return dataclasses.replace(
+        first,
+        **{
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("time", "pose", "elevator", "command")
+        },
+    )
+
+
+def with_servo_of(flight: Flight, other: Flight) -> Flight:
+    """Gives a flight the servo columns of another one, row by row."""
+    rows = np.minimum(np.arange(len(flight.time)), len(other.time) - 1)
+    return dataclasses.replace(
+        flight, elevator=other.elevator[rows], command=other.command[rows]
+    )
+
+
+def stuck(first):
+    """The elevator stays where it is from row `first` on."""
+
+    def edit(f):
+        elevator = f.elevator.copy()
+        elevator[first:] = elevator[first]
+        return dataclasses.replace(f, elevator=elevator)
+
+    return edit
+
+
+def shift_servo(late):
+    """Moves elevator and commands by `late` seconds against the poses."""
+
+    def edit(f):
+        at = f.time - late
+        row = np.clip(np.searchsorted(f.time, at, side="right") - 1, 0, None)
+        return dataclasses.replace(
+            f,
+            command=f.command[row],
+            elevator=np.interp(at, f.time, f.elevator),
+        )
+
+    return edit
+
+
+def drift_servo(rate):
+    """Lets the clock of the servo run `rate` times as fast as that of the poses."""
+
+    def edit(f):
+        at = f.time[0] + (f.time - f.time[0]) / rate
+        row = np.clip(np.searchsorted(f.time, at + 1e-9, side="right") - 1, 0, None)
+        return dataclasses.replace(
+            f, command=f.command[row], elevator=np.interp(at, f.time, f.elevator)
+        )
+
+    return edit
+
+
+def jitter(size, rng):
+    """Logs each row at a wrong time, evenly within ±size [s]; the order stays."""
+
+    def edit(f):
+        time = np.sort(f.time + rng.uniform(-size, size, len(f.time)))
+        return dataclasses.replace(f, time=np.maximum.accumulate(time))
+
+    return edit
+
+
+def thin(factor):
+    """Keeps every `factor`-th row."""
+    return lambda f: _rows(f, np.arange(0, len(f.time), factor))
+
+
+def lose_some(share, rng):
+    """Rows are missing here and there."""
+    return lambda f: _rows(f, np.flatnonzero(rng.random(len(f.time)) > share))
+
+
+def shuffle(rng):
+    """Exchanges rows; the times stay."""
+    return lambda f: with_pose(f, f.pose[rng.permutation(len(f.time))])
+
+
+def _rows(flight: Flight, rows: np.ndarray) -> Flight:
+    return dataclasses.replace(
+        flight,
+        time=flight.time[rows],
+        pose=flight.pose[rows],
+        elevator=flight.elevator[rows],
+        command=flight.command[rows],
+    )
+
+
+def drifting(speed):
+    """Returns poses whose x drifts by `speed` [m/s]."""
+    return lambda f: f.pose + np.outer(f.time - f.time[0], [speed, 0.0, 0.0])
+
+
+def rounded(digit):
+    """Returns poses of few digits."""
+    return lambda f: np.round(f.pose / digit) * digit
+
+
+def smooth(width):
+    """Somebody smoothed the poses already, with a moving average of `width` rows."""
+
+    def edit(f):
+        half = width // 2
+        inner = np.apply_along_axis(
+            lambda c: np.convolve(c, np.ones(width) / width, "valid"), 0, f.pose
+        )
+        pose = f.pose.copy()
+        pose[half : len(pose) - half] = inner
+        return with_pose(f, pose)
+
+    return edit
+
+
+def lagged(time_constant):
+    """Returns poses after a first-order lag, as a causal filter makes."""
+
+    def edit(f):
+        pose = f.pose.copy()
+        for k in range(1, len(pose)):
+            keep = np.exp(-(f.time[k] - f.time[k - 1]) / time_constant)
+            pose[k] = keep * pose[k - 1] + (1.0 - keep) * f.pose[k]
+        return pose
+
+    return edit
+
+
+def noisy(size, rng):
+    """Adds noise."""
+    return lambda f: with_pose(f, f.pose + rng.normal(size=f.pose.shape) * size)
+
+
+def heavy_tails(size, rng):
+    """Adds noise of Student's t with two degrees of freedom."""
+    return lambda f: with_pose(f, f.pose + rng.standard_t(2, size=f.pose.shape) * size)
+
+
+def hit(first, change):
+    """Something hits the glider: its velocity changes by `change` at row `first`."""
+
+    def edit(flight):
+        since = np.maximum(flight.time - flight.time[first], 0.0)
+        return with_pose(flight, flight.pose + np.outer(since, change))
+
+    return edit

@@ -8,6 +8,7 @@ import pytest
 
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.sysid.checks.clocks import check_limits
 from glider.sysid.checks.inspection import inspect
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 from tests.sysid.checks import breaking as b
@@ -74,6 +75,7 @@ WRONG = {
     ),
     "late commands": (b.shift_commands(0.5), "does not follow.*shifted by -0.5"),
     "early commands": (b.shift_commands(-0.5), "does not follow.*shifted by 0.5"),
+    "commands 30 ms late": (b.shift_commands(0.03), "moves 0.0.. s before"),
     "noise for an elevator": (
         b.with_servo(elevator=lambda f: RNG.normal(0.0, 0.2, len(f.time))),
         "column 'elevator' does not follow",
@@ -103,6 +105,16 @@ def test_a_wrong_campaign_is_refused(campaign, kind):
 )
 def test_wrong_numbers_of_the_vehicle_are_refused(campaign, told, sentence):
     assert re.search(sentence, refusal(b.tell(campaign, **told)))
+
+
+def test_an_elevator_beyond_its_limits_is_refused(campaign):
+    masks = inspect(campaign).masks
+    check_limits(campaign, masks)
+    turned = dataclasses.replace(campaign, elevator_limits=(-0.9473, 0.4463))
+    with pytest.raises(
+        InputError, match=r"'elevator' goes from .* \[-0.9473, 0.4463\]"
+    ):
+        check_limits(turned, masks)
 
 
 def test_unknown_gravity_is_that_of_the_earth(campaign):

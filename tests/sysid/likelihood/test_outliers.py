@@ -1,0 +1,60 @@
+"""One flight of another kind is found; flights of one glider never are."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.physics.effects import KINDS
+from glider.sysid.likelihood.outliers import find_outlying, stand_out
+from tests.helpers.tasks import fly, task_of
+from tests.sysid.checks import breaking as b
+
+ODD = 3
+NAME = f"flight_{ODD:03d}.csv"
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    """Lift is missing from the model: that is no fault of any flight."""
+    return fly(KINDS["attached_lift"](slope=2.0), flights=8, duration=0.6)
+
+
+def outlying(campaign):
+    return find_outlying(*task_of(campaign))
+
+
+def test_flights_of_one_glider_do_not_stand_out(campaign):
+    assert outlying(campaign) == {}
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        b.scale(1, -1, 1),
+        b.scale(1, 1, -1),
+        b.tilt(0.3),
+        b.hit(30, (-1.0, 0.5, 4.0)),
+        b.with_servo(lambda f: -f.elevator),
+        b.shift_commands(0.06),
+    ],
+    ids=["z down", "pitch sign", "tilted", "hit", "elevator sign", "late commands"],
+)
+def test_a_broken_flight_stands_out_alone(campaign, edit):
+    found = outlying(b.change(campaign, edit, only=ODD))
+    assert set(found) == {NAME}
+    assert found[NAME] > 2.0
+
+
+def test_few_flights_judge_no_other(campaign):
+    few = dataclasses.replace(campaign, flights=campaign.flights[:4])
+    assert outlying(b.change(few, b.scale(1, -1, 1), only=ODD)) == {}
+
+
+def test_only_exceptions_stand_out():
+    squares = np.exp(np.random.default_rng(0).normal(0.0, 0.1, 20))
+    assert not stand_out(squares).any()
+    squares[4] *= 10.0
+    assert list(np.flatnonzero(stand_out(squares))) == [4]
+    squares[:7] *= 10.0
+    assert not stand_out(squares).any()
