@@ -127,7 +127,8 @@ class Filtered:
     def gram(self) -> np.ndarray:
         """Squares of the columns: the flight's information, (m, m)."""
         flat = self.innovations.reshape(-1, self.innovations.shape[2])
-        return flat.T @ flat
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            return flat.T @ flat
 
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
@@ -290,10 +291,11 @@ def fit_scales(
             by_v.append((other.log_variances - v) / step_of_log)
         dw, dv = np.array(by_w).reshape(len(index), -1), np.array(by_v)
         dv = dv.reshape(len(index), -1)
-        gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
-        mean = dw + 0.5 * dv * w.ravel()
-        fisher = mean @ mean.T + 0.5 * dv @ dv.T
-        return 0.5 * float(np.sum(w * w) + v.sum()), gradient, fisher
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
+            mean = dw + 0.5 * dv * w.ravel()
+            fisher = mean @ mean.T + 0.5 * dv @ dv.T
+            return 0.5 * float(np.sum(w * w) + v.sum()), gradient, fisher
 
     def total() -> tuple[float, np.ndarray, np.ndarray]:
         parts = in_parallel(scores, flights)

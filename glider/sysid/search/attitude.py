@@ -22,10 +22,10 @@ from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.search.held_out import HeldOutEvidence
-from glider.sysid.search.sets_in_models import begin, plate_of, without
+from glider.sysid.search.sets_in_models import begin, plate_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import weakest, weigh
+from glider.sysid.search.weighing import weigh
 
 ROUNDS = 4
 """Rounds at most: the strength of the errors depends on the set, and the set on it."""
@@ -111,10 +111,6 @@ def trace_along_attitude(
         tried.append(frozenset(model.kinds))
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
-    while weak := weakest(weighed):
-        members = tuple(m for m in members if m[0] != weak)
-        model = refit(task, without(task, model, weak))
-        weighed = weigh(task, model, scoring, rng)
     plate = model
     if model.kinds:
         progress("fitting the plate alone")

@@ -47,7 +47,7 @@ def held_out(campaign, *kinds):
     task, noise = task_of(campaign)
     plate = fit_model(task, begin(task, noise))
     model = fit_model(task, begin(task, noise, kinds))
-    return task, hold_out(task, plate, model, np.random.default_rng(0))
+    return task, hold_out(task, plate, model, model.scales, np.random.default_rng(0))
 
 
 def test_a_planted_effect_holds():
