@@ -5,9 +5,8 @@ import pytest
 
 from glider.physics.servo import limited_rate
 from glider.simulation.fly import fly
-from glider.simulation.miss import PERCH_RADIUS
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from tests.helpers.flights import NOMINAL, PROBLEM, draw_noise, policy
+from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, draw_noise, policy
 
 STARTS = draw_launches(
     PROBLEM,
@@ -17,8 +16,8 @@ STARTS = draw_launches(
 )
 
 
-def fly_with_paths(**options):
-    return fly(NOMINAL, policy(), STARTS, keep_paths=True, **options)
+def fly_with_paths(problem=NO_HOOK, **options):
+    return fly(NOMINAL, policy(), STARTS, problem=problem, keep_paths=True, **options)
 
 
 @pytest.mark.parametrize("noisy", [False, True])
@@ -33,8 +32,8 @@ def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
         flight = flights.flight(b)
         np.testing.assert_array_equal(flight.states, flights.paths[b])
         np.testing.assert_array_equal(flight.times, flights.times)
-        assert flight.miss == flights.miss[b]
-        assert flight.perched == flights.perched[b] == (flight.miss < PERCH_RADIUS)
+        assert flight.miss == pytest.approx(flights.miss[b], abs=1e-5)
+        assert not flight.perched and not flights.perched[b]
         assert flight.rates.shape == flight.times.shape
         assert np.max(np.abs(flight.rates)) <= servo.rate
         elevator = flight.states[:, 3]
