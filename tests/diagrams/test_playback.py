@@ -14,13 +14,14 @@ from diagrams.marks import (
     arrow_paths,
     trail_path,
 )
+from diagrams.page import write_html
 from diagrams.playback import (
     RED,
     MakePlayback,
     Track,
+    legend_of,
     play,
     stage_of,
-    write_html,
 )
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
@@ -51,7 +52,7 @@ def meshcat(tracks):
 @pytest.fixture(scope="module")
 def page(tracks, meshcat, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "flight.html"
-    write_html(path, meshcat, tracks, "Flown & planned")
+    write_html(path, meshcat, legend_of(tracks, "Flown & planned", rate=0.5))
     return path.read_text(encoding="utf-8")
 
 
@@ -140,7 +141,8 @@ def test_a_live_playback_takes_its_time(tracks):
 
 def test_the_page_has_a_legend(page):
     assert "<b>Flown &amp; planned</b>" in page
-    assert '"></span>as planned<br>' in page
+    assert '<span class="swatch" style="background:rgb(217,41,31)">' in page
+    assert "<span>as planned</span>" in page
     assert f"{ARROW_SCALE:g} m per N" in page
 
 
@@ -149,9 +151,10 @@ def test_times_may_start_anywhere(tracks):
     diagram = MakePlayback([later], Meshcat(), rate=0.5)
     source = diagram.GetSubsystemByName("later_track")
     context = diagram.CreateDefaultContext()
-    context.SetTime(1.0)
-    pose = source.get_output_port().Eval(source.GetMyContextFromRoot(context))
-    assert pose == pytest.approx(later.poses[-1])
+    context.SetTime(0.5)
+    motion = source.get_output_port().Eval(source.GetMyContextFromRoot(context))
+    assert motion[:4] == pytest.approx(later.poses[-1])
+    assert motion[4:] == pytest.approx([7.0, -1.0], abs=0.02)
 
 
 def test_the_stage_holds_the_flight_and_the_wire():
