@@ -8,7 +8,6 @@ import numpy as np
 from diagrams.estimated_loop import EstimatedPerches
 from glider.estimation.consistency import Consistency
 from glider.planning.plan import Plan
-from glider.simulation.flights import FlownFlight
 from glider.studies.filter_study import (
     RATE,
     SYMBOLS,
@@ -74,11 +73,6 @@ class FilterReport:
             for name in self.drifting
         }
 
-    @property
-    def worst(self) -> FlownFlight:
-        """The flight on the estimate that misses by most."""
-        return self.flown.on_estimate.worst
-
     def key_figures(self) -> dict[str, object]:
         """Returns what became known, and how good the filter is, for a file."""
         known = {name: watched.numbers() for name, watched in self.drifting.items()}
@@ -98,8 +92,8 @@ class FilterReport:
             "nees_inside": trusted.nees_inside,
             "nis_inside": trusted.nis_inside,
             "consistency_of": TRUSTED,
-            "miss_on_state_m": self.flown.on_state.misses,
-            "miss_on_estimate_m": self.flown.on_estimate.misses,
+            "on_state": self.flown.on_state.key_figures(),
+            "on_estimate": self.flown.on_estimate.key_figures(),
             "launches": len(self.flown.on_estimate),
         }
 
