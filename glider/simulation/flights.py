@@ -13,6 +13,10 @@ from glider.planning.problem import PerchingProblem
 from glider.simulation.miss import closest_pass
 
 
+INSTANT = 1e-9
+"""Time to the step before below which a contact is at that step [s]."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
     """One flight of a simulated glider; a hook that takes it ends it at the wire."""
@@ -92,7 +96,7 @@ def hooked(
     )
     if not flight.perched:
         return flight
-    count = int(np.searchsorted(times, passed.time))  # The steps before the contact.
+    count = int(np.searchsorted(times, passed.time - INSTANT))  # Steps before it.
     ended = [*range(count), min(count, len(times) - 1)]
     return dataclasses.replace(
         flight,
