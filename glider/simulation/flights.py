@@ -12,9 +12,9 @@ from glider.planning.hook import Hook
 from glider.planning.problem import PerchingProblem
 from glider.simulation.miss import closest_pass
 
-
 INSTANT = 1e-9
-"""Time to the step before below which a contact is at that step [s]."""
+"""Time within which two steps of an integrator are one [s]: events make some that are
+a rounding error apart."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,11 @@ from diagrams.playback import (
     play,
     stage_of,
 )
+from diagrams.tracks import flight_track
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
+from glider.planning.problem import PerchingProblem
+from glider.simulation.flights import hooked
 from tests.helpers.meshcat import place_of, property_of
 
 
@@ -197,3 +200,13 @@ def test_a_playback_converts_to_autodiff():
     builder = DiagramBuilder()
     builder.AddSystem(diagram)
     assert builder.Build().ToAutoDiffXd().num_continuous_states() == 0
+
+
+def test_steps_that_are_a_rounding_error_apart_are_shown_as_one():
+    """As a simulator logs them at an event; a spline cannot have both."""
+    times = np.array([0.0, 0.1, np.nextafter(0.1, 1.0), 0.2])
+    states = np.zeros((4, 7))
+    flight = hooked(times, states, np.zeros(4), PerchingProblem(wire=[1.0, 0.0]))
+    track = flight_track("flown", flight)
+    assert len(track.times) == 3
+    MakePlayback([track], Meshcat())
