@@ -31,7 +31,7 @@ from glider.estimation.running import Belief
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flights import Perches
 from glider.simulation.fly import AFTER
 from glider.systems.servo import ElevatorServo
 
@@ -43,10 +43,10 @@ CAPTURED = ("x", "z", "pitch", "elevator")
 class EstimatedPerches:
     """The same launches of one glider with and without a filter's eyes."""
 
-    on_state: list[FlownFlight]
+    on_state: Perches
     """The regulator gets the true state."""
 
-    on_estimate: list[FlownFlight]
+    on_estimate: Perches
     """It gets what a filter makes of motion capture."""
 
 

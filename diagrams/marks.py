@@ -1,4 +1,4 @@
-"""Marks on a glider in Meshcat: the trail of its flight, arrows of its forces."""
+"""Marks on a glider in Meshcat: its trail, arrows of its forces, and a readout."""
 
 import math
 
@@ -14,9 +14,11 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from diagrams.meshes import COLORS
 from diagrams.scene import FRAMES_PER_SECOND
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
+from glider.physics.state import STATE_NAMES, VELOCITY
 
 ARROW_SCALE = 0.2
 """Length of an arrow over its force [m/N]."""
@@ -30,13 +32,15 @@ _TRAIL_RADIUS = 0.004
 _TRAIL_STEP = 0.03
 """Distance between two pieces of the trail [m]."""
 
+_PITCH = STATE_NAMES.index("pitch")
+
 _INK = Rgba(0.45, 0.15, 0.6)
 
 
 @TemplateSystem.define("GliderMarks_", T_list=[float, AutoDiffXd])
 def GliderMarks_(T):
     class Impl(LeafSystem_[T]):
-        """Draws trail and arrows; only the float system does, not its twin.
+        """Draws trail and arrows and writes the readout; its twin does not.
 
         state --> [ GliderMarks ]
         forces -> [             ]
@@ -45,16 +49,26 @@ def GliderMarks_(T):
             meshcat: where to draw.
             name: the glider's in Meshcat, as in AddScene.
             color: of the trail.
-            num_states: width of the port `state`; x and z come first.
+            period: between two frames [s].
+            num_states: width of the port `state`, in the order of STATE_NAMES; the
+                readout needs the velocity.
             num_forces: width of the port `forces`, which may be left open; the
                 wing's and the elevator's along their normals come first [N].
         """
 
         def _construct(
-            self, meshcat, name, color, num_states, num_forces, *, converter=None
+            self,
+            meshcat,
+            name,
+            color,
+            period,
+            num_states,
+            num_forces,
+            *,
+            converter=None,
         ):
             LeafSystem_[T].__init__(self, converter)
-            self._arguments = meshcat, name, color, num_states, num_forces
+            self._arguments = meshcat, name, color, period, num_states, num_forces
             self._last = None
             self._pieces = 0
             self.DeclareVectorInputPort("state", num_states)
@@ -62,7 +76,7 @@ def GliderMarks_(T):
             if T is float:
                 self.DeclareInitializationPublishEvent(publish=self._clear)
                 self.DeclarePeriodicPublishEvent(
-                    period_sec=1.0 / FRAMES_PER_SECOND,
+                    period_sec=period,
                     offset_sec=0.0,
                     publish=self._draw,
                 )
@@ -79,8 +93,12 @@ def GliderMarks_(T):
         def _draw(self, context):
             meshcat, name, *_ = self._arguments
             t = context.get_time()
-            x, z = self.GetInputPort("state").Eval(context)[:2]
-            self._draw_trail(t, np.array([x, 0.0, z]))
+            state = self.GetInputPort("state").Eval(context)
+            self._draw_trail(t, np.array([state[0], 0.0, state[1]]))
+            if len(state) > max(VELOCITY):
+                speed = float(np.linalg.norm(state[VELOCITY]))
+                told = RigidTransform([t, speed, state[_PITCH]])
+                meshcat.SetTransform(readout_path(name), told, t)
             forces = self.GetInputPort("forces")
             if forces.HasValue(context):
                 wing_elevator = forces.Eval(context)[:2]
@@ -119,6 +137,15 @@ def trail_path(name: str) -> str:
     return f"/drake/{name}_trail"
 
 
+def readout_path(name: str) -> str:
+    """Returns where Meshcat keeps what a page tells of a glider.
+
+    Nothing is drawn there. Its translation is time [s], speed [m/s] and pitch [rad]: so
+    numbers reach a page that is live, and are in a recording.
+    """
+    return f"/readout/{name}"
+
+
 def arrow_paths(name: str) -> tuple[str, str]:
     """Returns where the arrows of wing and elevator are in Meshcat."""
     glider = f"/drake/{name}/glider"
@@ -134,22 +161,26 @@ def AddMarks(
     color: Rgba | None = None,
     forces: OutputPort | None = None,
     parameters: GliderParameters | None = None,
+    frames_per_second: float = FRAMES_PER_SECOND,
 ) -> None:
-    """Adds a trail, and arrows of ARROW_SCALE, to a glider that AddScene has added.
+    """Adds trail, readout and arrows of ARROW_SCALE to a glider of AddScene.
 
     Args:
         builder: gets the system "NAME_marks".
         state: as in AddScene.
         meshcat: as in AddScene.
         name: as in AddScene.
-        color: of the trail; grey if None.
+        color: of the trail, without its opacity; the wing's own if None.
         forces: port of the wing's and the elevator's force along their normals [N]
             and anything after them, such as GliderPlant's "forces".
         parameters: of the vehicle, which say where the forces act.
+        frames_per_second: as in AddScene.
     """
-    trail = color if color is not None else Rgba(0.3, 0.33, 0.38)
+    hue = COLORS["wing"] if color is None else tuple(color.rgba)
+    trail = Rgba(*hue[:3])
     width = 2 if forces is None else forces.size()
-    marks = GliderMarks(meshcat, name, trail, state.size(), width)
+    period = 1.0 / frames_per_second
+    marks = GliderMarks(meshcat, name, trail, period, state.size(), width)
     builder.AddNamedSystem(f"{name}_marks", marks)
     builder.Connect(state, marks.GetInputPort("state"))
     if forces is None:

@@ -11,6 +11,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
+from diagrams.marks import AddMarks
 from diagrams.scene import AddScene
 from glider.physics.model import GliderModel
 from glider.physics.state import (
@@ -110,10 +111,14 @@ def finish(
     model: GliderModel,
     meshcat: Meshcat | None,
 ) -> Diagram:
-    """Adds the scene, if there is a Meshcat, and builds the diagram."""
+    """Adds the scene, if there is a Meshcat, and builds the diagram.
+
+    `diagrams.page.serve_page(meshcat, Legend(...))` shows it with legend and clock.
+    """
     if meshcat is not None:
-        state = glider.GetOutputPort("state")
+        state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))
         AddScene(builder, state, meshcat, parameters=model.parameters)
+        AddMarks(builder, state, meshcat, forces=forces, parameters=model.parameters)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram

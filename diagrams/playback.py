@@ -1,15 +1,12 @@
 """Flights that are known already, side by side in Meshcat: playback and recording.
 
 play(tracks, meshcat, rate=0.2)
-write_html(path, meshcat, tracks, "Measured against modelled")
+write_html(path, meshcat, legend_of(tracks, "Measured against modelled", rate=0.2))
 """
 
 import dataclasses
-import html
 import math
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat, Rgba
@@ -18,11 +15,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.marks import (
-    ARROW_SCALE,
-    AddMarks,
-)
-from diagrams.meshes import COLORS
+from diagrams.marks import AddMarks
+from diagrams.page import Entry, Legend
 from diagrams.scene import (
     FRAMES_PER_SECOND,
     NUM_POSITIONS,
@@ -31,6 +25,7 @@ from diagrams.scene import (
 )
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
+from glider.physics.state import POSITION
 
 RED = (0.85, 0.16, 0.12, 0.4)
 GREEN = (0.05, 0.6, 0.25, 0.5)
@@ -100,6 +95,33 @@ def duration_of(tracks: Sequence[Track]) -> float:
     return float(max(track.times[-1] for track in tracks) - start)
 
 
+def velocities_of(track: Track) -> np.ndarray:
+    """Returns the velocity of a track's positions (K, 2), zero for a single one."""
+    positions = np.asarray(track.poses, dtype=float)[:, POSITION]
+    if len(positions) == 1:
+        return np.zeros((1, 2))
+    return np.gradient(positions, np.asarray(track.times, dtype=float), axis=0)
+
+
+def legend_of(tracks: Sequence[Track], title: str, rate: float = 1.0) -> Legend:
+    """Returns what a page of `diagrams.page` tells of tracks.
+
+    Args:
+        tracks: as in `play`.
+        title: of the page.
+        rate: as in `play`.
+    """
+    return Legend(
+        title=title,
+        entries=tuple(
+            Entry(name=track.name, slug=track.slug, color=track.color)
+            for track in tracks
+        ),
+        rate=rate,
+        has_forces=any(track.forces is not None for track in tracks),
+    )
+
+
 def MakePlayback(
     tracks: Sequence[Track],
     meshcat: Meshcat,
@@ -108,13 +130,15 @@ def MakePlayback(
     parameters: GliderParameters | None = None,
     stage: Stage | None = None,
 ) -> Diagram:
-    """Wires each track's positions and forces to a glider with its marks.
+    """Wires each track's motion and forces to a glider with its marks.
+
+    The diagram's time is that of the flights, from the earliest start on.
 
     Args:
         tracks: of different names; each keeps its last pose after its end.
         meshcat: where to draw.
-        rate: seconds of flight in one second of the diagram's time, which counts
-            from the earliest start; 0.2 is five times slower than real.
+        rate: seconds of flight in one second for whoever looks; 0.2 is five times
+            slower than real, and gets five times the frames.
         parameters: of the vehicle, which give the sizes.
         stage: what to set round them; from the first track if None.
 
@@ -134,9 +158,10 @@ def MakePlayback(
     builder = DiagramBuilder()
     for track in tracks:
         name = track.slug
-        times = (np.asarray(track.times, dtype=float) - start) / rate
+        times = np.asarray(track.times, dtype=float) - start
         color = None if track.color is None else Rgba(*track.color)
-        state = _add_source(builder, f"{name}_track", times, track.poses)
+        motion = np.hstack([track.poses, velocities_of(track)])
+        state = _add_source(builder, f"{name}_track", times, motion)
         forces = None
         if track.forces is not None:
             forces = _add_source(builder, f"{name}_forces", times, track.forces)
@@ -148,6 +173,7 @@ def MakePlayback(
             color=color,
             parameters=parameters,
             stage=stage,
+            frames_per_second=FRAMES_PER_SECOND / rate,
         )
         AddMarks(
             builder,
@@ -157,6 +183,7 @@ def MakePlayback(
             color=color,
             forces=forces,
             parameters=parameters,
+            frames_per_second=FRAMES_PER_SECOND / rate,
         )
     return builder.Build()
 
@@ -182,8 +209,8 @@ def play(
 ) -> None:
     """Plays tracks together, and leaves them in Meshcat as a recording.
 
-    A page that is open on Meshcat then plays the recording once, at `rate`; its
-    Animations panel repeats, stops and slows it.
+    The recording's time is that of the flights. A page of `diagrams.page` plays it
+    once, at `rate`, and can stop, repeat and slow it.
 
     Args:
         tracks: as in MakePlayback.
@@ -198,47 +225,13 @@ def play(
         tracks, meshcat, rate=rate, parameters=parameters, stage=stage
     )
     # To a whole frame, so that the very end is drawn.
-    frames = math.ceil(duration_of(tracks) / rate * FRAMES_PER_SECOND)
+    per_second = FRAMES_PER_SECOND / rate
+    frames = math.ceil(duration_of(tracks) * per_second - 1e-9)
     meshcat.DeleteRecording()
-    meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=live)
+    meshcat.StartRecording(per_second, set_visualizations_while_recording=live)
     simulator = Simulator(diagram)
-    simulator.set_target_realtime_rate(1.0 if live else 0.0)
+    simulator.set_target_realtime_rate(rate if live else 0.0)
     simulator.Initialize()
-    simulator.AdvanceTo(frames / FRAMES_PER_SECOND)
+    simulator.AdvanceTo(frames / per_second)
     meshcat.StopRecording()
     meshcat.PublishRecording()
-
-
-_LEGEND = """\
-<div style="position:absolute;left:14px;top:10px;font:15px/1.5 sans-serif;color:#222">
-<b>{title}</b><br>
-{entries}
-</div>
-"""
-
-_ENTRY = """\
-<span style="display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;\
-background:rgb({red},{green},{blue})"></span>{name}<br>
-"""
-
-
-def write_html(
-    path: Path | str, meshcat: Meshcat, tracks: Sequence[Track], title: str
-) -> None:
-    """Writes what Meshcat shows, the recording included, as one page with a legend.
-
-    The page needs no server and no network.
-    """
-    entries = []
-    for track in tracks:
-        color = track.color if track.color is not None else COLORS["wing"]
-        red, green, blue = (round(255 * c) for c in color[:3])
-        name = html.escape(track.name)
-        entries.append(_ENTRY.format(red=red, green=green, blue=blue, name=name))
-    if any(track.forces is not None for track in tracks):
-        entries.append(f"arrows: force of wing and elevator, {ARROW_SCALE:g} m per N")
-    legend = _LEGEND.format(title=html.escape(title), entries="".join(entries))
-    head, end, tail = meshcat.StaticHtml().rpartition("</body>")
-    part = Path(f"{path}.{os.getpid()}.part")
-    part.write_text(f"{head}{legend}{end}{tail}", encoding="utf-8")
-    part.replace(path)

@@ -183,8 +183,8 @@ _WIDTH_PER_HEIGHT = 1.5
 def SetStage(meshcat: Meshcat, stage: Stage) -> None:
     """Sets the floor, the perch and the camera, on a white background."""
     floor = stage.z_limits[0]
-    meshcat.SetProperty("/Background", "top_color", [1.0, 1.0, 1.0])
-    meshcat.SetProperty("/Background", "bottom_color", [0.93, 0.95, 0.97])
+    meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
+    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.93, 0.95, 0.97])
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
     _set_floor(meshcat, stage)

@@ -27,11 +27,12 @@ from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 from rich.console import Console
 
+from diagrams.page import serve_page, write_html
 from diagrams.playback import (
     Track,
+    legend_of,
     play,
     stage_of,
-    write_html,
 )
 from glider.errors import InputError, os_error_line
 from glider.paths import models_path
@@ -237,11 +238,12 @@ def finish(
     """
     if meshcat is None:
         return
+    legend = legend_of(tracks, title, args.rate)
     if args.html:
-        write_html(args.html, meshcat, tracks, title)
+        write_html(args.html, meshcat, legend)
         print(f"Animation: {args.html}")
     if not args.headless:
-        print(f"Meshcat: {meshcat.web_url()} (Enter to end)", flush=True)
+        print(f"Meshcat: {serve_page(meshcat, legend)} (Enter to end)", flush=True)
         sys.stdin.readline()
 
 

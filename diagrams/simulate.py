@@ -8,7 +8,7 @@ from pydrake.systems.analysis import (
     Simulator,
     SimulatorConfig,
 )
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from diagrams.parts import LONGEST
 from glider.campaign.logs import Flight
@@ -16,9 +16,12 @@ from glider.errors import InputError
 from glider.physics.state import (
     NUM_STATES,
     POSE_NAMES,
+    POSITION,
+    VELOCITY,
 )
-from glider.simulation.flights import FlownFlight
-from glider.simulation.miss import path_miss
+from glider.planning.problem import PerchingProblem
+from glider.simulation.flights import FlownFlight, Perches, hooked
+from glider.simulation.miss import closest_pass
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
 
@@ -28,13 +31,15 @@ def simulate_flights(
     starts: np.ndarray,
     duration: float,
     *,
-    wire: tuple[float, float] = (0.0, 0.0),
+    problem: PerchingProblem | None = None,
     feedback_noise: np.ndarray | None = None,
     capture_noise: np.ndarray | None = None,
     accuracy: float = 1e-6,
     progress: Callable[[str], None] | None = None,
-) -> list[FlownFlight]:
+) -> Perches:
     """Flies launches through one diagram of `open_loop` or `closed_loop`.
+
+    A glider that the hook takes stays at the wire: its flight ends there.
 
     Each flight starts from the diagram's default context: Drake 1.51.1 loses
     about 0.2 MB with every diagram that is built.
@@ -45,7 +50,7 @@ def simulate_flights(
         duration: of the flights [s]; the plan's and what it takes to pass the
             wire, `glider.simulation.fly.AFTER`. With noise at most
             `diagrams.parts.LONGEST`.
-        wire: (x, z) [m].
+        problem: whose wire and hook; None for the article's.
         feedback_noise: (B, H, m) one row for each command.
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample;
             `MotionCapture.draw` draws it.
@@ -53,7 +58,9 @@ def simulate_flights(
         progress: told which launch is flown.
     """
     starts = np.atleast_2d(np.asarray(starts, dtype=float))
+    problem = PerchingProblem() if problem is None else problem
     simulator = Simulator(diagram)
+    simulator.set_monitor(stop_at_hook(diagram, problem))
     config = SimulatorConfig(accuracy=accuracy, **_CONFIG)
     tapes = {"feedback_noise": feedback_noise, "motion_capture": capture_noise}
     for name, tape in tapes.items():
@@ -84,8 +91,42 @@ def simulate_flights(
                 system.set_tape(own, tape[k])
         simulator.Initialize()
         simulator.AdvanceTo(duration)
-        flights.append(_collect(diagram, context, wire, f"flight_{k:03d}.csv"))
-    return flights
+        flights.append(_collect(diagram, context, problem, f"flight_{k:03d}.csv"))
+    return Perches(flights)
+
+
+def stop_at_hook(
+    diagram: Diagram, problem: PerchingProblem
+) -> Callable[[Context], EventStatus]:
+    """Returns a monitor that ends a simulation where the hook takes the glider.
+
+        simulator.set_monitor(stop_at_hook(diagram, PerchingProblem()))
+
+    The glider then stays at the wire in Meshcat too. The end is that of the
+    integrator's step in which the glider passes.
+
+    Args:
+        diagram: with "glider".
+        problem: whose wire and hook.
+    """
+    glider = diagram.GetSubsystemByName("glider")
+    wire = np.array(problem.wire)
+    steps: list[tuple[float, np.ndarray, float]] = []
+
+    def is_held(context: Context) -> EventStatus:
+        own = diagram.GetSubsystemContext(glider, context)
+        state = own.get_continuous_state_vector().CopyToVector()
+        closing = float((wire - state[POSITION]) @ state[VELOCITY])
+        steps.append((context.get_time(), state, closing))
+        del steps[:-2]
+        if len(steps) == 2 and steps[0][2] > 0.0 >= steps[1][2]:
+            times, states, _ = zip(*steps, strict=True)
+            passed = closest_pass(np.array(times), np.array(states), wire)
+            if problem.hook.takes(np.array(passed.miss), passed.arrival):
+                return EventStatus.ReachedTermination(diagram, "held by the hook")
+        return EventStatus.Succeeded()
+
+    return is_held
 
 
 def reset(diagram: Diagram, context: Context, start: np.ndarray) -> None:
@@ -105,7 +146,7 @@ def reset(diagram: Diagram, context: Context, start: np.ndarray) -> None:
 
 
 def _collect(
-    diagram: Diagram, context: Context, wire: tuple[float, float], name: str
+    diagram: Diagram, context: Context, problem: PerchingProblem, name: str
 ) -> FlownFlight:
     times, states = _read(diagram, context, "state_log")
     _, rates = _read(diagram, context, "rate_log")
@@ -113,14 +154,7 @@ def _collect(
     log = None
     if diagram.HasSubsystemNamed("capture_log"):
         log = capture_of(diagram, context, name)
-    return FlownFlight(
-        times=times,
-        states=states,
-        rates=rates[:, 0],
-        forces=forces[:, :2],
-        miss=path_miss(times, states, np.array(wire)),
-        log=log,
-    )
+    return hooked(times, states, rates[:, 0], problem, forces=forces[:, :2], log=log)
 
 
 def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:

@@ -5,7 +5,7 @@ import numpy as np
 from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
 from glider.planning.plan import Plan
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flights import INSTANT, FlownFlight
 from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]
@@ -13,7 +13,7 @@ Color = tuple[float, float, float, float]
 
 def flight_track(name: str, flight: FlownFlight, color: Color | None = None) -> Track:
     """Returns a flight, with the forces on wing and elevator where they are known."""
-    kept = np.flatnonzero(np.append(np.diff(flight.times) > 0.0, True))
+    kept = np.flatnonzero(np.append(np.diff(flight.times) > INSTANT, True))
     return Track(
         name=name,
         times=flight.times[kept],

@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(found.describe())
     showing.write_json(args, found.key_figures() | {"seed": args.seed})
     showing.write_figure(args, save_filter_figure, found)
-    worst = flight_track("worst launch on the estimate", found.worst)
+    worst = flight_track("worst launch on the estimate", found.flown.on_estimate.worst)
     tracks = [worst, plan_track("plan", found.plan, GREY)]
     showing.show(args, tracks, "Perch on an estimate")
 

@@ -2,7 +2,8 @@
 
 Direct collocation finds the flight (25 knots, then 41), finite-horizon LQR defends
 it. A launch errs by 0.04 m in height, 0.1 m/s in speed and 0.02 rad in pitch, one
-standard deviation each; a flight perches if it comes within 5 cm of the wire.
+standard deviation each; a flight perches if a hook can take it at the wire: within
+5 cm, not faster than 2.8 m/s, nose up by 20° to 67°.
 
     python examples/perch.py
     python examples/perch.py --headless --json perch.json --figure perch.png
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(flown.describe())
     showing.write_json(args, flown.key_figures() | {"seed": args.seed})
     showing.write_figure(args, save_perch_figure, flown)
-    worst, planned = flight_track("worst launch", flown.worst), flown.plan
+    worst, planned = flight_track("worst launch", flown.flights.worst), flown.plan
     showing.show(args, [worst, plan_track("plan", planned, GREY)], "Perch")
 
 

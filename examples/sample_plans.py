@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     showing.write_json(args, told | found.searches.key_figures())
     showing.write_figure(args, save_searches_figure, found.searches, found.flown)
     tracks = [
-        flight_track("planned anew", found.flown.worst),
+        flight_track("planned anew", found.flown.replanned.worst),
         flight_track("replayed", found.flown.replayed[0], RED),
         plan_track("plan of the nominal model", found.flown.plan, GREY),
     ]

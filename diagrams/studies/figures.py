@@ -63,7 +63,7 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
             paths = [flight.states for flight in rehearsal.flights]
             plot_perches(ax, rehearsal.plan.states, paths, color=color)
             ax.set_title(f"planned with the {name} model", loc="left")
-            plot_misses(axes[2], rehearsal.misses, f"planned {name}", color)
+            plot_misses(axes[2], rehearsal.flights.misses, f"planned {name}", color)
         axes[2].legend(loc="best")
         figure.savefig(path, dpi=150)
 

@@ -8,7 +8,6 @@ import numpy as np
 from diagrams.estimated_loop import EstimatedPerches
 from glider.estimation.consistency import Consistency
 from glider.planning.plan import Plan
-from glider.simulation.flights import FlownFlight
 from glider.studies.filter_study import (
     RATE,
     SYMBOLS,
@@ -74,11 +73,6 @@ class FilterReport:
             for name in self.drifting
         }
 
-    @property
-    def worst(self) -> FlownFlight:
-        """The flight on the estimate that misses by most."""
-        return max(self.flown.on_estimate, key=lambda flight: flight.miss)
-
     def key_figures(self) -> dict[str, object]:
         """Returns what became known, and how good the filter is, for a file."""
         known = {name: watched.numbers() for name, watched in self.drifting.items()}
@@ -98,8 +92,8 @@ class FilterReport:
             "nees_inside": trusted.nees_inside,
             "nis_inside": trusted.nis_inside,
             "consistency_of": TRUSTED,
-            "miss_on_state_m": [flight.miss for flight in self.flown.on_state],
-            "miss_on_estimate_m": [flight.miss for flight in self.flown.on_estimate],
+            "on_state": self.flown.on_state.key_figures(),
+            "on_estimate": self.flown.on_estimate.key_figures(),
             "launches": len(self.flown.on_estimate),
         }
 
@@ -113,19 +107,14 @@ class FilterReport:
                 told = self._with_estimates(name, told)
             lines.append(f"{name}, after {self.end / RATE:.2f} s: {'; '.join(told)}")
         trusted, flown = self.consistency, self.flown
-        on_state, on_estimate = (
-            1000.0 * np.median([flight.miss for flight in flights])
-            for flights in (flown.on_state, flown.on_estimate)
-        )
         return "\n".join(
             [
                 *lines,
                 f"Of {TRUSTED}, NEES is {np.mean(trusted.nees):.3f} and NIS "
                 f"{np.mean(trusted.nis):.3f}; {trusted.nees_inside:.0%} and "
                 f"{trusted.nis_inside:.0%} of the samples are in their 95 % bands.",
-                f"On its estimate {sum(f.perched for f in flown.on_estimate)} of "
-                f"{len(flown.on_estimate)} launches perch, median miss "
-                f"{on_estimate:.1f} mm; on the true state {on_state:.1f} mm.",
+                f"On its estimate {flown.on_estimate.describe()};\n"
+                f"on the true state {flown.on_state.describe()}.",
             ]
         )
 

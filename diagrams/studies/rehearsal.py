@@ -27,7 +27,7 @@ from glider.planning.dircol import (
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flights import Perches
 from glider.simulation.fly import AFTER
 from glider.simulation.monte_carlo import (
     LaunchSpread,
@@ -50,32 +50,11 @@ class Rehearsal:
     plan: Plan
     """Plan made with the model, as is the feedback."""
 
-    flights: list[FlownFlight]
+    flights: Perches
     """Flights of the true glider."""
 
     campaign: Campaign
     """Logs of the flights, as motion capture has them."""
-
-    @property
-    def misses(self) -> list[float]:
-        """Least distance of each flight from the wire [m]."""
-        return [flight.miss for flight in self.flights]
-
-    @property
-    def perched(self) -> int:
-        """Number of flights that came within reach of the wire."""
-        return sum(flight.perched for flight in self.flights)
-
-    def key_figures(self) -> dict[str, object]:
-        """Returns misses and successes, for a file."""
-        return {"miss_m": self.misses, "perched": self.perched}
-
-    def describe(self) -> str:
-        """Returns how many flights perch, and by how much the median one misses."""
-        return (
-            f"{self.perched} of {len(self.flights)} launches perch, "
-            f"median miss {1000 * np.median(self.misses):.1f} mm"
-        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -99,8 +78,8 @@ class Correction:
         return {
             "effect_true": name_effects(self.truth),
             "effect_found": [effect.kind for effect in self.found.effects],
-            "before": self.before.key_figures(),
-            "after": self.after.key_figures(),
+            "before": self.before.flights.key_figures(),
+            "after": self.after.flights.key_figures(),
             "launches": len(self.before.flights),
         }
 
@@ -108,8 +87,8 @@ class Correction:
         """Returns what was found, and how launches ended before and after."""
         return (
             f"{headline(self.found)}\n"
-            f"planned nominal: {self.before.describe()}\n"
-            f"planned corrected: {self.after.describe()}"
+            f"planned nominal: {self.before.flights.describe()}\n"
+            f"planned corrected: {self.after.flights.describe()}"
         )
 
 
@@ -176,7 +155,7 @@ def rehearse(
         diagram,
         starts,
         planned.duration + AFTER,
-        wire=(problem.wire[0], problem.wire[1]),
+        problem=problem,
         capture_noise=CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate)),
         progress=lambda text: say(f"fly: {text}"),
     )

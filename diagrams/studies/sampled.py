@@ -26,7 +26,7 @@ from glider.planning.problem import (
     PerchingProblem,
     load_problem,
 )
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flights import Perches
 
 AFTER = 0.2
 """Time that a flight goes on after the plan's end [s]: who plans anew may come later
@@ -40,13 +40,13 @@ class Comparison:
     plan: Plan
     """Plan by collocation, for the glider that is believed in."""
 
-    replayed: list[FlownFlight]
+    replayed: Perches
     """The plan's commands without feedback."""
 
-    tracked: list[FlownFlight]
+    tracked: Perches
     """Linear-quadratic feedback along the plan, at COMMAND_RATE."""
 
-    replanned: list[FlownFlight]
+    replanned: Perches
     """MPPI from each measured state, at COMMAND_RATE; its first sequence is the
     plan's."""
 
@@ -54,18 +54,13 @@ class Comparison:
     """Time flown over processor time, of the flights of MPPI, plant included."""
 
     @property
-    def policies(self) -> dict[str, list[FlownFlight]]:
+    def policies(self) -> dict[str, Perches]:
         """Name of each policy for people, and its flights."""
         return {
             "the plan replayed": self.replayed,
             "LQR along the plan": self.tracked,
             "MPPI, planning anew": self.replanned,
         }
-
-    @property
-    def worst(self) -> FlownFlight:
-        """The flight of MPPI that misses by most."""
-        return max(self.replanned, key=lambda flight: flight.miss)
 
     def key_figures(self, truth: str) -> dict[str, object]:
         """Returns misses and successes, for a file.
@@ -75,10 +70,11 @@ class Comparison:
         """
         return {
             "truth": truth,
-            "miss_m": [flight.miss for flight in self.replanned],
-            "perched": sum(flight.perched for flight in self.replanned),
-            "open_loop_miss_m": [flight.miss for flight in self.replayed],
-            "tracking_miss_m": [flight.miss for flight in self.tracked],
+            **self.replanned.key_figures(),
+            "open_loop_miss_m": self.replayed.misses,
+            "open_loop_perched": self.replayed.perched,
+            "tracking_miss_m": self.tracked.misses,
+            "tracking_perched": self.tracked.perched,
             "real_time_factor": self.real_time_factor,
         }
 
@@ -88,13 +84,10 @@ class Comparison:
         Args:
             truth: what the glider that flies is called.
         """
-        lines = []
-        for name, flights in self.policies.items():
-            miss = 1000 * np.median([flight.miss for flight in flights])
-            lines.append(
-                f"{truth}, {name}: {sum(flight.perched for flight in flights)} of "
-                f"{len(flights)} perch, median miss {miss:.1f} mm"
-            )
+        lines = [
+            f"{truth}, {name}: {flights.describe()}"
+            for name, flights in self.policies.items()
+        ]
         speed = f"{self.real_time_factor:.1f} s of flight."
         return "\n".join([*lines, f"MPPI needs 1 s of one core for {speed}"])
 
@@ -148,7 +141,7 @@ def compare(
                 diagram,
                 starts,
                 duration,
-                wire=(problem.wire[0], problem.wire[1]),
+                problem=problem,
                 progress=say,
             )
         )

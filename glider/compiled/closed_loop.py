@@ -22,19 +22,27 @@ def feed_back(row, feedback, error, work):
             work[n, 1, j] -= feedback.gain[row, i] * (work[i, 0, j] + error[i, j])
 
 
-def approach(wire, work, near):
-    """Lowers near[2], the least squared distances from the wire, by one segment.
+def approach(wire, before, work, nearest, arrival):
+    """Lowers the least squared distances from the wire by one segment of the path.
 
-    It leads from near[:2] to the positions in work.
+    Args:
+        wire: (x, z) [m].
+        before: (n, BLOCK) states where the segment begins.
+        work: work[:n, 0] where it ends.
+        nearest: (BLOCK,) least squared distances so far, lowered [m²].
+        arrival: (n, BLOCK) states there, written with them.
     """
     for j in range(BLOCK):
-        from_x, from_z = near[0, j] - wire[0], near[1, j] - wire[1]
-        along_x, along_z = work[0, 0, j] - near[0, j], work[1, 0, j] - near[1, j]
+        from_x, from_z = before[0, j] - wire[0], before[1, j] - wire[1]
+        along_x, along_z = work[0, 0, j] - before[0, j], work[1, 0, j] - before[1, j]
         square = along_x * along_x + along_z * along_z + 1e-300
         share = -(from_x * along_x + from_z * along_z) / square
         share = min(max(share, 0.0), 1.0)
         x, z = from_x + share * along_x, from_z + share * along_z
-        near[2, j] = min(near[2, j], x * x + z * z)
+        if x * x + z * z < nearest[j]:
+            nearest[j] = x * x + z * z
+            for i in range(before.shape[0]):
+                arrival[i, j] = before[i, j] + share * (work[i, 0, j] - before[i, j])
 
 
 def slopes_guided(t, node, work, data):
@@ -51,7 +59,7 @@ def slopes_guided(t, node, work, data):
     slopes(t, node, work, theta)
 
 
-def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
+def guided(start, steps, step, feedback, servo, wire, theta, miss, arrivals, states):
     """Flies a batch of gliders under the feedback u = offset - gain x.
 
     Blocks as in `rollouts`. The servo's `limited_rate` lies between command and
@@ -67,6 +75,7 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
         theta: the gliders' numbers.
         miss: (B,), written: least distance of the path from the wire, by
             straight segments between the steps [m].
+        arrivals: (B, n), written: the states there; NaN where no distance is finite.
         states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
     """
     batch, n = start.shape
@@ -74,17 +83,18 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
     keep = states.shape[1] > 1
     work = np.empty((n + 1, 4, BLOCK))
     error = np.zeros((fed, BLOCK))
-    near = np.empty((3, BLOCK))
+    before, nearest = np.empty((n, BLOCK)), np.empty(BLOCK)
+    arrival = np.empty((n, BLOCK))
     path = np.empty((steps if keep else 1, n, BLOCK))
     for first in range(0, batch, BLOCK):
         count = min(BLOCK, batch - first)
         for j in range(BLOCK):  # What is left of the last block repeats a glider.
             for i in range(n):
                 work[i, 0, j] = start[first + min(j, count - 1), i]
-            near[2, j] = np.inf
+        nearest[:] = np.inf
+        arrival[:] = np.nan
         for k in range(steps):
-            for i in range(2):
-                near[i] = work[i, 0]
+            before[:] = work[:n, 0]
             if hold > 0 and k % hold == 0:
                 if noise.shape[1] > 0:
                     for j in range(BLOCK):
@@ -94,13 +104,15 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, states):
                 feed_back(k // hold, feedback, error, work)
             data = (k, feedback, error, servo, theta)
             advance_block(slopes_guided, step * k, work, step, 4, data)
-            approach(wire, work, near)
+            approach(wire, before, work, nearest, arrival)
             if keep:
                 path[k] = work[:n, 0]
         if not keep:
             path[0] = work[:n, 0]
         for j in range(count):
-            miss[first + j] = np.sqrt(near[2, j])
+            miss[first + j] = np.sqrt(nearest[j])
+            for i in range(n):
+                arrivals[first + j, i] = arrival[i, j]
             if keep:
                 states[first + j, 0] = start[first + j]
             for k in range(path.shape[0]):
@@ -137,7 +149,7 @@ def fly_feedback(
     *,
     wire: tuple[float, float] = (0.0, 0.0),
     keep_paths: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Flies launches of a glider under a feedback.
 
     Args:
@@ -150,11 +162,11 @@ def fly_feedback(
         keep_paths: whether to return all states.
 
     Returns:
-        least distances from the wire (B,) [m], and states (B, N + 1, n), or
-        (B, 1, n), the last.
+        least distances from the wire (B,) [m], the states there (B, n), and all
+        states (B, N + 1, n), or (B, 1, n), the last.
     """
     batch, n = starts.shape
-    miss = np.empty(batch)
+    miss, arrivals = np.empty(batch), np.empty((batch, n))
     states = np.empty((batch, steps + 1 if keep_paths else 1, n))
     LOOPS.over(model.kinds, model.has_field).guided(
         np.ascontiguousarray(starts, dtype=float),
@@ -170,6 +182,7 @@ def fly_feedback(
         (float(wire[0]), float(wire[1])),
         model.numbers,
         miss,
+        arrivals,
         states,
     )
-    return miss, states
+    return miss, arrivals, states

@@ -12,6 +12,7 @@ from glider.physics.state import (
     STATE_NAMES,
 )
 from glider.physics.typed_yaml import load_typed
+from glider.planning.hook import Hook
 
 
 @dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
@@ -69,6 +70,9 @@ class PerchingProblem:
     duration_limits: list[float] = dataclasses.field(default_factory=lambda: [0.5, 2.0])
     """Bounds of the step between knots, times the number of knots [s]."""
 
+    hook: Hook = dataclasses.field(default_factory=Hook)
+    """Hook at the glider: no part of the plan, it tells which flights perch."""
+
     def __post_init__(self):
         """Raises InputError where the problem makes no sense."""
         check_problem(self, source="PerchingProblem")
@@ -81,12 +85,16 @@ _INTERVALS = (
     "pitch_limits",
     "final_pitch_limits",
     "duration_limits",
+    "hook.pitch_limits",
 )
+_POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 
 
 def check_problem(problem: PerchingProblem, source: str) -> None:
     """Raises InputError, naming `source` and the field, where a value cannot be."""
-    for name, value in dataclasses.asdict(problem).items():
+    values = dataclasses.asdict(problem)
+    hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
+    for name, value in (values | hook).items():
         size = NUM_STATES if name in _STATES else np.size(value)
         if name in (*_INTERVALS, "wire"):
             size = 2
@@ -105,9 +113,14 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
             raise InputError(
                 f"{source}: field '{name}' is {value!r}; weights must not be negative."
             )
-    if problem.duration_limits[0] <= 0.0 or problem.final_speed_limit <= 0.0:
+        if name in _POSITIVE and value <= 0.0:
+            raise InputError(
+                f"{source}: field '{name}' is {value!r}; a positive number is needed."
+            )
+    if problem.duration_limits[0] <= 0.0:
         raise InputError(
-            f"{source}: 'duration_limits' and 'final_speed_limit' must be positive."
+            f"{source}: field 'duration_limits' is {problem.duration_limits}; a flight "
+            "takes more than 0 s."
         )
     if not any(problem.launch[4:6]):
         raise InputError(

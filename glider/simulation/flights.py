@@ -1,17 +1,25 @@
 """Simulated flights, and what became of them."""
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from glider.campaign.logs import Flight
 from glider.physics.actuator_replay import latest_command
-from glider.simulation.miss import PERCH_RADIUS
+from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.planning.hook import Hook
+from glider.planning.problem import PerchingProblem
+from glider.simulation.miss import closest_pass
+
+INSTANT = 1e-9
+"""Time within which two steps of an integrator are one [s]: events make some that are
+a rounding error apart."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
-    """One flight of a simulated glider."""
+    """One flight of a simulated glider; a hook that takes it ends it at the wire."""
 
     times: np.ndarray
     """(K,) of the integrator's steps [s]."""
@@ -25,6 +33,12 @@ class FlownFlight:
     miss: float
     """Least distance of the center of mass from the wire [m]."""
 
+    arrival: np.ndarray
+    """(n,) state there."""
+
+    hook: Hook
+    """Hook at the glider."""
+
     forces: np.ndarray | None = None
     """(K, 2) of wing and elevator along their normals [N], if they were asked for."""
 
@@ -32,9 +46,143 @@ class FlownFlight:
     """Log of motion capture and of the commands, where there is one."""
 
     @property
+    def speed(self) -> float:
+        """Speed at the wire [m/s]."""
+        return float(np.linalg.norm(self.arrival[VELOCITY]))
+
+    @property
+    def pitch(self) -> float:
+        """Pitch at the wire [rad]."""
+        return float(self.arrival[STATE_NAMES.index("pitch")])
+
+    @property
     def perched(self) -> bool:
-        """Whether the wire was within reach."""
-        return self.miss < PERCH_RADIUS
+        """Whether the hook holds the glider at the wire."""
+        return bool(self.hook.takes(np.array(self.miss), self.arrival))
+
+
+def hooked(
+    times: np.ndarray,
+    states: np.ndarray,
+    rates: np.ndarray,
+    problem: PerchingProblem,
+    *,
+    forces: np.ndarray | None = None,
+    log: Flight | None = None,
+) -> FlownFlight:
+    """Returns a flight, with its end at the wire where the hook takes it.
+
+    The stop itself, some hundredths of a second, is not simulated: the glider stays
+    where it was and as it was, and its log ends with the contact.
+
+    Args:
+        times: (K,) of the integrator's steps, beyond the wire [s].
+        states: (K, n).
+        rates: (K,) [rad/s].
+        problem: whose wire and hook.
+        forces: (K, 2) [N], or None.
+        log: of motion capture, or None.
+    """
+    passed = closest_pass(times, states, np.array(problem.wire))
+    flight = FlownFlight(
+        times=times,
+        states=states,
+        rates=rates,
+        miss=passed.miss,
+        arrival=passed.arrival,
+        hook=problem.hook,
+        forces=forces,
+        log=log,
+    )
+    if not flight.perched:
+        return flight
+    count = int(np.searchsorted(times, passed.time - INSTANT))  # Steps before it.
+    ended = [*range(count), min(count, len(times) - 1)]
+    return dataclasses.replace(
+        flight,
+        times=np.append(times[:count], passed.time),
+        states=np.vstack([states[:count], passed.arrival]),
+        rates=rates[ended],
+        forces=None if forces is None else forces[ended],
+        log=None if log is None else _until(log, passed.time),
+    )
+
+
+def _until(log: Flight, end: float) -> Flight:
+    """Returns the rows of a log until a time [s]."""
+    kept = log.time <= end
+    columns = {
+        name: column[kept]
+        for name in ("time", "pose", "elevator", "command", "attitude")
+        if (column := getattr(log, name)) is not None
+    }
+    return dataclasses.replace(log, **columns)
+
+
+@dataclasses.dataclass(frozen=True)
+class Perches:
+    """Flights to a wire under one policy: how many perch, and how they come there."""
+
+    flights: Sequence[FlownFlight]
+
+    @property
+    def misses(self) -> list[float]:
+        """Least distance of each flight from the wire [m]."""
+        return [flight.miss for flight in self.flights]
+
+    @property
+    def speeds(self) -> list[float]:
+        """Speed of each flight there [m/s]."""
+        return [flight.speed for flight in self.flights]
+
+    @property
+    def pitches(self) -> list[float]:
+        """Pitch of each flight there [rad]."""
+        return [flight.pitch for flight in self.flights]
+
+    @property
+    def perched(self) -> int:
+        """Number of flights that the hook holds."""
+        return sum(flight.perched for flight in self.flights)
+
+    @property
+    def worst(self) -> FlownFlight:
+        """The flight that misses by most."""
+        return max(self.flights, key=lambda flight: flight.miss)
+
+    def key_figures(self) -> dict[str, object]:
+        """Returns how the flights came to the wire, and how many perch, for a file."""
+        return {
+            "miss_m": self.misses,
+            "speed_at_wire_m_s": self.speeds,
+            "pitch_at_wire_rad": self.pitches,
+            "perched": self.perched,
+        }
+
+    def describe(self) -> str:
+        """Returns how many perch, and how the median flight comes to the wire."""
+        return (
+            f"{self.perched} of {len(self)} launches perch, median miss "
+            f"{1000 * np.median(self.misses):.1f} mm at {np.median(self.speeds):.1f} "
+            f"m/s, nose {describe_pitch(float(np.median(self.pitches)))}"
+        )
+
+    def __len__(self) -> int:
+        """Returns how many there are."""
+        return len(self.flights)
+
+    def __iter__(self) -> Iterator[FlownFlight]:
+        """Returns an iterator over the flights."""
+        return iter(self.flights)
+
+    def __getitem__(self, k: int) -> FlownFlight:
+        """Returns one of the flights."""
+        return self.flights[k]
+
+
+def describe_pitch(pitch: float) -> str:
+    """Returns a pitch [rad] as people say it: 45° up, 10° down."""
+    return f"{abs(np.degrees(pitch)):.0f}° {'down' if pitch > 0.0 else 'up'}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,11 +195,17 @@ class Flights:
     miss: np.ndarray
     """(B,) least distance of the center of mass from the wire [m]."""
 
+    arrivals: np.ndarray
+    """(B, n) states there."""
+
+    problem: PerchingProblem
+    """Problem that was flown: its wire, and the hook at the glider."""
+
     ends: np.ndarray
-    """(B, n) the last states."""
+    """(B, n) the last states, as if there were no hook."""
 
     paths: np.ndarray | None = None
-    """(B, N + 1, n) all states, if they were asked for."""
+    """(B, N + 1, n) all states, if they were asked for, as if there were no hook."""
 
     command_times: np.ndarray | None = None
     """(H,) when each command began [s], where commands are held."""
@@ -61,20 +215,19 @@ class Flights:
 
     @property
     def perched(self) -> np.ndarray:
-        """(B,) whether the wire was within reach."""
-        return self.miss < PERCH_RADIUS
+        """(B,) whether the hook holds the glider at the wire."""
+        return self.problem.hook.takes(self.miss, self.arrivals)
 
     def flight(self, b: int) -> FlownFlight:
-        """Returns one of them; the paths must be there, and commands that were held."""
+        """Returns one of them, with its end at the wire where the hook takes it.
+
+        The paths must be there, and commands that were held.
+        """
         if self.paths is None or self.commands is None or self.command_times is None:
             raise ValueError("flights with paths and held commands are needed")
         latest = latest_command(self.command_times, self.times)
-        return FlownFlight(
-            times=self.times,
-            states=self.paths[b],
-            rates=self.commands[b, latest],
-            miss=float(self.miss[b]),
-        )
+        rates = self.commands[b, latest]
+        return hooked(self.times, self.paths[b], rates, self.problem)
 
     def __len__(self) -> int:
         """Returns how many there are."""

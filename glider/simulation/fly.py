@@ -12,6 +12,7 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
+from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Flights
 
 STEP = 0.002
@@ -97,7 +98,7 @@ def fly(
     policy: Policy,
     starts: np.ndarray,
     *,
-    wire: tuple[float, float] = (0.0, 0.0),
+    problem: PerchingProblem | None = None,
     command_rate: float | None = None,
     noise: np.ndarray | None = None,
     step: float = STEP,
@@ -115,7 +116,7 @@ def fly(
             effects have states that the glider lacks needs the observer of
             `diagrams.closed_loop`.
         starts: (B, 7), the effects' own states at rest, or (B, n).
-        wire: (x, z) [m].
+        problem: whose wire and hook; None for the article's.
         command_rate: commands are computed at this rate and held [Hz]; None: the
             command follows the state at once.
         noise: (B, H, m) added to the states that each command is computed from,
@@ -152,13 +153,14 @@ def fly(
     else:
         sampled = np.arange(2 * clock.steps + 1) * 0.5 * clock.step
     offset, gain = policy.sample(sampled)
-    miss, states = fly_feedback(
+    problem = PerchingProblem() if problem is None else problem
+    miss, arrivals, states = fly_feedback(
         model,
         starts,
         clock.steps,
         clock.step,
         Feedback(offset=offset, gain=gain, hold=clock.hold, noise=noise),
-        wire=wire,
+        wire=(problem.wire[0], problem.wire[1]),
         keep_paths=keep_paths,
     )
     commands = None
@@ -170,6 +172,8 @@ def fly(
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=miss,
+        arrivals=arrivals,
+        problem=problem,
         ends=states[:, -1].copy(),
         paths=states if keep_paths else None,
         command_times=sampled if clock.hold else None,

@@ -1,38 +1,36 @@
-"""Distance at which a flight passes the wire."""
+"""Where a flight passes the wire, and how it comes there."""
+
+import dataclasses
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.physics.state import POSITION, VELOCITY
 
-PERCH_RADIUS = 0.05
-"""Distance from the wire within which a center of mass that passes has perched [m]."""
-
 REFINEMENT = 16
 """Segments that each step of a simulator's log is divided into."""
 
 
-def least_distance(points: np.ndarray, wire: np.ndarray) -> float:
-    """Returns the distance of a polyline from a point.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pass:
+    """The moment at which a flight is nearest to the wire."""
 
-    Args:
-        points: (K, 2), K at least 1.
-        wire: (2,).
-    """
-    start = points[:-1] - wire
-    along = np.diff(points, axis=0)
-    square = np.sum(along**2, axis=1)
-    share = -np.sum(start * along, axis=1) / np.where(square > 0.0, square, 1.0)
-    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
-    distances = np.linalg.norm(np.vstack([nearest, points[-1:] - wire]), axis=1)
-    return float(np.min(distances))
+    time: float
+    """Time of the flight [s]."""
+
+    miss: float
+    """Distance of the center of mass from the wire [m]."""
+
+    arrival: np.ndarray
+    """(n,) state."""
 
 
-def path_miss(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> float:
-    """Returns the least distance of a logged flight from the wire [m].
+def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pass:
+    """Returns where a logged flight is nearest to the wire.
 
     A simulator's steps are long; between them the path is the cubic of the
-    positions and velocities at both ends, followed by short segments.
+    positions and velocities at both ends, followed by short segments; what else the
+    state holds lies on a straight line.
 
     Args:
         times: (K,) increasing, or now and then equal [s].
@@ -41,9 +39,20 @@ def path_miss(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> float:
     """
     kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
     times, states = times[kept], states[kept]
-    if len(times) < 2:
-        return least_distance(states[:, POSITION], wire)
-    path = CubicHermiteSpline(times, states[:, POSITION], states[:, VELOCITY])
-    steps = np.diff(times)[:, None] * np.arange(REFINEMENT) / REFINEMENT
-    fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
-    return least_distance(path(fine), wire)
+    fine, path = times, states[:, POSITION]
+    if len(times) > 1:
+        steps = np.diff(times)[:, None] * np.arange(REFINEMENT) / REFINEMENT
+        fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
+        path = CubicHermiteSpline(times, path, states[:, VELOCITY])(fine)
+    start, along = path[:-1] - wire, np.diff(path, axis=0)
+    square = np.sum(along**2, axis=1)
+    share = -np.sum(start * along, axis=1) / np.where(square > 0.0, square, 1.0)
+    share = np.append(np.clip(share, 0.0, 1.0), 0.0)
+    along = np.vstack([along, np.zeros(2)])
+    places = path + share[:, None] * along
+    distances = np.linalg.norm(places - wire, axis=1)
+    k = int(np.argmin(distances))
+    time = float(fine[k] + share[k] * (fine[min(k + 1, len(fine) - 1)] - fine[k]))
+    arrival = np.array([np.interp(time, times, column) for column in states.T])
+    arrival[POSITION] = places[k]
+    return Pass(time=time, miss=float(distances[k]), arrival=arrival)

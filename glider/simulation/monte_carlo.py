@@ -74,7 +74,7 @@ class Case:
     """The feedback."""
 
     problem: PerchingProblem
-    """Launch and wire."""
+    """Launch, wire and hook."""
 
     spread: LaunchSpread = LaunchSpread()
     """Spread of the launches."""
@@ -129,7 +129,7 @@ def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
         case.model,
         case.policy,
         starts,
-        wire=(case.problem.wire[0], case.problem.wire[1]),
+        problem=case.problem,
         command_rate=case.command_rate,
         noise=noise,
         step=case.step,
@@ -175,5 +175,7 @@ def _joined(chunks: list[Flights]) -> Flights:
     return Flights(
         times=chunks[0].times,
         miss=np.concatenate([chunk.miss for chunk in chunks]),
+        arrivals=np.concatenate([chunk.arrivals for chunk in chunks]),
+        problem=chunks[0].problem,
         ends=np.concatenate([chunk.ends for chunk in chunks]),
     )

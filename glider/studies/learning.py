@@ -235,14 +235,14 @@ def fly_planned(truth: GliderModel, planned: Plan, problem: PerchingProblem) -> 
         truth: the glider that is flown, which may have effects that the planner does
             not know.
         planned: the flight and its feedback.
-        problem: whose launch and wire to take.
+        problem: whose launch, wire and hook to take.
     """
     policy = HeldPolicy(plan=planned)
     return fly(
         truth,
         policy,
         np.array([problem.launch]),
-        wire=(problem.wire[0], problem.wire[1]),
+        problem=problem,
         command_rate=policy.command_rate,
         keep_paths=True,
     )

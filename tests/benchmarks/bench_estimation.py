@@ -70,10 +70,9 @@ def main():
     flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)
     print("\n50 launches of the article's plan, 1 mm of noise, TVLQR")
     for name, flights in (("state", flown.on_state), ("estimate", flown.on_estimate)):
-        misses = 1e3 * np.array([flight.miss for flight in flights])
         print(
-            f"  on the {name:10s} {sum(f.perched for f in flights)} perch, median "
-            f"{np.median(misses):.2f} mm, largest {np.max(misses):.2f} mm"
+            f"  on the {name:10s} {flights.describe()}; largest miss "
+            f"{1e3 * flights.worst.miss:.2f} mm"
         )
 
 

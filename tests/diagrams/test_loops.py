@@ -35,18 +35,27 @@ from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
+from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import (
     AFTER,
     fly,
 )
-from glider.simulation.miss import path_miss
+from glider.simulation.miss import closest_pass
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
-from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM, draw_noise, plan_of, policy
+from tests.helpers.flights import (
+    LAGGING,
+    NO_HOOK,
+    NOMINAL,
+    PROBLEM,
+    draw_noise,
+    plan_of,
+    policy,
+)
 
 DURATION = 0.98
 STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
@@ -183,7 +192,9 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
         corrections=0.0 * policy().corrections,
     )
     ours = fly(NOMINAL, none, starts, step=0.0005)
-    flights = simulate_flights(replay, starts, ours.times[-1], accuracy=1e-9)
+    flights = simulate_flights(
+        replay, starts, ours.times[-1], problem=NO_HOOK, accuracy=1e-9
+    )
     ends = [flight.states[-1] for flight in flights]
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
     assert flights[0].miss < 1e-3
@@ -213,7 +224,14 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
 
 
 def test_a_compiled_flight_is_shown_without_forces():
-    flights = fly(NOMINAL, policy(), launches(1), command_rate=50.0, keep_paths=True)
+    flights = fly(
+        NOMINAL,
+        policy(),
+        launches(1),
+        problem=NO_HOOK,
+        command_rate=50.0,
+        keep_paths=True,
+    )
     shown = flight_track("compiled", flights.flight(0))
     assert shown.forces is None
     np.testing.assert_array_equal(shown.times, flights.times)
@@ -222,17 +240,51 @@ def test_a_compiled_flight_is_shown_without_forces():
 
 @pytest.mark.parametrize("wire", [(-0.3, 0.2), (-3.0, 0.1)])
 def test_the_miss_is_of_the_wire_that_is_given(replay, wire):
-    [flight] = simulate_flights(replay, launches(1), 0.95, wire=wire)
-    expected = path_miss(flight.times, flight.states, np.array(wire))
-    assert (
-        flight.miss == expected != path_miss(flight.times, flight.states, np.zeros(2))
+    problem = PerchingProblem(wire=list(wire), hook=NO_HOOK.hook)
+    [flight] = simulate_flights(replay, launches(1), 0.95, problem=problem)
+    of_wire, of_origin = (
+        closest_pass(flight.times, flight.states, np.array(place)).miss
+        for place in (wire, (0.0, 0.0))
     )
+    assert flight.miss == of_wire != of_origin
 
 
-@pytest.mark.parametrize(("miss", "perched"), [(0.049, True), (0.051, False)])
-def test_a_perch_is_within_five_centimeters(replay, miss, perched):
+def test_a_glider_that_the_hook_takes_stays_at_the_wire(sampled):
+    """Its flight and its log end there, and so does the simulation."""
+    noise = {"feedback_noise": np.zeros((3, 60, 7))}
+    duration = plan_of().duration + AFTER
+    held = simulate_flights(sampled, launches(3), duration, **noise)
+    left = simulate_flights(sampled, launches(3), duration, problem=NO_HOOK, **noise)
+    assert held.perched == 3
+    for flight, path in zip(held, left, strict=True):
+        assert not path.perched
+        assert flight.times[-1] < path.times[-1] - 0.05
+        np.testing.assert_allclose(flight.states[-1], flight.arrival)
+        np.testing.assert_allclose(path.miss, flight.miss, atol=1e-4)
+        wire = np.linalg.norm(flight.states[-1, :2])
+        assert wire == pytest.approx(flight.miss)
+        assert len(flight.times) == len(flight.states) == len(flight.forces)
+        assert flight.log.time[-1] <= flight.times[-1] < flight.log.time[-1] + 0.01
+
+
+@pytest.mark.parametrize(
+    ("miss", "pitch", "speed", "perched"),
+    [
+        (0.049, -0.8, 2.0, True),
+        (0.051, -0.8, 2.0, False),  # Beyond reach.
+        (0.0, -0.34, 2.0, False),  # Too flat.
+        (0.0, -1.18, 2.0, False),  # Too steep.
+        (0.0, -0.8, 2.79, True),
+        (0.0, -0.8, 2.81, False),  # Too fast.
+        (np.nan, -0.8, 2.0, False),
+    ],
+)
+def test_a_perch_is_what_the_hook_can_take(replay, miss, pitch, speed, perched):
     [flight] = simulate_flights(replay, launches(1), 0.01)
-    assert dataclasses.replace(flight, miss=miss).perched is perched
+    arrival = np.array([0.0, 0.0, pitch, 0.0, 0.6 * speed, -0.8 * speed, 1.0])
+    flight = dataclasses.replace(flight, miss=miss, arrival=arrival)
+    assert flight.perched is perched
+    assert flight.speed == pytest.approx(speed)
 
 
 def test_flights_of_one_diagram_know_nothing_of_one_another(sampled):
@@ -252,7 +304,7 @@ def test_the_observer_knows_the_lag_as_the_glider_itself(sampled):
         LAGGING, regulator(lagging=True), all_states=True, command_rate=50.0
     )
     ends = [
-        simulate_flights(diagram, launches(1), DURATION, accuracy=1e-8)
+        simulate_flights(diagram, launches(1), DURATION, problem=NO_HOOK, accuracy=1e-8)
         for diagram in (sampled, told)
     ]
     for one, other in zip(*ends, strict=True):
@@ -319,8 +371,12 @@ def test_too_few_tapes_are_refused(sampled):
 def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
     rng = np.random.default_rng(8)
     noise = MotionCapture().draw(rng, 2, 200)
-    quiet = simulate_flights(sampled, launches(2), DURATION)
-    noisy = simulate_flights(sampled, launches(2), DURATION, capture_noise=noise)
+    quiet, noisy = (
+        simulate_flights(
+            sampled, launches(2), DURATION, problem=NO_HOOK, capture_noise=tape
+        )
+        for tape in (None, noise)
+    )
     parameters = NOMINAL.parameters
     campaign = Campaign(
         name="flown",
@@ -351,7 +407,7 @@ def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
 
 
 def test_a_new_command_shows_in_the_first_row_after_it(sampled):
-    [flight] = simulate_flights(sampled, launches(1), DURATION)
+    [flight] = simulate_flights(sampled, launches(1), DURATION, problem=NO_HOOK)
     changes = np.flatnonzero(np.diff(flight.log.command)) + 1
     before, after = flight.log.time[changes - 1], flight.log.time[changes]
     switches = np.arange(1, 49) / 50.0

@@ -14,16 +14,20 @@ from diagrams.marks import (
     arrow_paths,
     trail_path,
 )
+from diagrams.page import write_html
 from diagrams.playback import (
     RED,
     MakePlayback,
     Track,
+    legend_of,
     play,
     stage_of,
-    write_html,
 )
+from diagrams.tracks import flight_track
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
+from glider.planning.problem import PerchingProblem
+from glider.simulation.flights import hooked
 from tests.helpers.meshcat import place_of, property_of
 
 
@@ -51,7 +55,7 @@ def meshcat(tracks):
 @pytest.fixture(scope="module")
 def page(tracks, meshcat, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "flight.html"
-    write_html(path, meshcat, tracks, "Flown & planned")
+    write_html(path, meshcat, legend_of(tracks, "Flown & planned", rate=0.5))
     return path.read_text(encoding="utf-8")
 
 
@@ -140,7 +144,8 @@ def test_a_live_playback_takes_its_time(tracks):
 
 def test_the_page_has_a_legend(page):
     assert "<b>Flown &amp; planned</b>" in page
-    assert '"></span>as planned<br>' in page
+    assert '<span class="swatch" style="background:rgb(217,41,31)">' in page
+    assert "<span>as planned</span>" in page
     assert f"{ARROW_SCALE:g} m per N" in page
 
 
@@ -149,9 +154,10 @@ def test_times_may_start_anywhere(tracks):
     diagram = MakePlayback([later], Meshcat(), rate=0.5)
     source = diagram.GetSubsystemByName("later_track")
     context = diagram.CreateDefaultContext()
-    context.SetTime(1.0)
-    pose = source.get_output_port().Eval(source.GetMyContextFromRoot(context))
-    assert pose == pytest.approx(later.poses[-1])
+    context.SetTime(0.5)
+    motion = source.get_output_port().Eval(source.GetMyContextFromRoot(context))
+    assert motion[:4] == pytest.approx(later.poses[-1])
+    assert motion[4:] == pytest.approx([7.0, -1.0], abs=0.02)
 
 
 def test_the_stage_holds_the_flight_and_the_wire():
@@ -194,3 +200,13 @@ def test_a_playback_converts_to_autodiff():
     builder = DiagramBuilder()
     builder.AddSystem(diagram)
     assert builder.Build().ToAutoDiffXd().num_continuous_states() == 0
+
+
+def test_steps_that_are_a_rounding_error_apart_are_shown_as_one():
+    """As a simulator logs them at an event; a spline cannot have both."""
+    times = np.array([0.0, 0.1, np.nextafter(0.1, 1.0), 0.2])
+    states = np.zeros((4, 7))
+    flight = hooked(times, states, np.zeros(4), PerchingProblem(wire=[1.0, 0.0]))
+    track = flight_track("flown", flight)
+    assert len(track.times) == 3
+    MakePlayback([track], Meshcat())

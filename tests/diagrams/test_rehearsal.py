@@ -23,6 +23,7 @@ from glider.physics.model import (
     save_model,
 )
 from glider.planning.problem import PerchingProblem
+from glider.simulation.flights import Perches
 from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
@@ -37,8 +38,8 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
         rehearse(nominal, nominal, problem, starts, np.random.default_rng(1))
         for _ in range(2)
     )
-    assert first.misses == again.misses
-    assert first.perched == 3
+    assert first.flights.misses == again.flights.misses
+    assert first.flights.perched == 3
     assert [f.name for f in first.campaign.flights] == [
         f"flight_{k:03d}.csv" for k in range(3)
     ]
@@ -67,15 +68,17 @@ def test_what_is_true_is_told_as_it_is(tmp_path, truth, expected):
 
 def test_a_correction_tells_its_truth_and_its_effects():
     """Nothing is flown here."""
-    flown = Rehearsal(plan=None, flights=[], campaign=None)
+    flown = Rehearsal(plan=None, flights=Perches([]), campaign=None)
     found = SimpleNamespace(effects=(SimpleNamespace(kind="wind"),))
     truth = load_truth("head_wind")
     correction = Correction(truth=truth, before=flown, found=found, after=flown)
+    none = Perches([]).key_figures()
+    assert none["perched"] == 0
     assert correction.key_figures() == {
         "effect_true": "wind",
         "effect_found": ["wind"],
-        "before": {"miss_m": [], "perched": 0},
-        "after": {"miss_m": [], "perched": 0},
+        "before": none,
+        "after": none,
         "launches": 0,
     }
 

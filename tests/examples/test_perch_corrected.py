@@ -22,9 +22,9 @@ def told(flown, tmp_path_factory):
 
 def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert [effect.kind for effect in flown.found.effects] == ["wind"]
-    assert flown.before.perched <= 2
-    assert flown.after.perched == len(flown.after.flights) == 10
-    assert max(flown.after.misses) < 0.05 < min(flown.before.misses)
+    assert flown.before.flights.perched <= 2
+    assert flown.after.flights.perched == len(flown.after.flights) == 10
+    assert max(flown.after.flights.misses) < 0.05 < min(flown.before.flights.misses)
 
 
 def test_it_is_told_as_it_is(told, flown):
@@ -32,8 +32,7 @@ def test_it_is_told_as_it_is(told, flown):
     assert figures["effect_true"] == "wind"
     assert figures["effect_found"] == ["wind"]
     for name, rehearsal in (("before", flown.before), ("after", flown.after)):
-        expected = {"miss_m": rehearsal.misses, "perched": rehearsal.perched}
-        assert figures[name] == expected
+        assert figures[name] == rehearsal.flights.key_figures()
     assert (figures["launches"], figures["seed"]) == (10, 3)
     assert "planned corrected: 10 of 10 launches perch" in told.words
     truth, *asked = told.asked.call_args.args[:3]

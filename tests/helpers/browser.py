@@ -1,27 +1,31 @@
-"""A headless browser's view of a page, as an array of pixels."""
+"""A headless browser: pages that it opens, what goes wrong there, what they show."""
 
+import contextlib
+import dataclasses
+import importlib.util
+import io
 import shutil
-import subprocess
-from collections.abc import Callable
-from pathlib import Path
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import matplotlib.image
 import numpy as np
 
 WIDTH, HEIGHT = 1000, 650
-"""Of a screenshot [pixels]."""
+"""Size of a window [pixels]."""
+
+PATIENCE = 30.0
+"""Time that a busy machine gets to draw [s]."""
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 # WebGL without a graphics card; nothing that calls home.
 _FLAGS = (
-    "--headless=new",
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    "--hide-scrollbars",
-    "--no-first-run",
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-quic",
@@ -34,31 +38,62 @@ def find_browser() -> str | None:
     return next(filter(None, map(shutil.which, _NAMES)), None)
 
 
-def screenshot(
-    url: str, folder: Path, is_complete: Callable[[np.ndarray], bool]
-) -> np.ndarray:
-    """Returns what a page shows, (HEIGHT, WIDTH, 3) red, green, blue from 0 to 1.
+def why_not() -> str | None:
+    """Returns why no page can be opened here, None if one can."""
+    if importlib.util.find_spec("playwright") is None:
+        return "no Playwright to drive a browser with (the extra `test` has it)"
+    if find_browser() is None:
+        return "no Chromium on this machine to open a page with"
+    return None
 
-    On a busy machine the picture may be taken before all has been drawn; then it
-    is taken again, later.
-    """
-    browser = find_browser()
-    assert browser is not None
-    for attempt in range(4):
-        picture = folder / f"screenshot_{attempt}.png"
-        command = [
-            browser,
-            *_FLAGS,
-            f"--user-data-dir={folder / f'profile_{attempt}'}",
-            f"--window-size={WIDTH},{HEIGHT}",
-            f"--virtual-time-budget={4000 * 2**attempt}",
-            f"--screenshot={picture}",
-            url,
-        ]
-        subprocess.run(command, check=False, capture_output=True, timeout=120)
-        if picture.exists():
-            pixels = matplotlib.image.imread(picture)[:, :, :3]
-            if is_complete(pixels):
-                break
-    assert picture.exists(), f"{browser} took no picture of {url}"
-    return pixels
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """A page in a browser."""
+
+    page: Any
+    """Playwright's page."""
+
+    faults: list[str]
+    """Errors and warnings of the console so far, and exceptions of scripts."""
+
+    def pixels(self) -> np.ndarray:
+        """Returns what it shows, (height, width, 3) red, green, blue from 0 to 1."""
+        picture = io.BytesIO(self.page.screenshot())
+        return matplotlib.image.imread(picture, format="png")[:, :, :3]
+
+    def box(self, selector: str) -> tuple[float, float, float, float]:
+        """Returns left, top, width and height of an element [pixels]."""
+        box = self.page.locator(selector).bounding_box()
+        return box["x"], box["y"], box["width"], box["height"]
+
+    def wait_for(self, holds: Callable[[], bool]) -> bool:
+        """Waits until something holds, at most PATIENCE; returns whether it does."""
+        end = time.monotonic() + PATIENCE
+        while not (done := holds()) and time.monotonic() < end:
+            self.page.wait_for_timeout(100)
+        return done
+
+
+@contextlib.contextmanager
+def opened(url: str, width: int = WIDTH, height: int = HEIGHT) -> Iterator[Window]:
+    """Opens a page."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=find_browser(), args=list(_FLAGS)
+        )
+        page = browser.new_page(viewport={"width": width, "height": height})
+        window = Window(page, [])
+        page.on("pageerror", lambda error: window.faults.append(str(error)))
+        page.on("console", lambda told: _note(window.faults, told))
+        page.goto(url)
+        yield window
+        browser.close()
+
+
+def _note(faults: list[str], told: Any) -> None:
+    """Keeps what a browser complains of; not that it has no graphics card."""
+    if told.type in ("error", "warning") and "GPU stall" not in told.text:
+        faults.append(told.text)

@@ -12,9 +12,11 @@ from glider.control.tvlqr_drake import (
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
+from glider.planning.hook import Hook
 from glider.planning.problem import PerchingProblem
 
 PROBLEM = PerchingProblem()
+NO_HOOK = PerchingProblem(hook=Hook(reach=1e-9))
 NOMINAL = GliderModel()
 LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
 

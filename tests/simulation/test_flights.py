@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from glider.physics.servo import limited_rate
+from glider.simulation.flights import hooked
 from glider.simulation.fly import fly
-from glider.simulation.miss import PERCH_RADIUS
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from tests.helpers.flights import NOMINAL, PROBLEM, draw_noise, policy
+from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, draw_noise, policy
 
 STARTS = draw_launches(
     PROBLEM,
@@ -17,8 +17,8 @@ STARTS = draw_launches(
 )
 
 
-def fly_with_paths(**options):
-    return fly(NOMINAL, policy(), STARTS, keep_paths=True, **options)
+def fly_with_paths(problem=NO_HOOK, **options):
+    return fly(NOMINAL, policy(), STARTS, problem=problem, keep_paths=True, **options)
 
 
 @pytest.mark.parametrize("noisy", [False, True])
@@ -33,8 +33,8 @@ def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
         flight = flights.flight(b)
         np.testing.assert_array_equal(flight.states, flights.paths[b])
         np.testing.assert_array_equal(flight.times, flights.times)
-        assert flight.miss == flights.miss[b]
-        assert flight.perched == flights.perched[b] == (flight.miss < PERCH_RADIUS)
+        assert flight.miss == pytest.approx(flights.miss[b], abs=1e-5)
+        assert not flight.perched and not flights.perched[b]
         assert flight.rates.shape == flight.times.shape
         assert np.max(np.abs(flight.rates)) <= servo.rate
         elevator = flight.states[:, 3]
@@ -63,6 +63,21 @@ def test_commands_are_those_of_the_policy_after_the_servos_limits():
     )
     np.testing.assert_allclose(flights.commands, limited, atol=1e-12)
     assert np.any(np.abs(wanted) > servo.rate)  # The limit was at work.
+
+
+@pytest.mark.parametrize("late", [-0.003, -1e-16, 0.0, 1e-16, 0.003])
+def test_a_flight_ends_at_the_wire_and_its_times_stay_apart(late):
+    """Where the hook takes the glider at a step, a hair off it, and between steps."""
+    times = np.linspace(0.0, 0.1, 11)
+    states = np.zeros((11, 7))
+    states[:, 0] = 2.0 * (times - times[5] - late)
+    states[:, 2], states[:, 4] = -0.8, 2.0
+    flight = hooked(times, states, np.arange(11.0), PROBLEM)
+    assert flight.perched
+    assert flight.times[-1] == pytest.approx(times[5] + late)
+    assert np.all(np.diff(flight.times) > 1e-6)
+    assert flight.states[-1] == pytest.approx([0.0, 0.0, -0.8, 0.0, 2.0, 0.0, 0.0])
+    assert len(flight.times) == len(flight.states) == len(flight.rates)
 
 
 def test_a_flight_without_a_path_or_a_held_command_is_refused():

@@ -18,6 +18,7 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from glider.simulation import monte_carlo
 from glider.simulation.fly import (
     fly,
@@ -25,9 +26,7 @@ from glider.simulation.fly import (
     make_clock,
 )
 from glider.simulation.miss import (
-    PERCH_RADIUS,
-    least_distance,
-    path_miss,
+    closest_pass,
 )
 from glider.simulation.monte_carlo import (
     CHUNK,
@@ -39,6 +38,7 @@ from glider.simulation.monte_carlo import (
 )
 from tests.helpers.flights import (
     LAGGING,
+    NO_HOOK,
     NOMINAL,
     PROBLEM,
     drake_policy,
@@ -82,12 +82,19 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
         feedback_noise=noisy,
     )
     drakes = simulate_flights(
-        diagram, starts, ours.times[-1], feedback_noise=noise, accuracy=1e-8
+        diagram,
+        starts,
+        ours.times[-1],
+        problem=NO_HOOK,
+        feedback_noise=noise,
+        accuracy=1e-8,
     )
     ends = np.array([flight.states[-1] for flight in drakes])
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
     misses = np.array([flight.miss for flight in drakes])
     np.testing.assert_allclose(ours.miss, misses, atol=1e-5)
+    arrivals = np.array([flight.arrival for flight in drakes])
+    np.testing.assert_allclose(ours.arrivals, arrivals, atol=2e-3)
     assert np.ptp(misses) > 1e-4
     if truth is NOMINAL:  # A limit was at work.
         assert max(np.max(np.abs(flight.rates)) for flight in drakes) > 12.999
@@ -112,9 +119,14 @@ def test_a_batch_is_its_flights_one_by_one():
 
 @pytest.mark.parametrize("wire", [(0.0, 0.0), (-0.3, 0.2)])
 def test_the_miss_is_the_distance_of_the_path(wire):
-    flights = fly(NOMINAL, policy(), launches(5), wire=wire, keep_paths=True)
-    for path, miss in zip(flights.paths, flights.miss, strict=True):
-        assert miss == pytest.approx(least_distance(path[:, :2], np.array(wire)))
+    problem = PerchingProblem(wire=list(wire))
+    flights = fly(NOMINAL, policy(), launches(5), problem=problem, keep_paths=True)
+    for path, miss, state in zip(
+        flights.paths, flights.miss, flights.arrivals, strict=True
+    ):
+        passed = closest_pass(flights.times, path, np.array(wire))
+        assert miss == pytest.approx(passed.miss, abs=1e-5)
+        assert state == pytest.approx(passed.arrival, abs=2e-3)
 
 
 def test_finer_steps_change_little():
@@ -129,7 +141,9 @@ def test_feedback_is_what_perches():
     far = fly(NOMINAL, policy(), launches(500))
     assert np.mean(near.perched) > 0.99
     assert 0.5 < np.mean(far.perched) < 0.99
-    np.testing.assert_array_equal(far.perched, far.miss < PERCH_RADIUS)
+    hook = PROBLEM.hook
+    np.testing.assert_array_equal(far.perched, hook.takes(far.miss, far.arrivals))
+    assert np.any(far.perched != (far.miss < hook.reach))  # Not by distance alone.
 
 
 def test_effects_with_states_start_at_rest():
@@ -178,13 +192,24 @@ def test_what_does_not_fit_is_refused(options, message):
 # --------------------------------------------------------------------- the miss
 
 
+def straight(times, points, velocity):
+    """States on a path of one velocity (2,)."""
+    states = np.zeros((len(points), 7))
+    states[:, :2], states[:, 4:6] = points, velocity
+    return np.array(times), states
+
+
 def test_a_path_that_jumps_over_the_wire_still_meets_it():
-    points = np.array([[-1.0, 0.03], [1.0, 0.03], [2.0, 5.0]])
-    assert least_distance(points, np.zeros(2)) == pytest.approx(0.03)
-    assert least_distance(points[::-1], np.zeros(2)) == pytest.approx(0.03)
-    # Not the line beyond a segment's end.
-    assert least_distance(points[:2], np.array([1.3, 0.43])) == pytest.approx(0.5)
-    assert least_distance(points[[0, 0]], np.array([-1.0, 0.0])) == pytest.approx(0.03)
+    times, states = straight([0.0, 2.0], [[-1.0, 0.03], [1.0, 0.03]], [1.0, 0.0])
+    states[:, 2] = [0.0, -1.0]
+    for wire, miss, time in (((0.0, 0.0), 0.03, 1.0), ((1.3, 0.43), 0.5, 2.0)):
+        passed = closest_pass(times, states, np.array(wire))
+        assert passed.miss == pytest.approx(miss)  # Not of the line beyond the end.
+        assert passed.time == pytest.approx(time)
+        assert passed.arrival[2] == pytest.approx(-0.5 * time)
+        assert passed.arrival[:2] == pytest.approx([time - 1.0, 0.03])
+    passed = closest_pass(times[:1], states[:1], np.array([-1.0, 0.0]))
+    assert (passed.miss, passed.time) == pytest.approx((0.03, 0.0))
 
 
 def test_between_long_steps_the_path_is_curved():
@@ -193,9 +218,9 @@ def test_between_long_steps_the_path_is_curved():
     states = np.zeros((7, 7))
     states[:, :2] = np.column_stack([np.cos(angle), np.sin(angle)])
     states[:, 4:6] = np.column_stack([-np.sin(angle), np.cos(angle)])
-    assert path_miss(angle, states, np.zeros(2)) == pytest.approx(1.0, abs=5e-4)
+    assert closest_pass(angle, states, np.zeros(2)).miss == pytest.approx(1.0, abs=5e-4)
     twice = np.repeat(np.arange(7), 2)  # A log holds the time of an event twice.
-    assert path_miss(angle[twice], states[twice], np.zeros(2)) == pytest.approx(
+    assert closest_pass(angle[twice], states[twice], np.zeros(2)).miss == pytest.approx(
         1.0, abs=5e-4
     )
 

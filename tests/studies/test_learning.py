@@ -15,7 +15,7 @@ from glider.physics.model import (
 from glider.physics.parameters import load_parameters
 from glider.planning.ilqr import ilqr
 from glider.planning.problem import goal_cost
-from glider.simulation.miss import path_miss
+from glider.simulation.miss import closest_pass
 from glider.studies.coefficients import (
     basis_values,
     residual_basis,
@@ -74,7 +74,7 @@ def test_a_glider_flies_as_it_was_planned(planned):
     np.testing.assert_array_equal(flown.commands[0, 75:], 0.0)
     flight = flown.flight(0)
     assert flight.miss == pytest.approx(
-        path_miss(flight.times, flight.states, np.zeros(2)), abs=1e-5
+        closest_pass(flight.times, flight.states, np.zeros(2)).miss, abs=1e-5
     )
     assert flight.perched
 

@@ -182,7 +182,7 @@ def test_what_is_borne_is_the_level_before_the_first_escape(found):
     for level, flown in zip(figures["levels"], found, strict=True):
         left = sum(path.max() > 1.0 for path in flown.levels)
         assert level["escaped"] == pytest.approx(left / 12)
-        assert level["perched"] == pytest.approx(np.mean(flown.miss < 0.05))
+        assert level["perched"] == pytest.approx(np.mean(flown.perched))
     never = dataclasses.replace(found[0], levels=0.5 * found[0].levels)
     assert estimate_figures([never])["bears"][0]["first_escape_m"] is None
     always = dataclasses.replace(found[0], levels=found[0].levels + 1.0)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from glider.planning.hook import Hook
 from glider.report.plots.axes import (
     few_ticks,
     limit,
@@ -19,10 +20,10 @@ from glider.report.plots.style import (
     RED,
     STYLE,
 )
-from glider.simulation.miss import PERCH_RADIUS
 
 WEIGHTS = RED
 TRACED = COLORS["corrected"]
+REACH = Hook().reach
 ORACLE_RATIO = 1.2
 """Ratio of a miss to the oracle's up to which it is as good."""
 
@@ -33,17 +34,15 @@ def plot_rounds(ax: Axes, paths: Sequence[np.ndarray], wire: Sequence[float]) ->
     Args:
         ax: to draw into.
         paths: of each round, (K, 2 or more) x, z [m].
-        wire: (x, z) [m]; a ring shows PERCH_RADIUS.
+        wire: (x, z) [m]; a ring shows the reach of the article's hook.
     """
     shades = colormaps["viridis_r"](np.linspace(0.1, 1.0, len(paths)))
     for k, (path, shade) in enumerate(zip(paths, shades, strict=True)):
         label = f"round {k}" if k in (0, len(paths) - 1) else None
         ax.plot(*path[:, :2].T, color=shade, lw=1.2, label=label)
     angle = np.linspace(0.0, 2.0 * np.pi, 60)
-    ring = np.array(wire)[:, None] + PERCH_RADIUS * np.array(
-        [np.cos(angle), np.sin(angle)]
-    )
-    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * PERCH_RADIUS:.0f} cm of the wire")
+    ring = np.array(wire)[:, None] + REACH * np.array([np.cos(angle), np.sin(angle)])
+    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * REACH:.0f} cm of the wire")
     limit(ax.set_ylim, np.concatenate(paths)[:, 1], margin=0.15)
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")
@@ -117,6 +116,6 @@ def save_learning_figure(
         plot_progress(miss, misses, "median miss [mm]", launches)
         miss.axhspan(0.0, ORACLE_RATIO * oracle, color="k", alpha=0.08, lw=0.0)
         miss.axhline(oracle, color="k", ls=(0, (4, 2)), label="the truth is known")
-        miss.axhline(1000.0 * PERCH_RADIUS, color="#888888", lw=0.8)
+        miss.axhline(1000.0 * REACH, color="#888888", lw=0.8)
         miss.legend(loc="best")
         figure.savefig(file, dpi=150)

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from glider.planning.hook import Hook
 from glider.report.plots.axes import few_ticks
 from glider.report.plots.style import COLORS, RED
-from glider.simulation.miss import PERCH_RADIUS
 
 REPLAYED = RED
 BEFORE = RED
 AFTER = COLORS["corrected"]
+REACH = Hook().reach
 
 
 def plot_perches(
@@ -29,7 +30,7 @@ def plot_perches(
         planned: (N, 2 or more) x, z [m].
         flown: of each flight, the same.
         replayed: the same of flights without feedback.
-        wire: (x, z) [m]; a ring shows PERCH_RADIUS.
+        wire: (x, z) [m]; a ring shows the reach of the article's hook.
         color: of the flights.
     """
     groups = ((replayed, REPLAYED, "without feedback"), (flown, color, "with feedback"))
@@ -39,10 +40,8 @@ def plot_perches(
             ax.plot(*path[:, :2].T, color=shade, lw=0.8, alpha=0.5, label=label)
     ax.plot(*planned[:, :2].T, color="k", lw=1.8, ls=(0, (4, 2)), label="plan")
     angle = np.linspace(0.0, 2.0 * np.pi, 60)
-    ring = np.array(wire)[:, None] + PERCH_RADIUS * np.array(
-        [np.cos(angle), np.sin(angle)]
-    )
-    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * PERCH_RADIUS:.0f} cm of the wire")
+    ring = np.array(wire)[:, None] + REACH * np.array([np.cos(angle), np.sin(angle)])
+    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * REACH:.0f} cm of the wire")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")
@@ -84,5 +83,5 @@ def plot_misses(ax: Axes, misses: Sequence[float], label: str, color: str) -> No
     ax.set_xscale("log")
     ax.set_xlabel("miss [mm]")
     ax.set_ylabel("flights that miss by less [%]")
-    # A flight left of the line has perched.
-    ax.axvline(1000.0 * PERCH_RADIUS, color="k", lw=1.0)
+    # A flight left of the line has the wire within reach.
+    ax.axvline(1000.0 * REACH, color="k", lw=1.0)

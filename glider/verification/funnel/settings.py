@@ -10,7 +10,7 @@ from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
 )
-from glider.simulation.miss import PERCH_RADIUS
+from glider.planning.hook import Hook
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -20,9 +20,9 @@ class FunnelSettings:
     The names are keys in a funnel's file.
     """
 
-    goal: tuple[float, ...] = (PERCH_RADIUS, PERCH_RADIUS, 0.5, 0.39, 0.82, 0.82, 2.0)
+    goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
     """Half-axes of the goal ellipsoid about the nominal's end, in the order of
-    STATE_NAMES [m, rad, m/s, rad/s]. A perch bears PERCH_RADIUS; the speeds are
+    STATE_NAMES [m, rad, m/s, rad/s]. A hook reaches so far; the speeds are
     chosen so that the Taylor polynomial still fits there."""
 
     goal_extra: float = 4.0

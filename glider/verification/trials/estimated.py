@@ -26,11 +26,9 @@ from glider.estimation.perching import (
 )
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
+from glider.planning.hook import Hook
 from glider.simulation.fly import AFTER
-from glider.simulation.miss import (
-    PERCH_RADIUS,
-    least_distance,
-)
+from glider.simulation.miss import closest_pass
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.trials.flights import (
     draw_inside,
@@ -73,6 +71,9 @@ class EstimatedFlights:
     miss: np.ndarray
     """Least distance (B,) of the center of mass from the wire [m]."""
 
+    arrivals: np.ndarray
+    """States (B, n) there."""
+
     @property
     def escaped(self) -> np.ndarray:
         """Whether the true state left the funnel, (B,).
@@ -88,8 +89,8 @@ class EstimatedFlights:
 
     @property
     def perched(self) -> np.ndarray:
-        """Whether the wire was within reach, (B,)."""
-        return self.miss < PERCH_RADIUS
+        """Whether the article's hook holds the glider at the wire, (B,)."""
+        return Hook().takes(self.miss, self.arrivals)
 
 
 def study_estimates(
@@ -187,11 +188,11 @@ def fly_estimated(
         )
 
     times = np.arange(steps + 1) / rate
+    passes = [closest_pass(times, states[:, b], np.zeros(2)) for b in range(batch)]
     kept = times <= funnel.nominal.times[-1]
     truth, estimate = (np.swapaxes(a[kept], 0, 1) for a in (states, means))
     times = times[kept]
     errors = np.sqrt(funnel.level(times, funnel.center(times) + estimate - truth))
-    wire = np.zeros(2)
     return EstimatedFlights(
         noise=noise,
         unknown=unknown,
@@ -199,7 +200,8 @@ def fly_estimated(
         levels=funnel.level(times, truth),
         believed=funnel.level(times, estimate),
         errors=errors,
-        miss=np.array([least_distance(states[:, b, :2], wire) for b in range(batch)]),
+        miss=np.array([passed.miss for passed in passes]),
+        arrivals=np.array([passed.arrival for passed in passes]),
     )
 
 
