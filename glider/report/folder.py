@@ -29,7 +29,7 @@ def write_report(result: Result, folder: Path) -> None:
     """
     figures = make_figures(result)
     files = {f"figures/{name}.png": png for name, png in figures.items()}
-    files["report.html"] = to_html(result, figures).encode()
+    files["report.html"] = to_html(result).encode()
     text = json.dumps(to_json(result), indent=2, ensure_ascii=False, allow_nan=False)
 
     for target in (folder, folder / "figures"):

@@ -73,7 +73,7 @@ def _say_effect(effect, say):
         say(f"{name} differs from flight to flight by {spread}", indent=2)
     say(
         f"evidence {effect['evidence']} nats; chosen in {effect['inclusion']} of "
-        f"resampled sets of flights; explains {effect['share']} of the error",
+        f"resampled sets of flights; {effect['share']} of all evidence",
         indent=2,
     )
     if not effect["shape_fits"]:

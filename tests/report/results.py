@@ -84,11 +84,15 @@ def make_table(slope, rng):
             "alpha": alpha,
             "V": speed,
             "x": rng.uniform(-3.5, 1.0, 300),
+            "t": np.tile(np.linspace(0.0, 0.8, 50), 6),
         },
         residual=slope * trend + rng.normal(size=(300, 3)),
         coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
         modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
         flight=np.repeat(np.arange(6), 50),
+        names=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        noise=np.tile([0.001, 0.002, 0.03], (300, 1)),
+        unit=np.stack([speed**2, 50.0 * speed**2], axis=1),
     )
 
 

@@ -229,6 +229,9 @@ def table(lift, drag, flights=6, rows=200):
         },
         modelled={name: 0.0 * alpha for name in ("c_lift", "c_drag", "c_moment")},
         flight=np.repeat(np.arange(flights), rows),
+        names=tuple(f"{i}.csv" for i in range(flights)),
+        noise=np.zeros((len(alpha), 3)),
+        unit=np.ones((len(alpha), 2)),
     )
 
 
