@@ -116,7 +116,7 @@ def _panels_of(flight: HeldOutFlight, noise: float) -> list[Panel]:
             customdata=clock,
         )
     ]
-    apart_traces = []
+    apart_traces: list[Trace] = []
     for model, pose in flown.items():
         for traces, x, y, what in (
             (paths, pose[:, 0], pose[:, 1], path),

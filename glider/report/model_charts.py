@@ -298,15 +298,16 @@ def _coefficient_traces(table: ResidualTable, name: str, model: str) -> list[Tra
             )
         )
     place, band_of = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
-    low, middle, high = (numbers(row) for row in band_of)
-    modelled = binned_median(degrees, table.modelled[name])
+    low, median, high = (numbers(row) for row in band_of)
+    over, modelled = binned_median(degrees, table.modelled[name])
     return [
         *traces,
         *band("measured", numbers(place), low, high, 0.16),
-        line("measured", numbers(place), middle, f"measured, median<br>{_AT}", width=3),
+        line("measured", numbers(place), median, f"measured, median<br>{_AT}", width=3),
         line(
             model,
-            *(numbers(values) for values in modelled),
+            numbers(over),
+            numbers(modelled),
             f"{LABELS[model]}, median<br>{_AT}",
             width=2,
         ),
