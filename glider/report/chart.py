@@ -48,7 +48,6 @@ class Panel:
         x: axis across.
         y: axis up.
         height: in pixels.
-        right: room right of it in pixels.
         shapes: behind the traces, as plotly.js takes them.
         barmode: how bars of several traces stand, as plotly.js calls it.
     """
@@ -58,7 +57,6 @@ class Panel:
     x: Axis = Axis()
     y: Axis = Axis()
     height: int = 270
-    right: int = 8
     shapes: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     barmode: str = "group"
 

@@ -60,6 +60,9 @@ def held_out_chart(result: Result) -> Chart | None:
         keys={m: LABELS[m] for m in ("measured", *flown)}
         | {"fitted": "launch state fitted"},
         dashes={m: dash_of(m) for m in flown},
+        columns={
+            flight.name: numbers(flight.time[_rows_of(flight)]) for flight in flights
+        },
         choices=[
             Choice(
                 label=flight.name.removesuffix(".csv"),
@@ -72,13 +75,17 @@ def held_out_chart(result: Result) -> Chart | None:
     )
 
 
+def _rows_of(flight: HeldOutFlight) -> np.ndarray:
+    """Returns the rows of a flight that are drawn."""
+    count = len(flight.time)
+    return np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
+
+
 def _panels_of(flight: HeldOutFlight, noise: float) -> list[Panel]:
-    rows = np.unique(
-        np.linspace(0, len(flight.time) - 1, min(_ROWS, len(flight.time))).astype(int)
-    )
+    rows = _rows_of(flight)
     time, measured = flight.time[rows], flight.measured[rows]
     flown = {m: bounded(flight.flown[m])[rows] for m in COLUMNS if m in flight.flown}
-    clock, fitted = numbers(time), time <= flight.fitted_until
+    clock, fitted = f"#{flight.name}", time <= flight.fitted_until
     degrees = np.degrees(measured[:, 2])
     apart = {m: distance(pose, measured) for m, pose in flown.items()}
     name = flight.name.removesuffix(".csv")
@@ -119,11 +126,11 @@ def _panels_of(flight: HeldOutFlight, noise: float) -> list[Panel]:
     apart_traces: list[Trace] = []
     for model, pose in flown.items():
         for traces, x, y, what in (
-            (paths, pose[:, 0], pose[:, 1], path),
-            (pitches, time, np.degrees(pose[:, 2]), pitch),
+            (paths, numbers(pose[:, 0]), pose[:, 1], path),
+            (pitches, clock, np.degrees(pose[:, 2]), pitch),
             (
                 apart_traces,
-                time,
+                clock,
                 np.where(apart[model] > 0.0, apart[model], math.nan),
                 "%{y:.3r} m away",
             ),
@@ -131,7 +138,7 @@ def _panels_of(flight: HeldOutFlight, noise: float) -> list[Panel]:
             traces.append(
                 line(
                     model,
-                    numbers(x),
+                    x,
                     numbers(y),
                     told(model, what),
                     customdata=clock,

@@ -127,9 +127,8 @@ def evidence_chart(result: Result) -> Chart | None:
         "confused": [k for k in ranked if k in confused],
         "other": [k for k in ranked if k not in chosen | confused],
     }
-    ticks = evidence_ticks(
-        min(values.values(), default=0.0), max([*values.values(), 100.0])
-    )
+    low, high = min([*values.values(), 0.0]), max([*values.values(), 100.0])
+    ticks = evidence_ticks(low, high)
     traces = [
         {
             "type": "bar",
@@ -152,6 +151,7 @@ def evidence_chart(result: Result) -> Chart | None:
         traces=traces,
         x=Axis(
             title="evidence when tried alone [nats], linear below 10",
+            range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
             more={
                 "tickvals": [symlog(t) for t in ticks],
                 "ticktext": [f"{t:,.0f}" for t in ticks],
@@ -160,7 +160,6 @@ def evidence_chart(result: Result) -> Chart | None:
         y=Axis(more={"categoryorder": "array", "categoryarray": names, "dtick": 1}),
         height=80 + 21 * len(names),
         barmode="overlay",
-        right=50,
     )
     shown = {key: words for key, words in keys.items() if groups[key]}
     return Chart(keys=shown, panels=[panel], least_width=WIDE)
@@ -254,10 +253,14 @@ def coefficients_chart(result: Result) -> Chart | None:
     """Returns force and moment coefficients, flight by flight, before and after."""
     if not has_coefficients(result):
         return None
-    tables = residual_tables(result)
+    tables, columns = residual_tables(result), {}
     panels = []
     for model, table in tables.items():
+        lines = _flight_lines(table)
+        columns[f"{model} alpha"] = numbers(lines["alpha"])
+        columns[f"{model} flight"] = lines["flight"].astype(int).tolist()
         for name, letter in COEFFICIENTS.items():
+            columns[f"{model} {name}"] = numbers(lines[name])
             both = [
                 t[name] for o in tables.values() for t in (o.coefficients, o.modelled)
             ]
@@ -275,33 +278,43 @@ def coefficients_chart(result: Result) -> Chart | None:
     return Chart(
         keys={m: LABELS[m] for m in shown},
         panels=panels,
+        columns=columns,
         flights=result.residual_after.names,
         dashes={m: dash_of(m) for m in shown},
     )
 
 
+def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
+    """Returns medians over the angle of attack, flight by flight with gaps between."""
+    degrees = np.degrees(table.variables["alpha"])
+    lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
+    for number in np.unique(table.flight):
+        rows, gap = table.flight == number, [math.nan]
+        for name in COEFFICIENTS:
+            place, middle = binned_quantiles(
+                degrees[rows], table.coefficients[name][rows], (0.5,), 12, 2
+            )
+            lines.setdefault(name, []).append(np.append(middle[0], gap))
+        lines["alpha"].append(np.append(place, gap))
+        lines["flight"].append(np.full(len(place) + 1, number))
+    return {name: np.concatenate(parts) for name, parts in lines.items()}
+
+
 def _coefficient_traces(table: ResidualTable, name: str, model: str) -> list[Trace]:
     degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
-    traces = []
-    for number in np.unique(table.flight):
-        rows = table.flight == number
-        place, middle = binned_quantiles(degrees[rows], measured[rows], (0.5,), 12, 2)
-        traces.append(
-            line(
-                "measured",
-                numbers(place),
-                numbers(middle[0]),
-                f"{table.names[int(number)]}<br>{_AT}",
-                width=0.6,
-                opacity=0.35,
-                flight=int(number),
-            )
-        )
     place, band_of = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
     low, median, high = (numbers(row) for row in band_of)
     over, modelled = binned_median(degrees, table.modelled[name])
     return [
-        *traces,
+        line(
+            "measured",
+            f"#{model} alpha",
+            f"#{model} {name}",
+            f"%{{text}}<br>{_AT}",
+            width=0.6,
+            opacity=0.4,
+            of={"flight": f"#{model} flight"},
+        ),
         *band("measured", numbers(place), low, high, 0.16),
         line("measured", numbers(place), median, f"measured, median<br>{_AT}", width=3),
         line(

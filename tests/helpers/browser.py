@@ -1,9 +1,12 @@
-"""A headless browser's view of a page, as an array of pixels."""
+"""A headless browser: a page as an array of pixels, or to be worked with."""
 
+import contextlib
+import dataclasses
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import numpy as np
@@ -62,3 +65,45 @@ def screenshot(
                 break
     assert picture.exists(), f"{browser} took no picture of {url}"
     return pixels
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Visit:
+    """A page of Playwright's that is open, and what it said and asked for."""
+
+    page: Any
+    complaints: list[str]
+    requests: list[str]
+
+
+@contextlib.contextmanager
+def open_browser() -> Iterator[Any]:
+    """Starts Debian's Chromium under Playwright, as its `Browser`."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=find_browser(), args=["--no-sandbox"]
+        )
+        yield browser
+        browser.close()
+
+
+@contextlib.contextmanager
+def visit(browser: Any, path: Path, **options: Any) -> Iterator[Visit]:
+    """Opens a file in a fresh tab.
+
+    Args:
+        browser: of `open_browser`.
+        path: of the page.
+        options: of Playwright's `new_context`: viewport, color_scheme, has_touch.
+    """
+    context = browser.new_context(**options)
+    page = context.new_page()
+    seen = Visit(page=page, complaints=[], requests=[])
+    page.on("console", lambda message: seen.complaints.append(message.text))
+    page.on("pageerror", lambda error: seen.complaints.append(str(error)))
+    page.on("request", lambda request: seen.requests.append(request.url))
+    page.goto(path.as_uri())
+    yield seen
+    context.close()

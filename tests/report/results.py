@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
+from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.result import (
     CALIBRATED,
@@ -48,6 +49,15 @@ UNEXPLAINED = FoundEffect(
     share=0.99,
     indistinguishable_from=(),
     depends_on=("x",),
+)
+
+
+VENT = FieldData(
+    kind="unexplained",
+    variables=["x"],
+    centers=[[-3.0], [-2.0], [-1.0]],
+    widths=[0.5],
+    weights={"wind_x": [0.0, 0.0, 0.0], "wind_z": [0.1, 1.0, 0.1]},
 )
 
 
@@ -233,7 +243,10 @@ VARIANTS = {
     "effect": make_result(),
     "two effects": make_result(effects=(WIND, UNEXPLAINED), verdict="partly_explained"),
     "unexplained": make_result(
-        verdict="unexplained", effects=(UNEXPLAINED,), candidates={"mass": -2.0}
+        verdict="unexplained",
+        effects=(UNEXPLAINED,),
+        candidates={"mass": -2.0},
+        model=GliderModel(field=VENT),
     ),
     "partly explained": make_result(
         verdict="partly_explained",

@@ -149,7 +149,8 @@
             layout[`${axis}axis`].autorange = false;
           }
         }
-        Plotly.react(node, this.traces(panel), layout, CONFIG);
+        // What is undefined is left out: plotly.js takes it for a fault.
+        Plotly.react(node, this.traces(panel), JSON.parse(JSON.stringify(layout)), CONFIG);
       }
     }
 
@@ -159,30 +160,29 @@
 
     traces(panel) {
       return panel.traces.map((trace) => {
-        const { key, flight, of, ...rest } = trace;
+        const { key, of, ...rest } = trace;
         const made = resolve(rest, this.chart.columns);
         made.visible = !this.hidden.has(key);
         made.showlegend = false;
         made.hoverlabel = { align: "left" };
-        if (flight !== undefined && this.flight !== null) {
-          made.visible = made.visible && flight === this.flight;
-          made.opacity = 1;
-          made.line = { ...made.line, width: 2.2 };
-        }
         if (of) this.pickRows(made, resolve(of, this.chart.columns));
         return made;
       });
     }
 
-    // Tells flight and time of each point, and leaves out those of other flights.
+    // Tells flight and time of each row, and leaves out those of other flights.
     pickRows(trace, of) {
       const rows = [...of.flight.keys()].filter((i) => this.flight === null || of.flight[i] === this.flight);
       trace.text = rows.map((i) => {
-        const time = of.time[i] === null ? "" : `, ${of.time[i].toFixed(3)} s`;
+        const time = of.time && of.time[i] !== null ? `, ${of.time[i].toFixed(3)} s` : "";
         return this.chart.flights[of.flight[i]] + time;
       });
       trace.x = rows.map((i) => trace.x[i]);
       trace.y = rows.map((i) => trace.y[i]);
+      if (this.flight !== null && trace.mode === "lines") {
+        trace.opacity = 1;
+        trace.line = { ...trace.line, width: 2.2 };
+      }
     }
 
     layout(panel) {
@@ -195,6 +195,7 @@
         automargin: true,
         type: a.is_log ? "log" : undefined,
         dtick: a.is_log ? (a.range && a.range[1] - a.range[0] < 1.3 ? "D2" : 1) : undefined,
+        tickformat: a.is_log ? ",~r" : undefined,  // 0.001, not 1m.
         exponentformat: "none",
         nticks: 7,
         ...(a.range ? { range: a.range.slice() } : {}),
@@ -202,7 +203,7 @@
       });
       return {
         height: panel.height,
-        margin: { l: 8, r: panel.right, t: above, b: 8 },
+        margin: { l: 8, r: 8, t: above, b: 8 },
         paper_bgcolor: "rgba(0,0,0,0)",
         plot_bgcolor: "rgba(0,0,0,0)",
         font: { family: getComputedStyle(document.body).fontFamily, size: 11.5, color: color("ink") },
