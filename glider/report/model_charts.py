@@ -260,7 +260,7 @@ def coefficients_chart(result: Result) -> Chart | None:
         columns[f"{model} alpha"] = numbers(lines["alpha"])
         columns[f"{model} flight"] = lines["flight"].astype(int).tolist()
         for name, letter in COEFFICIENTS.items():
-            columns[f"{model} {name}"] = numbers(lines[name])
+            columns[f"{model} {name}"] = numbers(bounded(lines[name]))
             both = [
                 t[name] for o in tables.values() for t in (o.coefficients, o.modelled)
             ]
@@ -342,7 +342,7 @@ def residual_chart(result: Result) -> Chart | None:
             columns[f"{model} {name}"] = numbers(values[rows] * scale)
         columns[f"{model} flight"] = table.flight[rows].astype(int).tolist()
         for column, name in enumerate(RESIDUALS):
-            columns[f"{model} {name}"] = numbers(table.residual[rows, column])
+            columns[f"{model} {name}"] = numbers(bounded(table.residual[rows, column]))
     return Chart(
         keys={m: LABELS[m] for m in tables},
         panels=[
