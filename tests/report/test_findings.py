@@ -426,7 +426,12 @@ def test_each_curve_has_its_axes():
 
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize(
-    "result", [ALL_MODELS, VARIANTS["diverged"]], ids=("all", "few")
+    "result",
+    [
+        dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model),
+        dataclasses.replace(VARIANTS["diverged"], model=VARIANTS["unexplained"].model),
+    ],
+    ids=("all", "few"),
 )
 def test_the_legend_is_inside_the_figure(name, result):
     figure = FIGURES[name](result)

@@ -183,6 +183,11 @@ def test_on_paper_it_is_light_and_as_wide_as_the_sheet(browser, report):
         seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
         seen.page.wait_for_function(f"{look}[1] < 700")
         ground, _, ink = seen.page.evaluate(look)
+        spare = seen.page.evaluate(
+            f"""[...document.querySelectorAll("{PLOTS}")].map((p) => p.clientWidth
+                - p.querySelector(".main-svg").getBoundingClientRect().width)"""
+        )
+        assert min(spare) >= -1.0  # No panel covers its neighbour.
         assert ground == "rgb(255, 255, 255)"
         assert ink == "#1b1f24"
         seen.page.evaluate("window.dispatchEvent(new Event('afterprint'))")

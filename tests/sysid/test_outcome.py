@@ -270,3 +270,16 @@ def test_trims_that_differ_from_flight_to_flight_are_told_one_by_one():
 def test_where_flights_are_alike_nothing_is_told():
     task, noise = task_of(fly(flights=8))
     assert spreads_of(task, fit_model(task, begin(task, noise))) == {}
+
+
+def test_what_effects_explain_is_in_the_units_of_the_plate():
+    """A model that sees half the airspeed leaves nothing: all that lacks is named."""
+    before = table(lambda a: -0.2 * np.sin(a), lambda a: 0.2 * np.cos(a))
+    slower = dataclasses.replace(
+        before,
+        coefficients={n: 4.0 * c for n, c in before.coefficients.items()},
+        modelled={n: 4.0 * c - 0.4 for n, c in before.coefficients.items()},
+        unit=before.unit / 4.0,
+    )
+    (moment,) = [c for c in curves_of(before, slower) if c.term == "c_moment"]
+    np.testing.assert_allclose(moment.lack - moment.named, 0.4 / 4.0)

@@ -143,6 +143,8 @@
         // What a reader has zoomed to stays.
         const seen = node.layout && { x: node.layout.xaxis, y: node.layout.yaxis };
         const layout = this.layout(panel);
+        // A browser prints at once: the width is set here, not when it has settled.
+        if (root.classList.contains("printing")) layout.width = node.clientWidth;
         for (const axis of ["x", "y"]) {
           if (seen && this.isZoomed(node, axis)) {
             layout[`${axis}axis`].range = seen[axis].range.slice();
@@ -258,7 +260,7 @@
   function printing(isOn) {
     root.classList.toggle("printing", isOn);
     drawAll();
-    figures.forEach((figure) => figure.resize());
+    if (!isOn) figures.forEach((figure) => figure.resize());
   }
   window.addEventListener("beforeprint", () => printing(true));
   window.addEventListener("afterprint", () => printing(false));
