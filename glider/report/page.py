@@ -47,6 +47,7 @@ def to_html(result: Result) -> str:
         models=columns_of(result),
         labels=LABELS,
         baseline=baseline(result),
+        is_known=baseline(result) == "as_drawn",
         rows=error_rows(result),
         effects=[effect_view(e, result) for e in result.effects],
         in_page=len(flights_in_page(result)),

@@ -501,3 +501,13 @@ def test_binned_quantiles_are_those_of_each_bin():
     centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
     assert centers.shape == (0,)
     assert lines.shape == (2, 0)
+
+
+def test_evidence_is_told_as_it_was_found():
+    """A known glider's is of the fitted flights, another's of flights left out."""
+    known = flat(Page(to_html(make_result())).text)
+    assert "log-likelihood of the fitted flights that is lost without" in known
+    assert "left out of the fit" not in known
+    unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
+    assert "log-likelihood of flights left out of the fit" in unknown
+    assert "judged by flights left out of its fit" in unknown
