@@ -32,6 +32,14 @@ exit code: 0 when it ran, 2 when the input cannot be used.
 """
 
 
+_COMPARE_DESCRIPTION = """\
+Compares the reports of two campaigns, number by number: did last week's change to
+the glider show? A change is told where it is larger than the standard errors of both
+reports allow.
+
+exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
+"""
+
 _CHECK_DESCRIPTION = """\
 Checks the certificate of a funnel: at each of its times, in exact arithmetic, that no
 deviation leaves it, that the servo stays within its limits, and that it ends in the
@@ -121,6 +129,29 @@ def _parser() -> argparse.ArgumentParser:
         "--json", action="store_true", help="print report.json instead of the summary"
     )
     loop.set_defaults(run=_close_the_loop)
+    compare = commands.add_parser(
+        "compare",
+        help="what changed between two campaigns, from their reports",
+        description=_COMPARE_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for name, letter in (("first", "A"), ("second", "B")):
+        compare.add_argument(
+            name,
+            type=Path,
+            metavar=letter,
+            help="folder that close-the-loop wrote, or its report.json",
+        )
+    compare.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where to write comparison.html and comparison.json (default: out/A_B)",
+    )
+    compare.add_argument(
+        "--json", action="store_true", help="print comparison.json, no tables"
+    )
+    compare.set_defaults(run=_compare)
     check = commands.add_parser(
         "check-funnel",
         help="check a saved funnel, exactly and without a solver",
@@ -184,6 +215,33 @@ def _close_the_loop(args: argparse.Namespace) -> int:
     else:
         print_summary(result, Console())
         print(f"Report: {folder / 'report.html'}")
+    return 0
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from glider.comparison.saved import load_report
+
+    first, second = load_report(args.first), load_report(args.second)
+
+    from rich.console import Console
+
+    from glider.comparison.as_json import to_json
+    from glider.comparison.differences import compare
+    from glider.comparison.page import to_html
+    from glider.comparison.terminal import print_comparison
+    from glider.report.folder import make_folder, write_text
+
+    comparison = compare(first, second)
+    folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
+    text = json.dumps(to_json(comparison), indent=2)
+    make_folder(folder)
+    write_text(folder / "comparison.html", to_html(comparison))
+    write_text(folder / "comparison.json", text + "\n")
+    if args.json:
+        print(text)
+    else:
+        print_comparison(comparison, Console())
+        print(f"Page: {folder / 'comparison.html'}")
     return 0
 
 

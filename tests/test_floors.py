@@ -35,6 +35,7 @@ FLOORS = [
     "glider.verification",
     "glider.report.plots",
     "glider.report",
+    "glider.comparison",
     "glider.studies.plots",
     "glider.studies.basis",
     "glider.studies",

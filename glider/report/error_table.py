@@ -3,6 +3,8 @@
 import dataclasses
 import math
 
+import numpy as np
+
 from glider.report.numbers import (
     DEGREE,
     Unit,
@@ -95,12 +97,22 @@ def noise_floor(result: Result, field: str) -> float:
     """Returns an error that a perfect model would show, by noise of the poses alone.
 
     A distance has two noisy coordinates: its RMS is √2 of the noise, its mean (at the
-    end of a flight) √(π/2). The accelerations' noise depends on the smoothing, and a
-    result does not tell it: NaN.
+    end of a flight) √(π/2). That of an acceleration is what the smoothing lets
+    through, on the held-out flights.
     """
+    if field in _ACCELERATIONS:
+        table = result.residual_after
+        unseen = [n in result.held_out_flights for n in table.names]
+        std = table.noise[np.array(unseen, dtype=bool)[table.flight]]
+        column = std[:, _ACCELERATIONS.index(field)]
+        return float(np.sqrt(np.mean(column**2))) if column.size else math.nan
     return {
         "position_rms_m": math.sqrt(2.0) * result.noise_position_m,
         "measured_pitch_position_rms_m": math.sqrt(2.0) * result.noise_position_m,
         "position_end_m": math.sqrt(math.pi / 2.0) * result.noise_position_m,
         "pitch_rms_rad": result.noise_pitch_rad,
     }.get(field, math.nan)
+
+
+_ACCELERATIONS = ("tangential", "normal", "pitch")
+"""Fields of `Errors` that are RMS of the columns of a residual."""

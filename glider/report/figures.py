@@ -1,7 +1,6 @@
 """The figures of a report, from what closing the loop found."""
 
 import io
-import math
 from collections.abc import Callable
 
 import matplotlib
@@ -9,14 +8,19 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from glider.report.error_table import (
-    COLUMNS,
-    baseline,
-    columns_of,
-    noise_floor,
+from glider.report.error_table import COLUMNS, columns_of, noise_floor
+from glider.report.figure_data import (
+    COEFFICIENTS,
+    ERROR_PANELS,
+    RESIDUALS,
+    has_coefficients,
+    residual_tables,
+    residual_variables,
+    shown_flights,
 )
 from glider.report.finding_figures import (
     WIDTH,
+    draw_carried,
     draw_curves,
     draw_evidence,
     draw_folds,
@@ -25,7 +29,6 @@ from glider.report.finding_figures import (
 from glider.report.flight_errors import (
     bounded,
     distance,
-    rank_flights,
 )
 from glider.report.plots.axes import (
     legend,
@@ -46,12 +49,8 @@ from glider.report.plots.style import (
     STYLE,
     VARIABLES,
 )
-from glider.sysid.result import (
-    ResidualTable,
-    Result,
-)
+from glider.sysid.result import Result
 
-MOST_FLIGHTS = 4
 DPI = 160
 
 
@@ -74,32 +73,31 @@ def make_figures(result: Result) -> dict[str, bytes]:
 
 
 def _draw_residual(result: Result) -> Figure | None:
-    before, after = result.residual_before, result.residual_after
-    variables = _pick_variables(result)
+    tables = residual_tables(result)
+    variables = residual_variables(result)
     if not variables:
         return None
     figure = Figure(figsize=(WIDTH, 7.0), layout="constrained")
     grid = figure.subplots(3, len(variables), sharex="col", squeeze=False)
-    labels = ("along the wing [m/s²]", "normal to it [m/s²]", "in pitch [rad/s²]")
-    for row, label in enumerate(labels):
+    for row, (label, unit) in enumerate(RESIDUALS.items()):
         for ax, name in zip(grid[row], variables, strict=True):
             plot_residual(
                 ax,
                 name,
-                [before.variables[name], after.variables[name]],
-                [before.residual[:, row], after.residual[:, row]],
-                [baseline(result), "corrected"],
+                [table.variables[name] for table in tables.values()],
+                [table.residual[:, row] for table in tables.values()],
+                list(tables),
             )
             if row < 2:
                 ax.set_xlabel("")
-        grid[row][0].set_ylabel(label)
+        grid[row][0].set_ylabel(f"{label} [{unit.name}]")
     figure.align_ylabels(grid[:, 0])
     legend(figure, grid[0][0])
     return figure
 
 
 def _draw_held_out(result: Result) -> Figure | None:
-    flights = _pick_flights(result)
+    flights = shown_flights(result)
     if not flights:
         return None
     width = min(WIDTH, max(0.7 * WIDTH, 1.0 + 3.5 * len(flights)))
@@ -138,20 +136,13 @@ def _draw_held_out(result: Result) -> Figure | None:
 
 
 def _draw_coefficients(result: Result) -> Figure | None:
-    tables = {
-        baseline(result): result.residual_before,
-        "corrected": result.residual_after,
-    }
-    names = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
-    if not all(
-        "alpha" in t.variables and names.keys() <= t.coefficients.keys()
-        for t in tables.values()
-    ):
+    if not has_coefficients(result):
         return None
+    tables = residual_tables(result)
     figure = Figure(figsize=(WIDTH, 6.0), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True, sharey="col")
     for axes, (model, table) in zip(grid, tables.items(), strict=True):
-        for ax, (name, label) in zip(axes, names.items(), strict=True):
+        for ax, (name, label) in zip(axes, COEFFICIENTS.items(), strict=True):
             plot_coefficient(
                 ax,
                 table.variables["alpha"],
@@ -160,8 +151,9 @@ def _draw_coefficients(result: Result) -> Figure | None:
                 table.flight,
                 model,
             )
-            ax.set_title(f"{label}, {LABELS[model]}")
-    for ax, name in zip(grid[0], names, strict=True):
+            unit = " [m]" if name == "c_moment" else ""
+            ax.set_title(f"${label}${unit}, {LABELS[model]}")
+    for ax, name in zip(grid[0], COEFFICIENTS, strict=True):
         everything = [
             c[name] for t in tables.values() for c in (t.coefficients, t.modelled)
         ]
@@ -177,40 +169,21 @@ def _draw_errors(result: Result) -> Figure | None:
     if not errors:
         return None
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
-    panels = (
-        ("acceleration [m/s²]", {"tangential": "along wing", "normal": "normal"}, 1.0),
-        ("acceleration [rad/s²]", {"pitch": "in pitch"}, 1.0),
-        (
-            "position [mm]",
-            {
-                "position_rms_m": "RMS",
-                "position_end_m": "at the end",
-                "measured_pitch_position_rms_m": "measured\npitch, RMS",
-            },
-            1e3,
-        ),
-        ("pitch [°]", {"pitch_rms_rad": "RMS"}, math.degrees(1.0)),
-    )
-    noise = (
-        math.nan,
-        math.nan,
-        1e3 * noise_floor(result, "position_rms_m"),
-        math.degrees(noise_floor(result, "pitch_rms_rad")),
-    )
     axes = figure.subplots(
-        1, 4, width_ratios=[len(fields) + 0.25 for _, fields, _ in panels]
+        1, 4, width_ratios=[len(panel.fields) + 0.25 for panel in ERROR_PANELS]
     )
-    for ax, (label, fields, factor), level in zip(axes, panels, noise, strict=True):
+    for ax, panel in zip(axes, ERROR_PANELS, strict=True):
+        size = panel.unit.size
         plot_errors(
             ax,
-            list(fields.values()),
+            list(panel.fields.values()),
             {
-                m: [factor * bounded(getattr(e, f)) for f in fields]
+                m: [bounded(getattr(e, f)) / size for f in panel.fields]
                 for m, e in errors.items()
             },
-            level,
+            [noise_floor(result, f) / size for f in panel.fields],
         )
-        ax.set_title(label)
+        ax.set_title(f"{panel.title} [{panel.unit.name}]")
     legend(figure, axes[0])
     return figure
 
@@ -218,6 +191,7 @@ def _draw_errors(result: Result) -> Figure | None:
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "errors": _draw_errors,
     "curves": draw_curves,
+    "carried": draw_carried,
     "coefficients": _draw_coefficients,
     "evidence": draw_evidence,
     "folds": draw_folds,
@@ -226,27 +200,3 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "residual": _draw_residual,
 }
 """Function that makes each figure, by file name."""
-
-
-def _pick_variables(result):
-    """Returns up to three variables, those of the strongest effects first."""
-    wanted = [name for e in result.effects for name in e.depends_on]
-    if len(set(wanted)) < 2:
-        wanted += ["alpha", "V"]
-    tables = (result.residual_before, result.residual_after)
-    there = [n for n in dict.fromkeys(wanted) if all(_varies(t, n) for t in tables)]
-    return there[: max(2, min(3, len(there)))]
-
-
-def _varies(table: ResidualTable, name: str) -> bool:
-    values = table.variables.get(name, np.zeros(0))
-    values = values[np.isfinite(values)]
-    return values.size > 0 and float(np.ptp(values)) > 0.0
-
-
-def _pick_flights(result):
-    """Returns up to four held-out flights, from the best corrected to the worst."""
-    ranked = rank_flights(result)
-    count = min(MOST_FLIGHTS, len(ranked))
-    ranks = np.linspace(0, len(ranked) - 1, count).round().astype(int)
-    return [ranked[i] for i in ranks]

@@ -2,17 +2,14 @@
 
 import math
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from glider.report.error_table import unit_beside_noise
-from glider.report.flight_errors import bounded
-from glider.report.numbers import DEGREE, Unit
-from glider.report.plots.axes import legend
+from glider.report.figure_data import carried_curves, fold_panels, spread_panels
+from glider.report.plots.axes import few_ticks, legend
 from glider.report.plots.bars import plot_evidence
 from glider.report.plots.curves import plot_curve
 from glider.report.plots.flight_values import plot_pairs, plot_spread
-from glider.report.plots.style import TERMS, VARIABLES
+from glider.report.plots.style import RED, TERMS, VARIABLES
 from glider.sysid.result import Result
 
 WIDTH = 10.0
@@ -60,40 +57,46 @@ def draw_folds(result: Result) -> Figure | None:
     if not result.folds:
         return None
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-    panels = {
-        "position, free rollout": "position_rms_m",
-        "position, along the measured pitch": "measured_pitch_position_rms_m",
-        "pitch, free rollout": "pitch_rms_rad",
-    }
-    for ax, (title, field) in zip(figure.subplots(1, 3), panels.items(), strict=True):
-        before, after = (
-            bounded(np.array([getattr(e, field) for e in errors], dtype=float))
-            for errors in (
-                [f.refitted for f in result.folds],
-                [f.corrected for f in result.folds],
-            )
-        )
-        unit = DEGREE
-        if field != "pitch_rms_rad":
-            unit = unit_beside_noise(result, *before, *after)
-        plot_pairs(ax, before / unit.size, after / unit.size)
-        ax.set_title(title)
-        ax.set_ylabel(f"RMS [{unit.name}]")
+    panels = fold_panels(result)
+    for ax, panel in zip(figure.subplots(1, 3), panels, strict=True):
+        plot_pairs(ax, panel.refitted, panel.corrected)
+        ax.set_title(panel.title)
+        ax.set_ylabel(f"RMS [{panel.unit.name}]")
     return figure
 
 
 def draw_spreads(result: Result) -> Figure | None:
     """Draws what differs from flight to flight, each flight's own value."""
-    spreads = {n: s for n, s in result.spreads.items() if s.values}
-    if not spreads:
+    panels = spread_panels(result)
+    if not panels:
         return None
-    figure = Figure(figsize=(WIDTH, 0.5 + 2.1 * len(spreads)), layout="constrained")
-    axes = figure.subplots(len(spreads), squeeze=False)[:, 0]
-    for ax, (name, spread) in zip(axes, spreads.items(), strict=True):
-        unit = DEGREE if spread.unit == "rad" else Unit(name=spread.unit)
-        own = {f: v / unit.size for f, v in spread.values.items()}
-        plot_spread(ax, own, spread.std / unit.size)
-        ax.set_title(name.replace("_", " "))
-        ax.set_ylabel(f"[{unit.name}]" if unit.name not in ("", "-") else "")
+    figure = Figure(figsize=(WIDTH, 0.5 + 2.1 * len(panels)), layout="constrained")
+    axes = figure.subplots(len(panels), squeeze=False)[:, 0]
+    for ax, panel in zip(axes, panels, strict=True):
+        plot_spread(ax, panel.values, panel.std)
+        ax.set_title(panel.title)
+        unit = panel.unit.name
+        ax.set_ylabel(f"[{unit}]" if unit not in ("", "-") else "")
     axes[-1].set_xlabel("flight, in the order of the campaign")
+    return figure
+
+
+def draw_carried(result: Result) -> Figure | None:
+    """Draws what the model carries without a name."""
+    curves = carried_curves(result)
+    if not curves:
+        return None
+    columns = min(len(curves), 2)
+    rows = math.ceil(len(curves) / columns)
+    figure = Figure(figsize=(WIDTH, 2.7 * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, curve in zip(grid, curves, strict=False):
+        label, factor = VARIABLES[curve.variable]
+        ax.plot(curve.place * factor, curve.value, color=RED, lw=1.8)
+        ax.axhline(0.0, color="#444444", lw=0.7)
+        ax.set_title(TERMS[curve.term])
+        ax.set_xlabel(label)
+        few_ticks(ax, 7)
+    for ax in grid[len(curves) :]:
+        ax.set_visible(False)
     return figure

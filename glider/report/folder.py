@@ -29,27 +29,33 @@ def write_report(result: Result, folder: Path) -> None:
     """
     figures = make_figures(result)
     files = {f"figures/{name}.png": png for name, png in figures.items()}
-    files["report.html"] = to_html(result, figures).encode()
+    files["report.html"] = to_html(result).encode()
     text = json.dumps(to_json(result), indent=2, ensure_ascii=False, allow_nan=False)
 
-    for target in (folder, folder / "figures"):
-        try:
-            target.mkdir(parents=True, exist_ok=True)
-        except (FileExistsError, NotADirectoryError):
-            raise InputError(f"{target}: is a file; a folder is needed.") from None
-    _replace(folder / "model.yaml", lambda path: save_model(path, result.model))
+    make_folder(folder / "figures")
+    replace_file(folder / "model.yaml", lambda path: save_model(path, result.model))
     for name, content in files.items():
-        _replace(folder / name, functools.partial(Path.write_bytes, data=content))
+        replace_file(folder / name, functools.partial(Path.write_bytes, data=content))
     for name in FIGURES.keys() - figures.keys():  # Of an earlier run.
         (folder / "figures" / f"{name}.png").unlink(missing_ok=True)
-    _replace(
-        folder / "report.json",
-        lambda path: path.write_text(text + "\n", encoding="utf-8"),
-    )
+    write_text(folder / "report.json", text + "\n")
 
 
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Writes a file beside its place, then moves it there."""
+def make_folder(folder: Path) -> None:
+    """Makes a folder with its parents; raises InputError if a file is in its way."""
+    for target in (*reversed(folder.parents), folder):
+        if target.exists() and not target.is_dir():
+            raise InputError(f"{target}: is a file; a folder is needed.")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a text file, all of it or nothing."""
+    replace_file(path, functools.partial(Path.write_text, data=text, encoding="utf-8"))
+
+
+def replace_file(path: Path, write: Callable[[Path], object]) -> None:
+    """Writes a file beside its place, then moves it there: all of it or nothing."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write(temporary)

@@ -1,31 +1,23 @@
 """report.html: one file that needs nothing else."""
 
-import base64
 import importlib.metadata
 import math
 import platform
-from collections.abc import Mapping
 
-import jinja2
-
+from glider.physics.effects import ANGLE_SIGN
+from glider.report.charts import make_charts, render_page
 from glider.report.error_table import (
     baseline,
     columns_of,
     error_rows,
 )
-from glider.report.figures import (
-    DPI,
-    MOST_FLIGHTS,
-)
+from glider.report.flight_charts import flights_in_page
 from glider.report.flight_errors import STANDS_OUT, worst_flights
 from glider.report.numbers import (
     format_angle,
     format_length,
 )
-from glider.report.plots.style import (
-    COLORS,
-    LABELS,
-)
+from glider.report.plots.style import LABELS
 from glider.report.tables import (
     combination_rows,
     correlation_rows,
@@ -43,36 +35,23 @@ from glider.report.wording import (
 )
 from glider.sysid.result import Result
 
-_PAGE_DPI = 100  # A figure's dots an inch on a screen.
 
-
-def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
-    """Returns the page: one file that needs nothing else.
-
-    Args:
-        result: what was found.
-        figures: name to PNG, as `make_figures` returns them.
-    """
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("report.html").render(
+def to_html(result: Result) -> str:
+    """Returns the page: one file that needs nothing else."""
+    return render_page(
+        "report.html",
+        make_charts(result),
         result=result,
         headline=headline(result),
         remarks=remarks(result),
         models=columns_of(result),
         labels=LABELS,
-        colors=COLORS,
         baseline=baseline(result),
+        is_known=_is_known(result),
         rows=error_rows(result),
         effects=[effect_view(e, result) for e in result.effects],
-        figures={n: base64.b64encode(p).decode() for n, p in figures.items()},
-        widths={n: _png_width(p) * _PAGE_DPI // DPI for n, p in figures.items()},
-        shown=min(MOST_FLIGHTS, len(result.held_out)),
+        in_page=len(flights_in_page(result)),
+        has_signs=any(e.kind == ANGLE_SIGN.kind for e in result.effects),
         notes=notes_of(result),
         air=air_words(result),
         combinations=combination_rows(result),
@@ -90,8 +69,10 @@ def to_html(result: Result, figures: Mapping[str, bytes]) -> str:
     )
 
 
-def _png_width(png):
-    return int.from_bytes(png[16:20], "big")
+def _is_known(result: Result) -> bool:
+    """Whether the vehicle's numbers were told; where not, forces alone are traced."""
+    fitted = [name for name in result.vehicle if "." not in name]
+    return baseline(result) == "as_drawn" or not fitted
 
 
 def _versions(result):

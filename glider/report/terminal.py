@@ -34,7 +34,9 @@ def print_summary(result: Result, console: Console) -> None:
     """Prints the verdict, the effects, the errors before and after, the warnings."""
 
     def say(text: str = "", style: str = "", indent: int = 0) -> None:
-        console.print(Padding(Text(_plain(text, console), style), (0, 0, 0, indent)))
+        console.print(
+            Padding(Text(for_console(text, console), style), (0, 0, 0, indent))
+        )
 
     say(headline(result), "bold")
     for sentence in (result.reason, *remarks(result)):
@@ -73,7 +75,7 @@ def _say_effect(effect, say):
         say(f"{name} differs from flight to flight by {spread}", indent=2)
     say(
         f"evidence {effect['evidence']} nats; chosen in {effect['inclusion']} of "
-        f"resampled sets of flights; explains {effect['share']} of the error",
+        f"resampled sets of flights; {effect['share']} of all evidence",
         indent=2,
     )
     if not effect["shape_fits"]:
@@ -108,14 +110,14 @@ def _errors_table(result: Result, console: Console) -> Table:
             table.add_row(Text(group, "bold"))
         cells = [*(row.cells[m] for m in models), row.noise, row.gain]
         table.add_row(
-            Text(_plain(f"  {row.name} [{row.unit}]", console)),
-            *(Text(_plain(cell, console)) for cell in cells),
+            Text(for_console(f"  {row.name} [{row.unit}]", console)),
+            *(Text(for_console(cell, console)) for cell in cells),
         )
     return table
 
 
-def _plain(text: str, console: Console) -> str:
-    """Returns the text in ASCII where the console can show no more."""
+def for_console(text: str, console: Console) -> str:
+    """Returns a text in ASCII where the console can show no more."""
     if not console.options.ascii_only:
         return text
     table = str.maketrans(

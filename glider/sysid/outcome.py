@@ -407,36 +407,31 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
     place = np.clip(np.searchsorted(edges, alpha, side="right") - 1, 0, len(edges) - 2)
-    s, c = np.sin(alpha), np.cos(alpha)
-
-    def body(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        lift, drag = values["c_lift"], values["c_drag"]
-        return {
-            "c_normal": lift * c + drag * s,
-            "c_axial": drag * c - lift * s,
-            "c_moment": values["c_moment"],
-        }
-
-    measured, plate = body(before.coefficients), body(before.modelled)
-    explained = body(named.modelled)
+    lack, rest = _lack_of(before), _lack_of(named)
+    # Effects change airspeed and areas too: the rest in the units of the plate.
+    force, moment = (named.unit / before.unit).T
+    explained = {
+        "c_normal": lack["c_normal"] - force * rest["c_normal"],
+        "c_axial": lack["c_axial"] - force * rest["c_axial"],
+        "c_moment": lack["c_moment"] - moment * rest["c_moment"],
+    }
     curves = []
-    for term in measured:
+    for term in lack:
         rows = []
         for b in range(len(edges) - 1):
             here = place == b
             flights = np.unique(before.flight[here])
-            means = [
-                np.mean((measured[term] - plate[term])[here & (before.flight == f)])
-                for f in flights
-            ]
-            if len(means) < 2:
+            rows_of = [here & (before.flight == f) for f in flights]
+            if len(rows_of) < 2:
                 continue
+            means = [np.mean(lack[term][of_flight]) for of_flight in rows_of]
+            parts = [np.mean(explained[term][of_flight]) for of_flight in rows_of]
             rows.append(
                 (
                     float(np.mean(alpha[here])),
                     float(np.mean(means)),
                     float(np.std(means, ddof=1) / np.sqrt(len(means))),
-                    float(np.mean((explained[term] - plate[term])[here])),
+                    float(np.mean(parts)),
                 )
             )
         columns = np.array(rows).reshape(-1, 4).T
@@ -450,6 +445,21 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
             )
         )
     return tuple(curves)
+
+
+def _lack_of(table: ResidualTable) -> dict[str, np.ndarray]:
+    """Returns measured minus modelled coefficients along and across the wing."""
+    alpha = table.variables["alpha"]
+    s, c = np.sin(alpha), np.cos(alpha)
+    lift, drag, moment = (
+        table.coefficients[name] - table.modelled[name]
+        for name in ("c_lift", "c_drag", "c_moment")
+    )
+    return {
+        "c_normal": lift * c + drag * s,
+        "c_axial": drag * c - lift * s,
+        "c_moment": moment,
+    }
 
 
 _BINS = 15

@@ -220,7 +220,12 @@ class ResidualTable:
         coefficients: name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred
             to ½ρV²S_w.
         modelled: the same of the model.
-        flight: (N,) number of the flight that each row is of.
+        flight: (N,) number of the flight that each row is of, an index of `names`.
+        names: of the flights.
+        noise: (N, 3) standard deviation of `residual` that the measurement's noise
+            alone gives it, as the smoothing lets it through.
+        unit: (N, 2) accelerations that coefficients of one stand for: ½ρV²S_w over
+            the mass [m/s²] and over the moment of inertia [rad/s²/m].
     """
 
     variables: dict[str, np.ndarray]
@@ -228,6 +233,9 @@ class ResidualTable:
     coefficients: dict[str, np.ndarray]
     modelled: dict[str, np.ndarray]
     flight: np.ndarray
+    names: tuple[str, ...]
+    noise: np.ndarray
+    unit: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

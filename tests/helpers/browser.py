@@ -57,6 +57,9 @@ class Window:
     faults: list[str]
     """Errors and warnings of the console so far, and exceptions of scripts."""
 
+    requests: list[str]
+    """Addresses that it asked for."""
+
     def pixels(self) -> np.ndarray:
         """Returns what it shows, (height, width, 3) red, green, blue from 0 to 1."""
         picture = io.BytesIO(self.page.screenshot())
@@ -76,21 +79,43 @@ class Window:
 
 
 @contextlib.contextmanager
-def opened(url: str, width: int = WIDTH, height: int = HEIGHT) -> Iterator[Window]:
-    """Opens a page."""
+def open_browser() -> Iterator[Any]:
+    """Starts Debian's Chromium under Playwright, as its `Browser`."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=find_browser(), args=list(_FLAGS)
         )
-        page = browser.new_page(viewport={"width": width, "height": height})
-        window = Window(page, [])
-        page.on("pageerror", lambda error: window.faults.append(str(error)))
-        page.on("console", lambda told: _note(window.faults, told))
-        page.goto(url)
-        yield window
+        yield browser
         browser.close()
+
+
+@contextlib.contextmanager
+def visit(browser: Any, url: str, **options: Any) -> Iterator[Window]:
+    """Opens a page in a fresh window of a browser.
+
+    Args:
+        browser: of `open_browser`.
+        url: of the page.
+        options: of Playwright's `new_context`: viewport, color_scheme, has_touch.
+    """
+    context = browser.new_context(**options)
+    window = Window(context.new_page(), [], [])
+    window.page.on("pageerror", lambda error: window.faults.append(str(error)))
+    window.page.on("console", lambda told: _note(window.faults, told))
+    window.page.on("request", lambda request: window.requests.append(request.url))
+    window.page.goto(url)
+    yield window
+    context.close()
+
+
+@contextlib.contextmanager
+def opened(url: str, width: int = WIDTH, height: int = HEIGHT) -> Iterator[Window]:
+    """Opens a page in a browser of its own."""
+    size = {"width": width, "height": height}
+    with open_browser() as browser, visit(browser, url, viewport=size) as window:
+        yield window
 
 
 def _note(faults: list[str], told: Any) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
+from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.result import (
     CALIBRATED,
@@ -51,6 +52,15 @@ UNEXPLAINED = FoundEffect(
 )
 
 
+VENT = FieldData(
+    kind="unexplained",
+    variables=["x"],
+    centers=[[-3.0], [-2.0], [-1.0]],
+    widths=[0.5],
+    weights={"wind_x": [0.0, 0.0, 0.0], "wind_z": [0.1, 1.0, 0.1]},
+)
+
+
 def make_errors(scale):
     """Returns errors of a few decimetres, times the scale."""
     values = (0.8, 1.9, 14.0, 0.413, 0.9, 0.2, 0.22)
@@ -84,11 +94,15 @@ def make_table(slope, rng):
             "alpha": alpha,
             "V": speed,
             "x": rng.uniform(-3.5, 1.0, 300),
+            "t": np.tile(np.linspace(0.0, 0.8, 50), 6),
         },
         residual=slope * trend + rng.normal(size=(300, 3)),
         coefficients={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
         modelled={"c_lift": lift, "c_drag": lift**2, "c_moment": 0.1 * lift},
         flight=np.repeat(np.arange(6), 50),
+        names=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        noise=np.tile([0.001, 0.002, 0.03], (300, 1)),
+        unit=np.stack([speed**2, 50.0 * speed**2], axis=1),
     )
 
 
@@ -229,7 +243,10 @@ VARIANTS = {
     "effect": make_result(),
     "two effects": make_result(effects=(WIND, UNEXPLAINED), verdict="partly_explained"),
     "unexplained": make_result(
-        verdict="unexplained", effects=(UNEXPLAINED,), candidates={"mass": -2.0}
+        verdict="unexplained",
+        effects=(UNEXPLAINED,),
+        candidates={"mass": -2.0},
+        model=GliderModel(field=VENT),
     ),
     "partly explained": make_result(
         verdict="partly_explained",

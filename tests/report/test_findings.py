@@ -113,16 +113,24 @@ def test_noise_floor_is_that_of_noisy_poses():
 
 def test_every_error_of_a_pose_has_its_noise_beside_it():
     rows = error_rows(make_result())
-    assert [r.noise for r in rows] == ["–"] * 3 + ["0.566", "0.501", "0.143", "0.566"]
+    assert [r.noise for r in rows] == [
+        "0.00100",
+        "0.00200",
+        "0.0300",
+        "0.566",
+        "0.501",
+        "0.143",
+        "0.566",
+    ]
 
 
 def test_calibration_has_a_column_and_is_not_called_physics():
     (said,) = [r for r in remarks(ALL_MODELS) if "calibration" in r]
     assert "from 206 mm to 169 mm (RMS): that is calibration, not physics." in said
-    for text in (Page(to_html(ALL_MODELS, {})).text, summary(ALL_MODELS)):
+    for text in (Page(to_html(ALL_MODELS)).text, summary(ALL_MODELS)):
         assert LABELS[CALIBRATED] in text
         assert said in flat(text)
-    assert LABELS[CALIBRATED] not in Page(to_html(make_result(), {})).text
+    assert LABELS[CALIBRATED] not in Page(to_html(make_result())).text
 
 
 def test_calibration_that_buys_nothing_is_not_told():
@@ -140,7 +148,14 @@ def test_summary_with_all_models_fits_a_narrow_terminal():
     rows = [line for line in table.splitlines() if line.strip()]
     assert len(rows) == 3 + 3 + 7  # Heading, groups, errors: none is broken.
     row = next(line for line in rows if "normal" in line)
-    assert row.split()[-6:] == ["1.90", "0.950", "0.779", "0.00190", "–", "1,000×"]
+    assert row.split()[-6:] == [
+        "1.90",
+        "0.950",
+        "0.779",
+        "0.00190",
+        "0.00200",
+        "1,000×",
+    ]
 
 
 def test_every_model_that_is_shown_has_a_colour_and_a_name():
@@ -155,7 +170,7 @@ def test_every_model_that_is_shown_has_a_colour_and_a_name():
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_each_verdict_has_its_badge_and_its_sentence(verdict):
     result = make_result(verdict=verdict)
-    text = to_html(result, {})
+    text = to_html(result)
     assert f'class="badge {verdict}">{verdict.replace("_", " ")}<' in text
     others = [make_result(verdict=v) for v in VERDICTS if v != verdict]
     same = [r.verdict for r in others if headline(r) == headline(result)]
@@ -189,7 +204,7 @@ def test_a_difference_between_flights_alone_is_a_finding():
 
 def test_the_reason_follows_the_verdict():
     result = make_result()
-    for text in (Page(to_html(result, {})).text, summary(result)):
+    for text in (Page(to_html(result)).text, summary(result)):
         said = flat(text)
         assert said.index(headline(result)) < said.index(result.reason)
         assert said.index(result.reason) < said.index("evidence")
@@ -237,7 +252,7 @@ def test_differences_from_flight_to_flight_are_told_with_their_number():
         summary(result)
     )
     assert "x differs from flight to flight by 0.0512 m/s" in flat(summary(result))
-    assert "x ± 0.0512 m/s" in flat(Page(to_html(result, {})).text)
+    assert "x ± 0.0512 m/s" in flat(Page(to_html(result)).text)
 
 
 def test_a_difference_that_an_effect_tells_is_told_once():
@@ -257,12 +272,12 @@ def test_the_headline_of_many_effects_has_no_coefficients():
 def test_how_often_an_effect_is_chosen_is_told():
     result = make_result()
     assert "chosen in 97 % of resampled sets" in flat(summary(result))
-    assert " 97 % " in flat(Page(to_html(result, {})).text)
+    assert " 97 % " in flat(Page(to_html(result)).text)
 
 
 def test_a_shape_that_is_not_the_librarys_is_told():
     result = VARIANTS["partly explained"]
-    for text in (summary(result), Page(to_html(result, {})).text):
+    for text in (summary(result), Page(to_html(result)).text):
         assert flat(text).lower().count("shape not the library's") == 2
     assert "shape not" not in summary(make_result()).lower()
 
@@ -274,19 +289,19 @@ def test_folds_are_counted():
 
 def test_warnings_and_rows_set_aside_are_told():
     result = make_result()
-    for text in (summary(result), Page(to_html(result, {})).text):
+    for text in (summary(result), Page(to_html(result)).text):
         assert result.warnings[0] in flat(text)
         for aside in result.set_aside:
             assert aside.file in text
             assert aside.why in text
     many = make_result(set_aside=result.set_aside * 4)
     assert "Set aside: 3 more" in summary(many)
-    assert Page(to_html(many, {})).text.count("the pose is frozen.") == 4
+    assert Page(to_html(many)).text.count("the pose is frozen.") == 4
 
 
 def test_the_vehicle_is_told_with_its_errors():
     result = make_result()
-    for text in (summary(result), Page(to_html(result, {})).text):
+    for text in (summary(result), Page(to_html(result)).text):
         assert "wing area per mass" in text
         assert "1.11 ± 0.02 m²/kg" in flat(text)
     assert vehicle_rows(make_result(vehicle={})) == []
@@ -300,11 +315,11 @@ def test_combinations_are_compared_with_the_best():
     assert [r.behind for r in rows] == ["", "-15", "-21,346"]
     assert [r.is_chosen for r in rows] == [True, False, False]
     assert rows[1].words == [KINDS["frame_tilt"].words, KINDS["camber"].words]
-    page = Page(to_html(make_result(), {})).text
+    page = Page(to_html(make_result())).text
     assert "none: the plate alone" in page
     few = (Combination(kinds=("wind",), evidence=5.0),)
     assert f"{41 - 12} more are in" in flat(
-        Page(to_html(make_result(combinations=few * 41), {})).text
+        Page(to_html(make_result(combinations=few * 41))).text
     )
 
 
@@ -340,7 +355,7 @@ def test_each_flights_own_values_are_listed():
         ("flight_001.csv", ["0.0150 rad (0.859°)", "–"]),
         ("flight_002.csv", ["-0.0310 rad (-1.78°)", "0.250 m/s"]),
     ]
-    page = flat(Page(to_html(result, {})).text)
+    page = flat(Page(to_html(result)).text)
     assert "flight_002.csv-0.0310 rad (-1.78°)0.250 m/s" in page
 
 
@@ -359,7 +374,7 @@ def test_flights_that_stand_out_are_the_worst_ones_first():
     )
     assert {r.unit for r in rows} == {"mm"}
     assert rows[0].planarity == "not planar: roll up to 31°"
-    page = flat(Page(to_html(result, {})).text)
+    page = flat(Page(to_html(result)).text)
     assert "stands out. not planar" in page
     assert f"more than {STANDS_OUT:g} times the median" in page
 
@@ -411,7 +426,12 @@ def test_each_curve_has_its_axes():
 
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize(
-    "result", [ALL_MODELS, VARIANTS["diverged"]], ids=("all", "few")
+    "result",
+    [
+        dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model),
+        dataclasses.replace(VARIANTS["diverged"], model=VARIANTS["unexplained"].model),
+    ],
+    ids=("all", "few"),
 )
 def test_the_legend_is_inside_the_figure(name, result):
     figure = FIGURES[name](result)
@@ -481,3 +501,13 @@ def test_binned_quantiles_are_those_of_each_bin():
     centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
     assert centers.shape == (0,)
     assert lines.shape == (2, 0)
+
+
+def test_evidence_is_told_as_it_was_found():
+    """A known glider's is of the fitted flights, another's of flights left out."""
+    known = flat(Page(to_html(make_result())).text)
+    assert "log-likelihood of the fitted flights that is lost without" in known
+    assert "left out of the fit" not in known
+    unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
+    assert "log-likelihood of flights left out of the fit" in unknown
+    assert "judged by flights left out of its fit" in unknown

@@ -229,6 +229,9 @@ def table(lift, drag, flights=6, rows=200):
         },
         modelled={name: 0.0 * alpha for name in ("c_lift", "c_drag", "c_moment")},
         flight=np.repeat(np.arange(flights), rows),
+        names=tuple(f"{i}.csv" for i in range(flights)),
+        noise=np.zeros((len(alpha), 3)),
+        unit=np.ones((len(alpha), 2)),
     )
 
 
@@ -267,3 +270,16 @@ def test_trims_that_differ_from_flight_to_flight_are_told_one_by_one():
 def test_where_flights_are_alike_nothing_is_told():
     task, noise = task_of(fly(flights=8))
     assert spreads_of(task, fit_model(task, begin(task, noise))) == {}
+
+
+def test_what_effects_explain_is_in_the_units_of_the_plate():
+    """A model that sees half the airspeed leaves nothing: all that lacks is named."""
+    before = table(lambda a: -0.2 * np.sin(a), lambda a: 0.2 * np.cos(a))
+    slower = dataclasses.replace(
+        before,
+        coefficients={n: 4.0 * c for n, c in before.coefficients.items()},
+        modelled={n: 4.0 * c - 0.4 for n, c in before.coefficients.items()},
+        unit=before.unit / 4.0,
+    )
+    (moment,) = [c for c in curves_of(before, slower) if c.term == "c_moment"]
+    np.testing.assert_allclose(moment.lack - moment.named, 0.4 / 4.0)

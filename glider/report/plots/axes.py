@@ -1,5 +1,6 @@
 """Limits, ticks and points of axes: what they show."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -28,14 +29,26 @@ def limit(
         quantile: of points that may lie outside at each end.
         around: a value that must lie inside.
     """
+    found = bounds(values, margin, quantile, around)
+    if found is not None:
+        set_limits(*found)
+
+
+def bounds(
+    values: np.ndarray,
+    margin: float = 0.08,
+    quantile: float = 0.004,
+    around: float | None = None,
+) -> tuple[float, float] | None:
+    """Returns what `limit` sets an axis to; None where no value is finite."""
     values = values[np.isfinite(values)]
     if values.size == 0:
-        return
+        return None
     low, high = np.quantile(values, [quantile, 1.0 - quantile])
     if around is not None:
         low, high = min(low, around), max(high, around)
     pad = margin * (high - low) or 0.05 * abs(high) or 1.0
-    set_limits(low - pad, high + pad)
+    return float(low - pad), float(high + pad)
 
 
 def legend(figure: Figure, *axes: Axes) -> None:
@@ -65,6 +78,13 @@ def log_scale(ax):
     ax.set_yscale("log")
     ax.yaxis.set_minor_locator(NullLocator())
     ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+
+
+def evidence_ticks(low: float, high: float) -> list[float]:
+    """Returns round numbers for an axis of evidence [nats] from low < 0 to high > 0."""
+    above = [10.0**p for p in range(1, math.ceil(math.log10(high)) + 1)]
+    below = [-(10.0**p) for p in range(1, 9) if 10.0**p <= -low]
+    return [*below[-1:], 0.0, *above[:: math.ceil(len(above) / 6)]]
 
 
 def finite(x, y):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from glider.report.plots.axes import log_scale
+from glider.report.plots.axes import evidence_ticks, log_scale
 from glider.report.plots.style import (
     BLUE,
     COLORS,
@@ -59,13 +59,8 @@ def plot_evidence(
     top = max(bars.max(initial=0.0), 100.0)
     bottom = bars.min(initial=0.0)
     ax.set_xlim(bottom * 2.0 if bottom < 0.0 else 0.0, top * 4.0)
-    ticks = [10.0**p for p in range(1, math.ceil(math.log10(top)) + 1)]
-    below = [-(10.0**p) for p in range(1, 9) if 10.0**p <= -bottom]
-    step = math.ceil(len(ticks) / 6)
-    ax.set_xticks(
-        [*below[-1:], 0.0, *ticks[::step]],
-        [f"{t:,.0f}" for t in (*below[-1:], 0.0, *ticks[::step])],
-    )
+    ticks = evidence_ticks(bottom, top)
+    ax.set_xticks(ticks, [f"{t:,.0f}" for t in ticks])
     ax.minorticks_off()
     ax.grid(False, axis="y")
     ax.tick_params(axis="y", length=0)
@@ -84,7 +79,7 @@ def plot_errors(
     ax: Axes,
     names: Sequence[str],
     values: Mapping[str, Sequence[float]],
-    noise: float = math.nan,
+    noise: Sequence[float] = (),
 ) -> None:
     """Draws errors of the models as groups of bars on a log scale.
 
@@ -92,10 +87,12 @@ def plot_errors(
         ax: to draw into.
         names: of the errors, which have one unit.
         values: model to one error a name; NaN leaves a gap.
-        noise: of the measurement in that unit, a dotted line; NaN for none.
+        noise: of the measurement in that unit, a dotted line a name; NaN for none.
     """
     finite = [v for row in values.values() for v in row if math.isfinite(v) and v > 0]
-    floor = 10.0 ** math.floor(math.log10(min([*finite, *_positive(noise)], default=1)))
+    levels = {i: v for i, v in enumerate(noise) if math.isfinite(v) and v > 0.0}
+    lowest = min([*finite, *levels.values()], default=1.0)
+    floor = 10.0 ** math.floor(math.log10(lowest))
     floor *= 0.5
     width = 0.8 / max(len(values), 1)
     size = 8.0 if len(values) <= 3 else 6.0  # Numbers side by side have room.
@@ -112,7 +109,7 @@ def plot_errors(
         )
         for place, height, value in zip(places, heights, row, strict=True):
             ax.annotate(
-                _short(value),
+                short(value),
                 (place, height),
                 xytext=(0, 2),
                 textcoords="offset points",
@@ -121,8 +118,8 @@ def plot_errors(
                 fontsize=size,
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
             )
-    if _positive(noise):
-        ax.axhline(noise, color="k", lw=0.9, ls=":")
+    for i, level in levels.items():
+        ax.hlines(level, i - 0.45, i + 0.45, color="k", lw=0.9, ls=":")
     log_scale(ax)
     ax.set_ylim(floor, 4.0 * max(finite, default=1.0))
     ax.set_xticks(np.arange(len(names)), names)
@@ -131,7 +128,7 @@ def plot_errors(
     ax.grid(False, axis="x")
 
 
-def _short(value):
+def short(value: float) -> str:
     """Returns two digits, without an exponent while that stays short."""
     if not math.isfinite(value):
         return "–"
@@ -142,7 +139,3 @@ def _short(value):
 
 def _or_lowest(value):
     return value if math.isfinite(value) else -math.inf
-
-
-def _positive(value):
-    return [value] if math.isfinite(value) and value > 0.0 else []

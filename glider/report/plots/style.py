@@ -19,6 +19,15 @@ COLORS = {
 }
 """Model to its colour."""
 
+DARK = {
+    "measured": "#F2F4F6",
+    "as_drawn": "#9AA3AC",
+    "refitted": "#F0A72E",
+    "calibrated": "#E39CC2",
+    "corrected": "#56B4E9",
+}
+"""The same on a dark ground, for pages."""
+
 LABELS = {
     "measured": "measured",
     "as_drawn": "as drawn",
@@ -63,6 +72,10 @@ TERMS = {
     "c_axial": "axial force $C_a$",
     "c_moment": "moment $C_M$ [m]",
     "elevator_factor": "force of the tail, factor",
+    "c_lift": "lift $C_L$",
+    "c_drag": "drag $C_D$",
+    "wind_x": "air moving forward [m/s]",
+    "wind_z": "air moving up [m/s]",
 }
 """Term of a curve to its name for people."""
 

@@ -122,7 +122,13 @@ def make_table(
         put("tangential", error[:, 0] * cosine - error[:, 1] * sine)
         put("normal", error[:, 0] * sine + error[:, 1] * cosine)
         put("angular", error[:, 2])
+        std_x, std_z, std_angular = record.acceleration_std.T
+        put("tangential noise", np.hypot(std_x * cosine, std_z * sine))
+        put("normal noise", np.hypot(std_x * sine, std_z * cosine))
+        put("angular noise", std_angular)
         pressure = 0.5 * density * speed**2 * area
+        put("unit of force", pressure / mass)
+        put("unit of moment", pressure / inertia)
         for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
             force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
             lift = (force_z * air_x - force_x * air_z) / speed
@@ -132,12 +138,14 @@ def make_table(
             put(f"c_moment {label}", inertia * a[:, 2] / pressure)
 
     stacked = {name: np.concatenate(parts) for name, parts in rows.items()}
+    directions = ("tangential", "normal", "angular")
     return ResidualTable(
         variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
-        residual=np.stack(
-            [stacked[name] for name in ("tangential", "normal", "angular")], axis=1
-        ),
+        residual=np.stack([stacked[name] for name in directions], axis=1),
         coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
         modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
         flight=stacked["flight"],
+        names=tuple(record.name for record in records),
+        noise=np.stack([stacked[f"{name} noise"] for name in directions], axis=1),
+        unit=np.stack([stacked["unit of force"], stacked["unit of moment"]], axis=1),
     )

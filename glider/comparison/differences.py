@@ -1,0 +1,218 @@
+"""What differs between two reports, and whether by more than their errors allow.
+
+A number θ with standard errors s₁, s₂ in two independent campaigns has changed by
+θ₂ - θ₁ ± √(s₁² + s₂²). With n numbers compared, one change counts where it is beyond
+what the largest of n standard normal ones exceeds in one comparison of a hundred.
+"""
+
+import dataclasses
+import math
+
+from scipy.stats import norm
+
+from glider.comparison.saved import Saved, SavedEffect
+from glider.physics.effects import KINDS
+from glider.report.wording import join
+from glider.sysid.result import Estimate, Spread
+
+FALSE_ALARM = 0.01
+"""Probability that anything is told to differ between campaigns of one glider."""
+
+EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicle"
+"""Groups of differences."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A number in two reports.
+
+    Attributes:
+        group: EFFECTS, SPREADS or VEHICLE.
+        kind: of the effect; of the vehicle its number, of a spread what differs.
+        name: of the coefficient; empty where the kind says all.
+        unit: of all its numbers.
+        first: in the first report, None where it has none.
+        second: in the second.
+        change: second less first with its standard error, None where one is missing.
+        z: change over its standard error; NaN where that is not known.
+        note: what else to know, or nothing.
+    """
+
+    group: str
+    kind: str
+    name: str
+    unit: str
+    first: Estimate | None
+    second: Estimate | None
+    change: Estimate | None
+    z: float
+    note: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name as of a correlation in report.json: "wind.x"."""
+        return f"{self.kind}.{self.name}" if self.name else self.kind
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two reports and what differs between them.
+
+    Attributes:
+        first: report.
+        second: report.
+        differences: of all numbers that either has.
+        z_significant: from which on a change counts.
+        notes: sentences on how far the two may be compared.
+    """
+
+    first: Saved
+    second: Saved
+    differences: tuple[Difference, ...]
+    z_significant: float
+    notes: tuple[str, ...]
+
+    def is_significant(self, difference: Difference) -> bool:
+        """Whether a number changed by more than its standard errors allow."""
+        return abs(difference.z) > self.z_significant  # False for NaN.
+
+
+def compare(first: Saved, second: Saved) -> Comparison:
+    """Compares two reports."""
+    differences = (
+        *_effects(first, second),
+        *_spreads(first, second),
+        *_numbers(VEHICLE, "", first.vehicle, second.vehicle),
+    )
+    count = sum(math.isfinite(d.z) for d in differences)
+    return Comparison(
+        first=first,
+        second=second,
+        differences=differences,
+        z_significant=float(norm.isf(0.5 * FALSE_ALARM / max(count, 1))),
+        notes=tuple(_notes(first, second)),
+    )
+
+
+def _effects(first: Saved, second: Saved) -> list[Difference]:
+    both = [{e.kind: e for e in report.effects} for report in (first, second)]
+    found = []
+    for kind in dict.fromkeys((*both[0], *both[1])):
+        one, other = (effects.get(kind) for effects in both)
+        note = ""
+        if one is None and other is not None:
+            note = _absence(other, first)
+        elif other is None and one is not None:
+            note = _absence(one, second)
+        found += _numbers(
+            EFFECTS,
+            kind,
+            one.coefficients if one else {},
+            other.coefficients if other else {},
+            note,
+        )
+    return found
+
+
+def _absence(effect: SavedEffect, report: Saved) -> str:
+    """Returns what may be said of an effect that only the other report has."""
+    instead = [e.kind for e in report.effects if e.kind in effect.rivals]
+    if instead:
+        return f"may be its {join(instead, ' or ')}: the flights cannot tell them apart"
+    return "" if effect.kind in report.candidates else "not tried there"
+
+
+def _spreads(first: Saved, second: Saved) -> list[Difference]:
+    one, other = (
+        {name: _spread(s) for name, s in report.spreads.items()}
+        for report in (first, second)
+    )
+    return _numbers(SPREADS, "", one, other)
+
+
+def _spread(spread: Spread) -> Estimate:
+    """Returns a standard deviation with its own standard error, s / √(2 (n - 1))."""
+    count = sum(math.isfinite(v) for v in spread.values.values())
+    std = spread.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
+    return Estimate(value=spread.std, std=std, unit=spread.unit)
+
+
+def _numbers(
+    group: str,
+    kind: str,
+    first: dict[str, Estimate],
+    second: dict[str, Estimate],
+    note: str = "",
+) -> list[Difference]:
+    found = []
+    for name in dict.fromkeys((*first, *second)):
+        one, other = first.get(name), second.get(name)
+        some = one or other
+        assert some is not None
+        change, z, said = None, math.nan, note
+        if one and other and one.unit != other.unit:
+            said = f"units differ: {one.unit} and {other.unit}"
+        elif one and other:
+            std = math.hypot(one.std, other.std)
+            change = Estimate(value=other.value - one.value, std=std, unit=one.unit)
+            z = change.value / std if std > 0.0 else math.nan
+        found.append(
+            Difference(
+                group=group,
+                kind=kind or name,
+                name=name if kind else "",
+                unit=some.unit,
+                first=one,
+                second=other,
+                change=change,
+                z=z,
+                note=said,
+            )
+        )
+    return found
+
+
+def _notes(first: Saved, second: Saved) -> list[str]:
+    """Returns sentences on how far two reports may be compared."""
+    notes = []
+    for name, report in (("A", first), ("B", second)):
+        if report.verdict in ("not_trusted", "unexplained"):
+            notes.append(
+                f"The verdict on {name} is {report.verdict.replace('_', ' ')}: its "
+                "coefficients may stand for something else."
+            )
+    if first.given is not None and second.given is not None:
+        old, new = dataclasses.asdict(first.given), dataclasses.asdict(second.given)
+        for name in (name for name in old if old[name] != new[name]):
+            notes.append(
+                f"{name} was told as {_told(old[name])} for A and {_told(new[name])} "
+                "for B: coefficients are what each of the two gliders lacks."
+            )
+    elif (first.given is None) != (second.given is None):
+        notes.append(
+            "The vehicle is known in one report only: coefficients are what a told "
+            "glider lacks in the one, and a fitted one in the other."
+        )
+    flights = set(first.fit_flights) & set(second.fit_flights)
+    if first.campaign == second.campaign and flights:
+        notes.append(
+            f"Both are of campaign {first.campaign}, with {len(flights)} fitted "
+            "flights of the same name: if they are the same flights, the standard "
+            "errors of the changes are too large."
+        )
+    if first.version != second.version:
+        notes.append(
+            f"A was made by version {first.version} and B by {second.version}."
+        )
+    return notes
+
+
+def _told(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(f"{v:g}" for v in value)
+    return f"{value:g}"
+
+
+def words_of_kind(kind: str) -> str:
+    """Returns an effect's short phrase for people; of the user's own its name."""
+    return KINDS[kind].words if kind in KINDS else kind.replace("_", " ")
