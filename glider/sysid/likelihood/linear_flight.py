@@ -169,13 +169,13 @@ def linearize(
     )
     path = logged_elevator(record, theta)
     columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
-    others = {}
+    others = {(): (nodes, ends)}  # Of the model itself.
     for j, direction in enumerate(directions):
         if id(direction) in columns:
             inputs[:, :, j] = -by_plain[:, :, columns[id(direction)]]
         else:
             key = direction.shapes
-            if key not in others or not key:
+            if key not in others:
                 others[key] = _apart(record, direction, field, constants, wind)
             base_nodes, base_ends = others[key]
             signals = pose_signals(record, direction.moved)
