@@ -50,10 +50,14 @@ class LinearFlight:
     constants: Constants
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
-        """Returns the flight with one column: its error at changes δ (m,)."""
+        """Returns the flight with one column: its error at changes δ (m,).
+
+        It is light, for it goes to workers often, and takes no `with_forces`.
+        """
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             self,
+            by_term=self.by_term[..., :0],
             inputs=np.ascontiguousarray((self.inputs @ mix)[..., None]),
             outputs=np.ascontiguousarray((self.outputs @ mix)[..., None]),
             start=(self.start @ mix)[:, None],

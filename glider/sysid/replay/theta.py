@@ -169,5 +169,5 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     )
 
 
-LIBRARY_LAYOUT = layout_of()
+LIBRARY_LAYOUT = layout_of(())
 """Layout without an effect of a user's own."""
