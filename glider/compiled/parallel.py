@@ -7,6 +7,7 @@ workers through joblib, up to a cluster of processes. With Dask (the extra `clus
         result = close_the_loop(folder)
 """
 
+import itertools
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -43,7 +44,7 @@ def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
     edges = [len(items) * k // count for k in range(count + 1)] if count else []
     tasks = (
         joblib.delayed(_part)(function, items[first:last])
-        for first, last in zip(edges[:-1], edges[1:], strict=True)
+        for first, last in itertools.pairwise(edges)
     )
     parts = joblib.Parallel(batch_size=1)(tasks)
     return [found for part in parts for found in part]

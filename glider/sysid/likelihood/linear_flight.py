@@ -173,7 +173,7 @@ def linearize(
     )
     path = logged_elevator(record, theta)
     columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
-    others = {(): (nodes, ends)}  # Of the model itself.
+    others: dict[tuple, tuple] = {(): (nodes, ends)}  # Of the model itself.
     for j, direction in enumerate(directions):
         if id(direction) in columns:
             inputs[:, :, j] = -by_plain[:, :, columns[id(direction)]]
