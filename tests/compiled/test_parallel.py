@@ -14,6 +14,7 @@ from glider.physics.effects import KINDS, NO_FIELD
 from glider.sysid.fit.prediction import Flown, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
+from glider.sysid.search.tracing import scoring
 from glider.sysid.search.weighing import uncertainty_of, weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
@@ -78,7 +79,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
         def traced():
             model = fit_model(task, start, iterations=1)
             known = uncertainty_of(task, model)
-            weighed = weigh(task, model, 10.0, np.random.default_rng(0))
+            weighed = weigh(task, model, scoring, np.random.default_rng(0))
             flown = Flown(
                 theta=model.theta, field=NO_FIELD, scales=model.scales, own_trims=False
             )
