@@ -30,6 +30,24 @@ PITCH_RATE = 6
 
 
 @machine_code
+def sum_up(deviations, summed):
+    """Writes the sums of deviations (n + 8, m) that move the motion, (n + 5, m).
+
+    The motion's own; gust and wind in x; in z; pitch acceleration; elevator's
+    departure; trim.
+    """
+    n = deviations.shape[0] - OWN_STATES
+    for j in range(deviations.shape[1]):
+        for i in range(n):
+            summed[i, j] = deviations[i, j]
+        summed[n, j] = deviations[n, j] + deviations[n + 4, j]
+        summed[n + 1, j] = deviations[n + 1, j] + deviations[n + 5, j]
+        summed[n + 2, j] = deviations[n + 2, j]
+        summed[n + 3, j] = deviations[n + 3, j]
+        summed[n + 4, j] = deviations[n + 6, j]
+
+
+@machine_code
 def filter_flight(
     times,
     by_x,
@@ -58,7 +76,7 @@ def filter_flight(
         pose_by_x: (K + 1, 3, n) how the pose moves with the node.
         outputs: (K + 1, 4, m) how each column moves pose and elevator.
         seen: (K + 1, 4) whether pose and elevator were measured.
-        variance: (K + 1, 4) of the measurements.
+        variance: (4,) of the measurements.
         start: (n + 8,) variances of the deviations at the first node.
         mean: (n + 8, m) what each column moves them by there; written.
         rates: (4,) of the processes [1/s].
@@ -68,15 +86,19 @@ def filter_flight(
     """
     n, m = by_x.shape[1], inputs.shape[2]
     total = n + OWN_STATES
-    gust, moment, servo = n, n + 2, n + 3
-    wind, trim, zero = n + 4, n + 6, n + 7
-    keep = np.empty(PROCESSES)
+    servo, zero = n + 3, n + 7
+    keep = np.ones(OWN_STATES)
     covariance = np.zeros((total, total))
     for i in range(total):
         covariance[i, i] = start[i]
-    moved_mean = np.empty((n, m))
-    half = np.empty((total, total))
-    transition = np.zeros((total, total))
+    # Wind moves the motion as gusts do: so few sums of the deviations say it all.
+    sums = n + 5
+    moves = np.zeros((n, sums))
+    moved_by = np.empty((sums, n))
+    summed_mean = np.empty((sums, m))
+    summed = np.empty((sums, total))
+    half = np.empty((n, total))
+    twice_summed = np.empty((n, sums))
     row, gain = np.empty(total), np.empty(total)
     innovations[:] = 0.0
     variances[:] = 1.0
@@ -93,24 +115,24 @@ def filter_flight(
             else:
                 row[ELEVATOR] = 1.0
                 row[servo] = 1.0
-            own = variance[k, c]
-            for i in range(total):
-                value = 0.0
-                for j in range(total):
-                    value += covariance[i, j] * row[j]
-                gain[i] = value
-                own += row[i] * value
-            if own < variance[k, c]:  # By rounding: a covariance adds nothing negative.
-                own = variance[k, c]
-            inverse = 1.0 / own
-            scale = np.sqrt(inverse)
-            variances[k, c] = own
+            own = variance[c]
+            gain[:] = 0.0
             for j in range(m):
                 innovations[k, c, j] = outputs[k, c, j]
             for i in range(total):
-                if row[i] != 0.0:
+                part = row[i]
+                if part != 0.0:
+                    for j in range(total):
+                        gain[j] += part * covariance[i, j]
                     for j in range(m):
-                        innovations[k, c, j] -= row[i] * mean[i, j]
+                        innovations[k, c, j] -= part * mean[i, j]
+            for i in range(total):
+                own += row[i] * gain[i]
+            if own < variance[c]:  # By rounding: a covariance adds nothing negative.
+                own = variance[c]
+            inverse = 1.0 / own
+            scale = np.sqrt(inverse)
+            variances[k, c] = own
             for i in range(total):
                 part = gain[i] * inverse
                 for j in range(m):
@@ -125,52 +147,56 @@ def filter_flight(
         step = times[k + 1] - times[k]
         for p in range(PROCESSES):
             keep[p] = np.exp(-rates[p] * step)
-        transition[:] = 0.0
         for i in range(n):
             for j in range(n):
-                transition[i, j] = by_x[k, i, j]
-            for a in range(2):
-                transition[i, gust + a] = by_air[k, i, a]
-                transition[i, wind + a] = by_air[k, i, a]
-            transition[i, trim] = by_trim[k, i]
+                moves[i, j] = by_x[k, i, j]
+            moves[i, n] = by_air[k, i, 0]
+            moves[i, n + 1] = by_air[k, i, 1]
             if i != ELEVATOR:
-                transition[i, servo] = by_x[k, i, ELEVATOR]
-        transition[PITCH, moment] = 0.5 * step * step
-        transition[PITCH_RATE, moment] = step
-        for p in range(PROCESSES):
-            transition[n + p, n + p] = keep[p]
-        for i in range(wind, total):
-            transition[i, i] = 1.0
+                moves[i, n + 3] = by_x[k, i, ELEVATOR]
+            moves[i, n + 4] = by_trim[k, i]
+        moves[PITCH, n + 2] = 0.5 * step * step
+        moves[PITCH_RATE, n + 2] = step
+        for i in range(n):
+            for r in range(sums):
+                moved_by[r, i] = moves[i, r]
 
+        sum_up(mean, summed_mean)
         for i in range(n):
             for j in range(m):
-                moved_mean[i, j] = inputs[k, i, j]
-            for r in range(total):
-                part = transition[i, r]
+                mean[i, j] = inputs[k, i, j]
+            for r in range(sums):
+                part = moves[i, r]
                 if part != 0.0:
                     for j in range(m):
-                        moved_mean[i, j] += part * mean[r, j]
-        for i in range(n):
-            for j in range(m):
-                mean[i, j] = moved_mean[i, j]
+                        mean[i, j] += part * summed_mean[r, j]
         for p in range(PROCESSES):
             for j in range(m):
                 mean[n + p, j] *= keep[p]
 
-        for i in range(total):
-            for j in range(total):
-                half[i, j] = 0.0
-            for r in range(total):
-                part = transition[i, r]
+        sum_up(covariance, summed)
+        for i in range(n):
+            half[i] = 0.0
+            for r in range(sums):
+                part = moves[i, r]
                 if part != 0.0:
                     for j in range(total):
-                        half[i, j] += part * covariance[r, j]
-        for i in range(total):
-            for j in range(i + 1):
-                value = 0.0
-                for r in range(total):
-                    value += half[i, r] * transition[j, r]
+                        half[i, j] += part * summed[r, j]
+        sum_up(half.T, twice_summed.T)
+        for i in range(n):
+            for j in range(n):
+                covariance[i, j] = 0.0
+            for r in range(sums):
+                part = twice_summed[i, r]
+                if part != 0.0:
+                    for j in range(n):
+                        covariance[i, j] += part * moved_by[r, j]
+            for j in range(n, total):
+                value = half[i, j] * keep[j - n]
                 covariance[i, j] = value
                 covariance[j, i] = value
+        for i in range(n, total):
+            for j in range(n, total):
+                covariance[i, j] *= keep[i - n] * keep[j - n]
         for p in range(PROCESSES):
             covariance[n + p, n + p] += powers[p] * (1.0 - keep[p] * keep[p])

@@ -117,6 +117,7 @@ class Family:
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
         self._made: dict[tuple, types.SimpleNamespace] = {}
+        self._last: tuple[Any, bool, Any] = (None, False, None)
 
     def over(
         self, kinds: tuple[EffectKind, ...] = (), has_field: bool = False
@@ -127,11 +128,15 @@ class Family:
         compiled is kept on disk when every formula can be imported by name, else (a
         formula typed into a notebook) for this process only.
         """
+        asked, with_field, entries = self._last
+        if asked is kinds and with_field == has_field:  # Spares a hash of many kinds.
+            return entries
         key = kinds, has_field
         if key not in self._made:
             with _COMPILING:  # Threads that meet here share one.
                 if key not in self._made:
                     self._made[key] = self._make(kinds, has_field)
+        self._last = kinds, has_field, self._made[key]
         return self._made[key]
 
     def module_text(self, kinds: tuple[EffectKind, ...], has_field: bool) -> str:

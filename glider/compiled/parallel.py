@@ -1,13 +1,55 @@
-"""Work over flights, side by side."""
+"""Work over flights, side by side.
 
+By threads: the compiled loops release Python's lock. Whoever calls may choose other
+workers through joblib, up to a cluster of processes. With Dask (the extra `cluster`):
+
+    with Client(address), joblib.parallel_config(backend="dask"):
+        result = close_the_loop(folder)
+"""
+
+import itertools
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-_POOL = ThreadPoolExecutor(max_workers=os.cpu_count())
+import joblib
+from joblib.parallel import get_active_backend
+from threadpoolctl import threadpool_limits
+
+_THREADS = ThreadPoolExecutor(max_workers=os.cpu_count())
+"""joblib's own threads are for long tasks: it asks every 10 ms whether they are done,
+and a flight takes less."""
+
+_PARTS = 4
+"""Parts of the work for each worker of joblib, so that none waits long for the last."""
+
+_UNSET = type(get_active_backend()[0])
+"""The backend that joblib has where nobody has chosen one."""
 
 
 def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
-    """Returns function(item) for each; the compiled loops release Python's lock."""
-    return list(_POOL.map(function, items))
+    """Returns function(item) for each.
+
+    Args:
+        function: that touches nothing outside but what it holds; where joblib's workers
+            are processes, it is pickled with the items and what it returns.
+        items: in any number; a worker gets several at a time.
+    """
+    backend, jobs = get_active_backend()
+    if jobs is None and type(backend) is _UNSET:
+        return list(_THREADS.map(function, items))
+    items = list(items)
+    count = min(len(items), _PARTS * joblib.effective_n_jobs(None))
+    edges = [len(items) * k // count for k in range(count + 1)] if count else []
+    tasks = (
+        joblib.delayed(_part)(function, items[first:last])
+        for first, last in itertools.pairwise(edges)
+    )
+    parts = joblib.Parallel(batch_size=1)(tasks)
+    return [found for part in parts for found in part]
+
+
+def _part(function: Callable[[Any], Any], items: Sequence) -> list:
+    with threadpool_limits(limits=1, user_api="blas"):  # Each worker is one of many.
+        return [function(item) for item in items]

@@ -74,7 +74,8 @@ def close_the_loop(
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
     from glider.sysid.checks.inspection import inspect
 
-    inspection = inspect(campaign)
+    with threadpool_limits(limits=1, user_api="blas"):  # Its matrices are small.
+        inspection = inspect(campaign)
     campaign = inspection.campaign
     fitted, unseen = split_flights(campaign, held_out, seed)
     seconds = {"read": time.perf_counter() - begin}

@@ -50,10 +50,14 @@ class LinearFlight:
     constants: Constants
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
-        """Returns the flight with one column: its error at changes δ (m,)."""
+        """Returns the flight with one column: its error at changes δ (m,).
+
+        It is light, for it goes to workers often, and takes no `with_forces`.
+        """
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             self,
+            by_term=self.by_term[..., :0],
             inputs=np.ascontiguousarray((self.inputs @ mix)[..., None]),
             outputs=np.ascontiguousarray((self.outputs @ mix)[..., None]),
             start=(self.start @ mix)[:, None],
@@ -169,13 +173,13 @@ def linearize(
     )
     path = logged_elevator(record, theta)
     columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
-    others = {}
+    others: dict[tuple, tuple] = {(): (nodes, ends)}  # Of the model itself.
     for j, direction in enumerate(directions):
         if id(direction) in columns:
             inputs[:, :, j] = -by_plain[:, :, columns[id(direction)]]
         else:
             key = direction.shapes
-            if key not in others or not key:
+            if key not in others:
                 others[key] = _apart(record, direction, field, constants, wind)
             base_nodes, base_ends = others[key]
             signals = pose_signals(record, direction.moved)

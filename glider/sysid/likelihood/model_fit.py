@@ -27,6 +27,7 @@ from glider.sysid.likelihood.scales import (
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.record import Record
 
 FEWEST_ITERATIONS = 2
 """Before a fit may stop: the first step changes the scales too."""
@@ -104,10 +105,9 @@ def linear_flights(
     task: Task, model: Fitted, directions: Sequence[Direction]
 ) -> list[LinearFlight]:
     """Returns all flights, linear about a model; the curves' columns come last."""
-    field = field_of(task, model)
+    field, curves = field_of(task, model), task.curves
 
-    def one(i: int) -> LinearFlight:
-        record = task.records[i]
+    def one(record: Record) -> LinearFlight:  # It holds no flights but its own.
         own = model.constants.get(record.name, Constants())
         flight = linearize(record, model.theta, field, directions, own)
         if model.has_force_errors:
@@ -115,10 +115,10 @@ def linear_flights(
         if not model.has_curves:
             return flight
         alpha = flight.middle_alpha(model.theta)
-        basis = task.curves.functions(alpha)
-        return flight.with_forces(basis, TERM_INDICES, task.curves.mix)
+        basis = curves.functions(alpha)
+        return flight.with_forces(basis, TERM_INDICES, curves.mix)
 
-    return in_parallel(one, range(len(task.records)))
+    return in_parallel(one, task.records)
 
 
 def beforehand(

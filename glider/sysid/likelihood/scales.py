@@ -165,10 +165,7 @@ def whiten(
     record = flight.record
     n = flight.by_x.shape[1]
     rows = len(record.time)
-    variance = np.empty((rows, 4))
-    variance[:, :2] = scales.position**2
-    variance[:, 2] = scales.pitch**2
-    variance[:, 3] = scales.elevator**2
+    sensors = (scales.position, scales.position, scales.pitch, scales.elevator)
     usual = start_variances(flight, scales)
     start = usual if start is None else start
     times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)
@@ -184,7 +181,7 @@ def whiten(
         flight.pose_by_x,
         flight.outputs,
         record.seen,
-        variance,
+        np.square(sensors),
         start,
         flight.start.copy(),
         rates,

@@ -7,6 +7,7 @@ from glider.physics.effects import (
     NO_FIELD,
     Field,
 )
+from glider.physics.parameters import NUM_PARAMETERS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import (
@@ -34,16 +35,7 @@ def true_nodes(
     their equations along the flight, at rest where it begins.
     """
     layout = record.layout
-    nodes = record.nodes.copy()
-    if np.any(theta[list(layout.sensor_slots)]):
-        step = 1e-4
-        later = nodes.copy()
-        later[:, :3] += step * nodes[:, 4:7]
-        for states in (nodes, later):
-            shown = states[:, :3].copy()
-            for _ in range(6):
-                states[:, :3] += shown - sensed(layout, states, theta)
-        nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
+    nodes = _without_sensors(record, theta).copy()
     if record.has_servo:
         path, turned = logged_elevator(record, theta), record.seen[:, 3]
         nodes[:, OFFSET] = np.mean((record.elevator - path)[turned])
@@ -56,6 +48,29 @@ def true_nodes(
         layout.dynamics(theta),
         field,
     )
+
+
+def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Undoes the sensor effects; a record keeps what it was asked last."""
+    layout = record.layout
+    numbers = theta[list(layout.sensor_slots)]
+    if not np.any(numbers):
+        return record.nodes
+    key = np.concatenate([theta[:NUM_PARAMETERS], numbers]).tobytes()
+    if key in record.undone:
+        return record.undone[key]
+    step = 1e-4
+    nodes, later = record.nodes.copy(), record.nodes.copy()
+    later[:, :3] += step * nodes[:, 4:7]
+    for states in (nodes, later):
+        shown = states[:, :3].copy()
+        for _ in range(6):
+            states[:, :3] += shown - sensed(layout, states, theta)
+    nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
+    if len(record.undone) > 4:
+        record.undone.clear()
+    record.undone[key] = nodes
+    return nodes
 
 
 def launch_steady_states(

@@ -51,6 +51,8 @@ class Record:
             `glider.sysid.replay.attitude`; one without attitude.
         side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
         replays: what `glider.sysid.replay.signals` was asked last, by its settings.
+        undone: what `glider.sysid.replay.nodes` was asked last, by the numbers of
+            the vehicle and of its sensors.
     """
 
     name: str
@@ -74,6 +76,13 @@ class Record:
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
+    undone: dict[bytes, np.ndarray] = dataclasses.field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    def __getstate__(self) -> dict:
+        """Returns what goes to another process: not what was asked here."""
+        return {**self.__dict__, "replays": {}, "undone": {}}
 
     def first(self, count: int) -> "Record":
         """Returns the flight's first nodes as a flight of its own."""
@@ -91,6 +100,7 @@ class Record:
             bank=self.bank[intervals],
             side_wind=self.side_wind[intervals],
             replays={},
+            undone={},
         )
 
 

@@ -68,6 +68,10 @@ class Layout:
     state_scale: np.ndarray
     sensor_slots: tuple[int, ...]
 
+    def __reduce__(self):
+        """Returns how another process gets it: by its own kinds, made once there."""
+        return layout_of, (self.own,)
+
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
         return self._slots_of_kinds.get(kind, ())
@@ -165,5 +169,5 @@ def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
     )
 
 
-LIBRARY_LAYOUT = layout_of()
+LIBRARY_LAYOUT = layout_of(())
 """Layout without an effect of a user's own."""

@@ -1,0 +1,98 @@
+"""Work over flights gives the same by any workers."""
+
+import dataclasses
+import pickle
+import threading
+import warnings
+
+import joblib
+import numpy as np
+import pytest
+
+from glider.compiled.parallel import in_parallel
+from glider.physics.effects import KINDS, NO_FIELD
+from glider.sysid.fit.prediction import Flown, measure_errors
+from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
+from glider.sysid.search.tracing import scoring
+from glider.sysid.search.weighing import uncertainty_of, weigh
+from tests.helpers.tasks import begin, fly, task_of, typical
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 23])
+def test_order_and_number_are_kept(count):
+    expected = [k * k for k in range(count)]
+    assert in_parallel(lambda k: k * k, range(count)) == expected
+    with joblib.parallel_config(backend="threading", n_jobs=3):
+        assert in_parallel(lambda k: k * k, range(count)) == expected
+
+
+def test_the_callers_choice_of_workers_is_kept():
+    me = threading.get_ident()
+    assert me not in in_parallel(lambda _: threading.get_ident(), range(5))
+    with joblib.parallel_config(n_jobs=1):
+        assert set(in_parallel(lambda _: threading.get_ident(), range(5))) == {me}
+
+
+def test_an_error_comes_out_as_it_is():
+    def fail(_):
+        raise ValueError("a flight blows up")
+
+    with pytest.raises(ValueError, match="blows up"):
+        in_parallel(fail, range(3))
+    with (
+        joblib.parallel_config(backend="threading", n_jobs=2),
+        pytest.raises(ValueError, match="blows up"),
+    ):
+        in_parallel(fail, range(3))
+
+
+def test_what_is_sent_is_small_and_finds_its_layout_again():
+    task, noise = task_of(fly(flights=1))
+    [record] = task.records
+    model = fit_model(task, begin(task, noise), iterations=0)
+    assert model.cost and record.replays  # What was asked here stays here.
+    sent = pickle.dumps(record)
+    assert len(sent) < 2 * sum(
+        value.nbytes
+        for field in dataclasses.fields(record)
+        if isinstance(value := getattr(record, field.name), np.ndarray)
+    )
+    again = pickle.loads(sent)
+    assert again.layout is LIBRARY_LAYOUT
+    assert not again.replays
+    np.testing.assert_array_equal(again.nodes, record.nodes)
+    own = dataclasses.replace(KINDS["profile_drag"], kind="my_drag")
+    assert pickle.loads(pickle.dumps(layout_of((own,)))) is layout_of((own,))
+
+
+def test_a_cluster_of_processes_finds_what_threads_find():
+    """A local cluster; any other differs in its address."""
+    pytest.importorskip("distributed", reason="Dask's cluster is an extra: [cluster]")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Dask's own, at import and at closing.
+        from dask.distributed import Client, LocalCluster
+
+        task, noise = task_of(fly(typical("profile_drag"), flights=4))
+        start = begin(task, noise, ["profile_drag"])
+
+        def traced():
+            model = fit_model(task, start, iterations=1)
+            known = uncertainty_of(task, model)
+            weighed = weigh(task, model, scoring, np.random.default_rng(0))
+            flown = Flown(
+                theta=model.theta, field=NO_FIELD, scales=model.scales, own_trims=False
+            )
+            errors, _ = measure_errors(flown, task.records)
+            support = weighed["profile_drag"].support
+            return model.theta, known.covariance, support, errors.position_rms_m
+
+        found = traced()
+        cluster = LocalCluster(
+            processes=True, n_workers=2, threads_per_worker=1, dashboard_address=None
+        )
+        with cluster, Client(cluster), joblib.parallel_config(backend="dask"):
+            elsewhere = traced()
+    assert found[2] == 1.0
+    for here, there in zip(found, elsewhere, strict=True):
+        np.testing.assert_allclose(here, there, rtol=1e-9)
