@@ -127,6 +127,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         dropped.add("marker_offset")
         notes.append("The tracked point is taken for the center of mass.")
     if "pitch_inertia" in unknown:
+        # The pitch damping of a glider whose moment nobody knows is one more unknown.
+        nuisance.append(index["pitch_damping", "coefficient"])
+        dropped.add("pitch_damping")
         dropped.add("inertia")
     if "elevator_area" in unknown:
         dropped.add("elevator_area")

@@ -44,7 +44,6 @@ EVERY_GLIDER_HAS = (
     "induced_drag",
     "attached_lift",
     "pitch_rate_lift",
-    "pitch_damping",
 )
 """Effects that need no cause of their own: no wing's lift is a flat plate's."""
 
@@ -64,7 +63,7 @@ ALONG_ATTITUDE = {
     "air": FORCE_ERROR,
     "air_time": ERROR_TIME,
     "wind": 1e-3,
-    "trim": 0.02,
+    "trim": 0.05,
     "pitch_zero": 3e-3,
 }
 """Scales of flights along their measured attitude: the moment tells nothing."""
@@ -74,6 +73,7 @@ _OF_MOMENT = (
     ("parameters", "wing_offset"),
     ("elevator_trim", "angle"),
     ("pitch_moment", "coefficient"),
+    ("pitch_damping", "coefficient"),
 )
 """Unknown numbers of a vehicle that are hardly seen in the forces."""
 
@@ -165,7 +165,7 @@ def with_moment(task: Task, model: Fitted, noise: Noise) -> Fitted:
     return dataclasses.replace(fitted, free=model.free)
 
 
-OF_FORCES = ("wind", "pitch_zero")
+OF_FORCES = ("wind", "trim", "pitch_zero")
 """Scales that the forces have told: what is off in the moment, whose formula is
 rougher, must not turn the flights' axes or their winds."""
 
