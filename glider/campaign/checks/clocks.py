@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
-from glider.sysid.checks.masks import Masks
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator after its commands that are tried [s]: effects of the library

@@ -26,11 +26,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.motion import Motion, calc_motion
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
-from glider.sysid.checks.masks import Masks
-from glider.sysid.checks.motion import Motion, calc_motion
 
 _STRIDE = 3  # Rows from one acceleration to the next: those between are no news.
 _MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
