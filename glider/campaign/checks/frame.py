@@ -22,6 +22,7 @@ stall leave it undetermined, which `_CLEARLY` knows.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -105,14 +106,17 @@ def join(motions: list[Motion]) -> Motion:
     return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
 
 
-def fit_forces(motion: Motion, down: np.ndarray | None = None) -> ForceFit:
+def fit_forces(
+    motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
+) -> ForceFit:
     """Fits the constant and the forces with the better sign of the pitch.
 
     Args:
         motion: of many flights.
         down: the constant [m/s²], where it is not to be fitted.
+        signs: of the pitch that are tried.
     """
-    return min((_fit(motion, s, down) for s in (1, -1)), key=lambda fit: fit.misfit)
+    return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
 
 
 def calc_heading(motion: Motion, sign: int) -> float:

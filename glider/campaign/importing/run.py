@@ -1,0 +1,101 @@
+"""`import_campaign`: logs of other software in, a campaign folder out."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from glider.campaign.flight_reader import with_flights
+from glider.campaign.importing.flights import CutRecording, cut_recording
+from glider.campaign.importing.recordings import read_recordings
+from glider.campaign.importing.signs import check_signs
+from glider.campaign.logs import Campaign
+from glider.campaign.settings import read_settings
+from glider.campaign.writer import save_campaign
+from glider.errors import InputError
+
+RECORD = "import.txt"
+"""File in the campaign's folder that tells what was done."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Imported:
+    """A campaign, and what there is to tell of how it came about."""
+
+    campaign: Campaign
+    recordings: tuple[CutRecording, ...]
+    undecided: tuple[str, ...]  # What the flights do not tell of the mapping.
+
+    def describe(self) -> str:
+        """Returns all of it as lines of text."""
+        lines = []
+        names = iter(flight.name for flight in self.campaign.flights)
+        for recording in self.recordings:
+            lines.append(
+                f"{recording.path}: {_count(len(recording.flights), 'flight')}"
+            )
+            for flight in recording.flights:
+                lines.append(
+                    f"  {next(names)}  {flight.begin:.3f}-{flight.end:.3f} s, "
+                    f"{flight.rows} rows"
+                )
+                lines.append(f"    {flight.why}")
+            lines += [f"  {words}" for words in recording.told]
+        lines += [f"warning: {words}" for words in self.undecided]
+        return "\n".join(lines)
+
+
+def import_campaign(
+    files: Sequence[Path | str], mapping: Path | str, out: Path | str
+) -> Imported:
+    """Makes a campaign folder of logs, as a mapping says, and tells what was done.
+
+    Nothing is written unless all of it is right: the flights must fall down, nose
+    ahead, and their forces and moments must have the signs that the mapping claims.
+
+    Args:
+        files: logs of any known format; each may hold several flights.
+        mapping: the MAP file: `columns:`, `units:`, `frame:`, `vehicle:`, ...
+        out: the folder to write.
+
+    Raises:
+        InputError: a log cannot be read or mapped, or the mapping is wrong.
+    """
+    imported = read_flights(files, mapping)
+    out = Path(out)
+    save_campaign(out, imported.campaign)
+    (out / RECORD).write_text(imported.describe() + "\n", encoding="utf-8")
+    return imported
+
+
+def read_flights(files: Sequence[Path | str], mapping: Path | str) -> Imported:
+    """Returns what `import_campaign` writes."""
+    settings, claim = read_settings(Path(mapping))
+    if claim is None:
+        raise InputError(
+            f"{mapping}: has no 'columns:'; a mapping names the columns of the logs "
+            "(--guess proposes one)."
+        )
+    recordings = tuple(
+        cut_recording(raw, claim, settings)
+        for raw in read_recordings([Path(file) for file in files], claim)
+    )
+    cuts = [flight for recording in recordings for flight in recording.flights]
+    if not cuts:
+        reasons = "; ".join(f"{r.path.name}: {w}" for r in recordings for w in r.told)
+        raise InputError(
+            f"{mapping}: no flight was found in {_count(len(recordings), 'recording')} "
+            f"({reasons or 'nothing moves'}); is 'up' in 'frame:' right?"
+        )
+    settings = dataclasses.replace(settings, path=Path(mapping))
+    campaign = with_flights(settings, [flight.table for flight in cuts])
+    flights = tuple(
+        dataclasses.replace(flight, name=f"flight_{i:03d}.csv")
+        for i, flight in enumerate(campaign.flights)
+    )
+    campaign = dataclasses.replace(campaign, flights=flights)
+    undecided = check_signs(campaign)
+    return Imported(campaign=campaign, recordings=recordings, undecided=undecided)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
