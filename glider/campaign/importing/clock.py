@@ -2,13 +2,15 @@
 
 An elevator turns the glider: of the pitch's acceleration, what pitch, speed and pitch
 rate do not explain must follow V² times its angle,
-    pitchdd = c + V² (a sin alpha + b cos alpha) + d V q + e V² elevator(t + offset),
+    pitchdd = c + V² (a sin alpha + b cos alpha) + d V q
+              + e V² sin(elevator(t + offset) - alpha),
 and the offset is that at which it does best. Where the elevator was measured on the
 clock of the poses and the commands on another, the elevator's rate must follow theirs.
 """
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +29,7 @@ _ONLY = 1.15
 """Ratio to the best correlation of an offset more than `_NEAR` away, at least: else
 either could be meant."""
 _NEAR = 0.25  # [s]
+_ROUNDS = 3  # Of pooling what recordings say of the glider, and asking each again.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,26 +40,60 @@ class Offset:
     correlation: float
 
 
-def find_offset(track: Track, flights: Sequence[Track]) -> Offset | None:
-    """Returns the offset of the elevator's clock; None where nothing can follow.
+class _Turning(NamedTuple):
+    """The pitch's acceleration in a recording's flights, and what explains it."""
+
+    time: np.ndarray  # (k,) [s]
+    square: np.ndarray  # (k,) speed² [m²/s²]
+    alpha: np.ndarray  # (k,) angle of attack [rad]
+    base: np.ndarray  # (k, 4) columns without the elevator.
+    target: np.ndarray  # (k,) [rad/s²]
+    elevator: Stream
+
+
+def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Offset]:
+    """Returns the offset of the elevator's clock in each recording.
+
+    Each recording alone says roughly where it is and what the elevator does; what it
+    does is the same in all of them, and then tells the offset of each more closely.
 
     Args:
-        track: the whole recording.
-        flights: cut out of it.
+        recordings: each whole, and the flights cut out of it, at least one.
 
     Raises:
         InputError: at no offset they follow one another, or at several.
     """
-    command = track.rate_command or track.angle_command
-    if track.elevator is not None and track.elevator.clock == track.clock:
-        if command is None:
-            return None
-        rates = _as_rate(command, is_angle=track.rate_command is None)
-        return _search(track, command.time, _follow_rates(track.elevator, rates))
-    turning = track.elevator or track.angle_command
-    if turning is None:
-        return None
-    return _search(track, turning.time, _follow_pitch(flights, turning))
+    if all(_is_measured(track) for track, _ in recordings):
+        return [_search(track, *_follow_rates(track)) for track, _ in recordings]
+    turnings = [_turning_of(track, flights) for track, flights in recordings]
+    alone: list[Offset | None] = []
+    for (track, _), turning in zip(recordings, turnings, strict=True):
+        try:
+            alone.append(_search(track, turning.elevator.time, _follow_pitch(turning)))
+        except InputError:
+            if len(recordings) == 1:
+                raise
+            alone.append(None)
+    known = [offset for offset in alone if offset is not None]
+    if not known:
+        raise _not_found(recordings[0][0], 0.0, 0.0)
+    if len(recordings) == 1:
+        return known
+    found = alone
+    for _ in range(_ROUNDS):
+        effect = _pool(
+            [(t, o.seconds) for t, o in zip(turnings, found, strict=True) if o]
+        )
+        found = [
+            _search(track, turning.elevator.time, _follow_pitch(turning, effect))
+            for (track, _), turning in zip(recordings, turnings, strict=True)
+        ]
+    return [offset for offset in found if offset is not None]
+
+
+def _is_measured(track: Track) -> bool:
+    """Whether the elevator was measured on the clock of the poses, beside commands."""
+    return track.elevator is not None and track.elevator.clock == track.clock
 
 
 def shift(track: Track, seconds: float) -> Track:
@@ -87,37 +124,43 @@ def _search(track: Track, other: np.ndarray, follow: Follow) -> Offset:
         other: (k,) times of the log on the other clock [s].
         follow: tells how well it fits.
     """
-    begin = other[0] - track.time[-1]
-    end = other[-1] - track.time[0]
-    offsets = np.arange(begin, end + _STEP, _STEP)
+    offsets = np.arange(
+        other[0] - track.time[-1], other[-1] - track.time[0] + _STEP, _STEP
+    )
     values = np.array([follow(offset) for offset in offsets])
     best = int(np.argmax(values))
     far = np.abs(offsets - offsets[best]) > _NEAR
     second = float(np.max(values[far], initial=0.0))
     if values[best] < _FOLLOWS or values[best] < _ONLY * second:
-        raise InputError(
-            f"{track.path}: the offset between the clocks of poses and elevator was "
-            f"not found (they correlate by {values[best]:.2f} at best, by {second:.2f} "
-            "elsewhere); clock: SECONDS, or clock: same, is needed in the mapping."
-        )
+        raise _not_found(track, float(values[best]), second)
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
     values = np.array([follow(offset) for offset in fine])
     best = int(np.argmax(values))
     return Offset(seconds=float(fine[best]), correlation=float(values[best]))
 
 
-def _follow_pitch(flights: Sequence[Track], turning: Stream) -> Follow:
-    """Returns what compares the pitch's acceleration with an elevator's angle."""
-    parts = []
+def _not_found(track: Track, best: float, second: float) -> InputError:
+    return InputError(
+        f"{track.path}: the offset between the clocks of poses and elevator was not "
+        f"found (they correlate by {best:.2f} at best, by {second:.2f} elsewhere); "
+        "clock: SECONDS, or clock: same, is needed in the mapping."
+    )
+
+
+def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
+    elevator = track.elevator or track.angle_command
+    assert elevator is not None
+    times, squares, alphas, bases, targets = [], [], [], [], []
     for flight in flights:
         pitch, _ = angles_of(flight)
         pose = np.column_stack([flight.position[:, [0, 2]], pitch])
         motion = calc_motion(flight.time, pose)
-        if len(motion.time) < 8:
-            continue
         v, speed = motion.velocity, motion.speed
         alpha = np.arctan2(-v[:, 1], v[:, 0]) - motion.pose[:, 2]
-        base, _ = np.linalg.qr(
+        times.append(motion.time)
+        squares.append(speed**2)
+        alphas.append(alpha)
+        bases.append(
             np.column_stack(
                 [
                     np.ones(len(speed)),
@@ -127,38 +170,72 @@ def _follow_pitch(flights: Sequence[Track], turning: Stream) -> Follow:
                 ]
             )
         )
-        target = _without(motion.acceleration[:, 2], base)
-        parts.append((motion.time, speed**2, base, target))
-    quarter = 0.25 * SPAN
+        targets.append(motion.acceleration[:, 2])
+    return _Turning(
+        np.concatenate(times),
+        np.concatenate(squares),
+        np.concatenate(alphas),
+        np.concatenate(bases),
+        np.concatenate(targets),
+        elevator,
+    )
+
+
+def _column(turning: _Turning, offset: float) -> np.ndarray | None:
+    """Returns V² sin(elevator - alpha) (k,) at an offset; None if it is not logged."""
+    log, at = turning.elevator, turning.time + offset
+    inside = (at >= log.time[0]) & (at <= log.time[-1])
+    if np.mean(inside) < _COVERED:
+        return None
+    # The cubics see the acceleration over a window: so must the elevator be.
+    delays = (-0.25 * SPAN, 0.0, 0.25 * SPAN)
+    angles = [np.interp(at + d, log.time, log.values[:, 0]) for d in delays]
+    return turning.square * np.sin(np.mean(angles, axis=0) - turning.alpha)
+
+
+def _pool(known: Sequence[tuple[_Turning, float]]) -> np.ndarray:
+    """Returns the effects (5,) of base and elevator in all recordings together."""
+    designs, targets = [], []
+    for turning, offset in known:
+        column = _column(turning, offset)
+        assert column is not None
+        designs.append(np.column_stack([turning.base, column]))
+        targets.append(turning.target)
+    design, target = np.concatenate(designs), np.concatenate(targets)
+    return np.linalg.lstsq(design, target, rcond=None)[0]
+
+
+def _follow_pitch(turning: _Turning, effect: np.ndarray | None = None) -> Follow:
+    """Returns what compares the pitch's acceleration with an elevator's angle.
+
+    Args:
+        turning: of a recording.
+        effect: (5,) of base and elevator, where it is known from other recordings.
+    """
+    base, _ = np.linalg.qr(turning.base)
+    target = _without(turning.target, base)
+    if effect is not None:
+        target = turning.target - turning.base @ effect[:-1]
 
     def follow(offset: float) -> float:
-        products, squares, targets, covered, rows = 0.0, 0.0, 0.0, 0, 0
-        for time, square, base, target in parts:
-            at = time + offset
-            inside = (at >= turning.time[0]) & (at <= turning.time[-1])
-            rows += len(time)
-            covered += int(np.sum(inside))
-            # The cubics see the acceleration over a window: so must the elevator be.
-            angle = np.mean(
-                [
-                    np.interp(at + d, turning.time, turning.values[:, 0])
-                    for d in (-quarter, 0.0, quarter)
-                ],
-                axis=0,
-            )
-            column = _without(square * angle, base)
-            products += float(column @ target)
-            squares += float(column @ column)
-            targets += float(target @ target)
-        if covered < _COVERED * rows or squares <= 1e-12:
+        column = _column(turning, offset)
+        if column is None:
             return 0.0
-        return abs(products) / np.sqrt(squares * targets)
+        if effect is not None:
+            rest = target - column * effect[-1]
+            return float(np.sqrt(max(0.0, 1.0 - rest @ rest / (target @ target))))
+        column = _without(column, base)
+        size = (column @ column) * (target @ target)
+        return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
 
     return follow
 
 
-def _follow_rates(elevator: Stream, rates: Stream) -> Follow:
-    """Returns what compares an elevator's measured rate with commanded rates."""
+def _follow_rates(track: Track) -> tuple[np.ndarray, Follow]:
+    """Returns the commands' times, and what compares them with an elevator's rate."""
+    elevator, command = track.elevator, track.rate_command or track.angle_command
+    assert elevator is not None and command is not None
+    rates = _as_rate(command, is_angle=track.rate_command is None)
     window = 0.04
     begin = np.arange(elevator.time[0], elevator.time[-1] - window, window / 2)
     ends = np.stack([begin, begin + window])
@@ -171,14 +248,13 @@ def _follow_rates(elevator: Stream, rates: Stream) -> Follow:
         inside = (ends[0] + offset >= rates.time[0]) & (
             ends[1] + offset <= rates.time[-1]
         )
-        moves = np.abs(rate) > 0.0
-        if np.sum(inside & moves) < _COVERED * np.sum(moves):
+        if np.mean(inside) < _COVERED:
             return 0.0
         told = np.diff(np.interp(ends + offset, rates.time, path), axis=0)[0]
         size = np.sqrt((rate[inside] @ rate[inside]) * (told[inside] @ told[inside]))
         return float(abs(rate[inside] @ told[inside]) / max(size, 1e-12))
 
-    return follow
+    return rates.time, follow
 
 
 def _as_rate(command: Stream, *, is_angle: bool) -> Stream:

@@ -24,12 +24,9 @@ _GRAVITY = np.array([0.0, 0.0, 9.81])
 _MAX_GAP = 0.1  # Time without the body that parts a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
-_FASTEST = 1.5  # Speed that a flight must reach [m/s].
+_FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
 _PUSH = 6.0  # Force along the path that only a hand has, as in checks.standing [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
-_GLIDES = 0.3
-"""Median of the air's force against the path of a flight, at least [m/s²]: a glide
-ratio of 30. A glider that is carried has none."""
 AFTER_RELEASE = 0.05
 """Time after the hand lets go that is cut as well: fingers touch the tail [s]."""
 BEFORE_CONTACT = 0.06
@@ -139,8 +136,8 @@ def _find_flight(part: Track, *, is_lost: bool) -> Cut | str:
     if len(flight.time) < _MIN_ROWS or flight.time[-1] - flight.time[0] < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
     inside = (motion.time >= begin) & (motion.time <= end)
-    if not inside.any() or np.median(push[inside]) > -_GLIDES:
-        return "it loses no energy to the air: carried"
+    if not inside.any() or np.median(push[inside]) > _FREE:
+        return "something pushes it throughout"
     return Cut(track=flight, begin=start, end=stop)
 
 

@@ -1,17 +1,18 @@
 """Flights of a recording: the steps of an import in their order, in memory."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from glider.campaign.csv_table import Table, table_of
-from glider.campaign.importing.clock import find_offset, shift
-from glider.campaign.importing.cutting import cut
+from glider.campaign.importing.clock import find_offsets, shift
+from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.raw import RawTable
 from glider.campaign.importing.readers import read_raw
-from glider.campaign.importing.selection import select
+from glider.campaign.importing.selection import Stream, select
 from glider.campaign.importing.servo import make_servo
 from glider.campaign.importing.track import (
     Track,
@@ -54,22 +55,35 @@ def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
         InputError: it cannot be mapped.
     """
     track = make_track(select(read_raw(file), mapping), mapping.frame, mapping.source)
-    track, _ = _on_one_clock(track, [track], mapping)
+    whole = Cut(track=track, begin="", end="")
+    [(track, _)] = _on_one_clock([track], [[whole]], mapping)
     flight = turn_along(track) if track.along_throw else track
     columns, _ = _columns(flight, settings, mapping.source)
     return table_of(file, columns)
 
 
-def cut_recording(raw: RawTable, mapping: Mapping, settings: Campaign) -> CutRecording:
-    """Returns the flights in a recording.
+def cut_recordings(
+    raws: Sequence[RawTable], mapping: Mapping, settings: Campaign
+) -> tuple[CutRecording, ...]:
+    """Returns the flights in recordings.
 
     Raises:
-        InputError: it cannot be mapped, or its clocks do not fit.
+        InputError: one cannot be mapped, or its clocks do not fit.
     """
-    track = make_track(select(raw, mapping), mapping.frame, mapping.source)
-    cuts, told = cut(track)
-    track, words = _on_one_clock(track, [c.track for c in cuts], mapping)
-    told += words
+    tracks = [
+        make_track(select(raw, mapping), mapping.frame, mapping.source) for raw in raws
+    ]
+    cuts = [cut(track) for track in tracks]
+    clocked = _on_one_clock(tracks, [flights for flights, _ in cuts], mapping)
+    return tuple(
+        _cut_recording(track, flights, told + words, mapping, settings)
+        for (track, words), (flights, told) in zip(clocked, cuts, strict=True)
+    )
+
+
+def _cut_recording(
+    track: Track, cuts: list[Cut], told: list[str], mapping: Mapping, settings: Campaign
+) -> CutRecording:
     flights = []
     for found in cuts:
         whole = dataclasses.replace(
@@ -80,42 +94,62 @@ def cut_recording(raw: RawTable, mapping: Mapping, settings: Campaign) -> CutRec
         )
         flight = turn_along(whole) if track.along_throw else whole
         columns, words = _columns(flight, settings, mapping.source)
-        told += [word for word in words if word not in told]
+        told = told + [word for word in words if word not in told]
         begin, end = float(flight.time[0]), float(flight.time[-1])
         columns["time"] = columns["time"] - begin
         flights.append(
             CutFlight(
-                table=table_of(raw.path, columns),
+                table=table_of(track.path, columns),
                 rows=len(flight.time),
                 begin=begin,
                 end=end,
                 why=f"{found.begin}; {found.end}",
             )
         )
-    return CutRecording(path=raw.path, flights=tuple(flights), told=tuple(told))
+    return CutRecording(path=track.path, flights=tuple(flights), told=tuple(told))
 
 
 def _on_one_clock(
-    track: Track, flights: list[Track], mapping: Mapping
-) -> tuple[Track, list[str]]:
-    """Returns a recording with all logs on the clock of its poses, and what was done."""
-    others = (track.elevator, track.rate_command, track.angle_command)
-    foreign = any(s is not None and s.clock != track.clock for s in others)
-    clock = mapping.clock or ("find" if foreign else "same")
-    if clock == "same" or not flights:
-        return track, []
+    tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
+) -> list[tuple[Track, list[str]]]:
+    """Returns recordings with all logs on their poses' clocks, and what was done."""
+    clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
+    if clock == "same":
+        return [(track, []) for track in tracks]
     if clock != "find":
-        return shift(track, float(clock)), [f"clock: shifted by {clock:g} s, as told"]
-    offset = find_offset(track, flights)
-    if offset is None:
-        return track, []
-    words = (
-        f"clock: the elevator's is {offset.seconds:+.3f} s ahead of that of the poses "
-        f"(correlation {offset.correlation:.2f}); it was shifted back"
+        words = [f"clock: shifted by {clock:g} s, as told"]
+        return [(shift(track, float(clock)), words) for track in tracks]
+    flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
+    result: list[tuple[Track, list[str]]] = [(track, []) for track in tracks]
+    if not flying:
+        return result
+    offsets = find_offsets([(tracks[i], [c.track for c in flights[i]]) for i in flying])
+    for i, offset in zip(flying, offsets, strict=True):
+        words = (
+            f"clock: the elevator's is {offset.seconds:+.3f} s ahead of that of the "
+            f"poses (correlation {offset.correlation:.2f}); it was shifted back"
+        )
+        if tracks[i].elevator is None or not _has_two_clocks(tracks[i]):
+            words += ", and a delay of the servo, if any, with it"
+        result[i] = (shift(tracks[i], offset.seconds), [words])
+    return result
+
+
+def _logs(track: Track) -> list[Stream]:
+    logs = (track.elevator, track.rate_command, track.angle_command)
+    return [stream for stream in logs if stream is not None]
+
+
+def _has_two_clocks(track: Track) -> bool:
+    return any(stream.clock != track.clock for stream in _logs(track))
+
+
+def _has_servo(track: Track) -> bool:
+    """Whether there is something that another log could follow."""
+    measured = track.elevator is not None and track.elevator.clock == track.clock
+    return len(_logs(track)) > int(measured) and (
+        measured or track.elevator is not None or track.angle_command is not None
     )
-    if track.elevator is None or track.elevator.clock == track.clock:
-        words += ", and a delay of the servo, if any, with it"
-    return shift(track, offset.seconds), [words]
 
 
 def _columns(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from glider.campaign.flight_reader import with_flights
-from glider.campaign.importing.flights import CutRecording, cut_recording
+from glider.campaign.importing.flights import CutRecording, cut_recordings
 from glider.campaign.importing.recordings import read_recordings
 from glider.campaign.importing.signs import check_signs
 from glider.campaign.logs import Campaign
@@ -75,10 +75,8 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> Imported:
             f"{mapping}: has no 'columns:'; a mapping names the columns of the logs "
             "(--guess proposes one)."
         )
-    recordings = tuple(
-        cut_recording(raw, claim, settings)
-        for raw in read_recordings([Path(file) for file in files], claim)
-    )
+    raws = read_recordings([Path(file) for file in files], claim)
+    recordings = cut_recordings(raws, claim, settings)
     cuts = [flight for recording in recordings for flight in recording.flights]
     if not cuts:
         reasons = "; ".join(f"{r.path.name}: {w}" for r in recordings for w in r.told)

@@ -75,7 +75,9 @@ class _Picker:
         name = self._mapping.columns.get(quantity)
         if name is None:
             return None
+        digits = "0123"[: len(axes)]
         found = self._find_vector(quantity, name, axes)
+        found = found or self._find_vector(quantity, name, digits)
         if found is None:
             raise self._error(
                 quantity, f"no columns '{name}' with {', '.join(axes)} were found"
@@ -200,25 +202,20 @@ class _Picker:
 
     def _time(self, group: Group, quantity: str) -> tuple[np.ndarray, str]:
         """Returns the times of a group's rows [s], and whose clock they are of."""
-        named = self._mapping.columns.get("time", [])
+        named = self._mapping.columns.get("time", "time")
         for name in [named] if isinstance(named, str) else named:
-            own = name.removeprefix(f"{group.name}.")
-            if own in group.columns:
-                return self._scaled("time", group.columns[own]), group.clock
-            same = [
-                other.columns[n]
-                for other in self._raw.groups
-                for n in other.columns
-                if name in (n, f"{other.name}.{n}")
-            ]
-            rows = len(next(iter(group.columns.values())).values)
-            same = [column for column in same if len(column.values) == rows]
-            if len(same) == 1:
-                return self._scaled("time", same[0]), group.clock
+            column = group.columns.get(name.removeprefix(f"{group.name}."))
+            if column is not None:
+                return self._scaled("time", column), group.clock
         if group.time is not None:
             return self._scaled("time", group.columns[group.time]), group.clock
-        if not named and "time" in group.columns:
-            return self._scaled("time", group.columns["time"]), group.clock
+        rows = len(next(iter(group.columns.values())).values)
+        for other in self._raw.groups:  # Of the same clock, with as many rows.
+            for name, column in other.columns.items():
+                named_so = named in (name, f"{other.name}.{name}")
+                fits = other.clock == group.clock and len(column.values) == rows
+                if named_so and fits:
+                    return self._scaled("time", column), group.clock
         raise self._error(
             "time",
             f"no column of times was found for '{quantity}'"

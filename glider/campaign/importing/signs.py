@@ -13,7 +13,7 @@ sign by 16 standard errors or more, and its rate correlates with the commands by
 
 import numpy as np
 
-from glider.campaign.checks.clocks import follow_sign
+from glider.campaign.checks.clocks import check_clocks, follow_sign
 from glider.campaign.checks.frame import (
     calc_heading,
     check_frame,
@@ -34,6 +34,7 @@ _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _SIGNIFICANT = 6.0  # Standard errors from which on the elevator's effect has a sign.
 _ASTRAY = 1.0  # Median roll or yaw from which on the body's axes are wrong [rad].
 _UNDECIDED = "the flights do not tell which sign the {} has: see that it is right"
+_STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
 _AHEAD = 0.4
 """Least mean cosine of the angle of attack: the nose within 66 degrees of the way."""
 
@@ -46,6 +47,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     """
     masks = find_faults(campaign).masks
     _check_attitude(campaign)
+    _check_level(campaign)
     turned, warnings = check_frame(campaign, masks)
     if turned is not campaign:
         axis = "forward" if "'x'" in warnings[0] else "up"
@@ -59,6 +61,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
         return ("too few rows to check the signs of the mapping",)
     told = _check_pitch(campaign, motions, motion)
     if campaign.elevator == "servo":
+        check_clocks(campaign, masks)
         told += _check_elevator(campaign, motions, masks)
     return told
 
@@ -79,6 +82,17 @@ def _check_attitude(campaign: Campaign) -> None:
             )
 
 
+def _check_level(campaign: Campaign) -> None:
+    """Refuses flights that go up or down rather than along: that is not the vertical."""
+    ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
+    along, up = np.median(ways, axis=0)
+    if up > _STEEP * along:
+        raise InputError(
+            f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
+            f"{along:.3g} m along the throw; the right 'up' is needed."
+        )
+
+
 def _check_pitch(
     campaign: Campaign, motions: dict[str, Motion], motion: Motion
 ) -> tuple[str, ...]:
@@ -92,6 +106,14 @@ def _check_pitch(
             "the way that the flights go; pitch 0 must mean the nose along the throw "
             "(frame: nose, pitch)."
         )
+    best = fit_forces(motion, down).misfit
+    for axis, other in (("-z", [0, 1]), ("x", [-1, 0]), ("-x", [1, 0])):
+        misfit = fit_forces(motion, gravity * np.array(other)).misfit
+        if misfit * _CLEARLY < best:
+            raise InputError(
+                f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "
+                f"its place the forces fit {best / misfit:.2g} times as well."
+            )
     own = fit_forces(motion, down, signs=(1,)).misfit
     turned = fit_forces(motion, down, signs=(-1,)).misfit
     if turned * _CLEARLY < own:

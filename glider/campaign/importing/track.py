@@ -142,7 +142,7 @@ def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bo
     up = _unit(frame.up)
     if planar:
         forward = forward or "x"
-        if "y" in (frame.up[-1], forward[-1]) or forward == "throw":
+        if frame.up[-1] != "z" or forward[-1] != "x":
             raise InputError(
                 f"{source}: frame: up is {frame.up} and forward is {forward}, but the "
                 "columns are x and z; up z or -z and forward x or -x are needed."
