@@ -25,11 +25,18 @@ _COVERED = 0.8  # Share of the flights that the other log must cover.
 _FOLLOWS = 0.5
 """Correlation from which on one signal follows the other. Measured: 0.62 to 0.97 for
 the practice campaigns' elevators at the right offset."""
-_ONLY = 1.15
-"""Ratio to the best correlation of an offset more than `_NEAR` away, at least: else
-either could be meant."""
+_ONLY = 1.3
+"""Ratio of what is left unexplained at any offset more than `_NEAR` away to what is
+left at the best, at least: else either could be meant."""
 _NEAR = 0.25  # [s]
+_STEPS = 10  # Of Gauss-Newton in all offsets.
+_SEEDS = 4  # Recordings that may say first what the elevator does.
+_PEAKS = 3  # Offsets of each that are tried.
 _ROUNDS = 3  # Of pooling what recordings say of the glider, and asking each again.
+
+
+Follow = Callable[[float], float]
+"""From an offset [s] to the correlation, 0 where too little is covered."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,6 +45,7 @@ class Offset:
 
     seconds: float
     correlation: float
+    std: float | None = None  # Standard error [s], where it is known.
 
 
 class _Turning(NamedTuple):
@@ -54,8 +62,8 @@ class _Turning(NamedTuple):
 def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Offset]:
     """Returns the offset of the elevator's clock in each recording.
 
-    Each recording alone says roughly where it is and what the elevator does; what it
-    does is the same in all of them, and then tells the offset of each more closely.
+    What the elevator does is the same in all of them: what one says of it tells the
+    offsets of the others, and all together say it better.
 
     Args:
         recordings: each whole, and the flights cut out of it, at least one.
@@ -66,29 +74,94 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     if all(_is_measured(track) for track, _ in recordings):
         return [_search(track, *_follow_rates(track)) for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
-    alone: list[Offset | None] = []
-    for (track, _), turning in zip(recordings, turnings, strict=True):
-        try:
-            alone.append(_search(track, turning.elevator.time, _follow_pitch(turning)))
-        except InputError:
-            if len(recordings) == 1:
-                raise
-            alone.append(None)
-    known = [offset for offset in alone if offset is not None]
-    if not known:
-        raise _not_found(recordings[0][0], 0.0, 0.0)
     if len(recordings) == 1:
-        return known
-    found = alone
-    for _ in range(_ROUNDS):
-        effect = _pool(
-            [(t, o.seconds) for t, o in zip(turnings, found, strict=True) if o]
-        )
-        found = [
-            _search(track, turning.elevator.time, _follow_pitch(turning, effect))
+        other = turnings[0].elevator.time
+        return [_search(recordings[0][0], other, _follow_pitch(turnings[0]))]
+    effect = _first_effect([t for t, _ in recordings], turnings)
+    for k in range(_ROUNDS):
+        offsets = [
+            _search(
+                track,
+                turning.elevator.time,
+                _follow_pitch(turning, effect),
+                sure=k == _ROUNDS - 1,
+            )
             for (track, _), turning in zip(recordings, turnings, strict=True)
         ]
-    return [offset for offset in found if offset is not None]
+        known = [(t, o.seconds) for t, o in zip(turnings, offsets, strict=True)]
+        effect = _pool(known)
+    closer, std = _refine(turnings, np.array([o.seconds for o in offsets]))
+    return [
+        dataclasses.replace(offset, seconds=float(s), std=float(error))
+        for offset, s, error in zip(offsets, closer, std, strict=True)
+    ]
+
+
+def _first_effect(tracks: Sequence[Track], turnings: Sequence[_Turning]) -> np.ndarray:
+    """Returns effects (5,) of base and elevator with which to begin.
+
+    A short flight alone is followed well at several offsets. Each of them says what the
+    elevator does; the one is taken that the other flights agree with best.
+    """
+    few = list(zip(tracks, turnings, strict=True))[:_SEEDS]
+    best, effect = -1.0, np.zeros(5)
+    for track, turning in few:
+        offsets, values = _scan(track, turning.elevator.time, _follow_pitch(turning))
+        for _ in range(_PEAKS):
+            peak = int(np.argmax(values))
+            if values[peak] <= 0.0:
+                break
+            here = _pool([(turning, float(offsets[peak]))])
+            agreement = sum(
+                float(np.max(_scan(t, o.elevator.time, _follow_pitch(o, here))[1]))
+                for t, o in few
+            )
+            if agreement > best:
+                best, effect = agreement, here
+            values[np.abs(offsets - offsets[peak]) < 0.5 * _NEAR] = 0.0
+    return effect
+
+
+def _scan(
+    track: Track, other: np.ndarray, follow: Follow
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns all offsets (m,) at which two logs overlap, and how well each fits."""
+    offsets = np.arange(
+        other[0] - track.time[-1], other[-1] - track.time[0] + _STEP, _STEP
+    )
+    return offsets, np.array([follow(offset) for offset in offsets])
+
+
+def _refine(
+    turnings: Sequence[_Turning], offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns offsets (m,) that fit best with what the elevator does, and their errors.
+
+    Gauss-Newton in the effects and in all offsets at once: one after the other they
+    hold each other back, for pitch rates follow the elevator.
+    """
+    offsets, std = offsets.copy(), np.full(len(offsets), np.nan)
+    for _ in range(_STEPS):
+        effect = _pool(list(zip(turnings, offsets, strict=True)))
+        designs, rests = [], []
+        for k, (turning, offset) in enumerate(zip(turnings, offsets, strict=True)):
+            here = [_column(turning, offset + d) for d in (-_STEP, 0.0, _STEP)]
+            if any(column is None for column in here):
+                return offsets, std
+            before, column, after = np.array(here)
+            shifts = np.zeros((len(column), len(offsets)))
+            shifts[:, k] = effect[-1] * (after - before) / (2.0 * _STEP)
+            designs.append(np.column_stack([turning.base, column, shifts]))
+            rests.append(turning.target - designs[-1][:, :5] @ effect)
+        design, rest = np.concatenate(designs), np.concatenate(rests)
+        step = np.linalg.lstsq(design, rest, rcond=None)[0]
+        offsets += np.clip(step[5:], -_STEP, _STEP)
+        # Rows within one cubic's window are no news of one another.
+        rate = 1.0 / np.median(np.diff(turnings[0].time))
+        variance = np.mean((rest - design @ step) ** 2) * max(SPAN * rate, 1.0)
+        covariance = variance * np.linalg.pinv(design.T @ design)
+        std = np.sqrt(np.diagonal(covariance)[5:])
+    return offsets, std
 
 
 def _is_measured(track: Track) -> bool:
@@ -112,26 +185,24 @@ def shift(track: Track, seconds: float) -> Track:
     )
 
 
-Follow = Callable[[float], float]
-"""From an offset [s] to the correlation, 0 where too little is covered."""
-
-
-def _search(track: Track, other: np.ndarray, follow: Follow) -> Offset:
+def _search(
+    track: Track, other: np.ndarray, follow: Follow, *, sure: bool = True
+) -> Offset:
     """Returns the best of all offsets at which the two logs overlap.
 
     Args:
         track: the recording.
         other: (k,) times of the log on the other clock [s].
         follow: tells how well it fits.
+        sure: whether to refuse where another fits nearly as well.
     """
-    offsets = np.arange(
-        other[0] - track.time[-1], other[-1] - track.time[0] + _STEP, _STEP
-    )
-    values = np.array([follow(offset) for offset in offsets])
+    offsets, values = _scan(track, other, follow)
     best = int(np.argmax(values))
     far = np.abs(offsets - offsets[best]) > _NEAR
     second = float(np.max(values[far], initial=0.0))
-    if values[best] < _FOLLOWS or values[best] < _ONLY * second:
+    left, left_elsewhere = 1.0 - values[best] ** 2, 1.0 - second**2
+    unsure = values[best] < _FOLLOWS or left_elsewhere < _ONLY * left
+    if sure and unsure:
         raise _not_found(track, float(values[best]), second)
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
     values = np.array([follow(offset) for offset in fine])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.csv_table import Table, table_of
+from glider.campaign.flight_reader import with_flights
 from glider.campaign.importing.clock import find_offsets, shift
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
@@ -81,6 +82,23 @@ def cut_recordings(
     )
 
 
+def campaign_of_cuts(
+    settings: Campaign, recordings: Sequence[CutRecording]
+) -> Campaign:
+    """Returns the flights of recordings as a campaign, numbered in their order.
+
+    Raises:
+        InputError: one cannot be a flight in SI.
+    """
+    tables = [flight.table for recording in recordings for flight in recording.flights]
+    campaign = with_flights(settings, tables)
+    flights = tuple(
+        dataclasses.replace(flight, name=f"flight_{i:03d}.csv")
+        for i, flight in enumerate(campaign.flights)
+    )
+    return dataclasses.replace(campaign, flights=flights)
+
+
 def _cut_recording(
     track: Track, cuts: list[Cut], told: list[str], mapping: Mapping, settings: Campaign
 ) -> CutRecording:
@@ -93,8 +111,8 @@ def _cut_recording(
             angle_command=track.angle_command,
         )
         flight = turn_along(whole) if track.along_throw else whole
-        columns, words = _columns(flight, settings, mapping.source)
-        told = told + [word for word in words if word not in told]
+        columns, of_servo = _columns(flight, settings, mapping.source)
+        told = told + [word for word in of_servo if word not in told]
         begin, end = float(flight.time[0]), float(flight.time[-1])
         columns["time"] = columns["time"] - begin
         flights.append(
@@ -117,17 +135,18 @@ def _on_one_clock(
     if clock == "same":
         return [(track, []) for track in tracks]
     if clock != "find":
-        words = [f"clock: shifted by {clock:g} s, as told"]
-        return [(shift(track, float(clock)), words) for track in tracks]
+        told = [f"clock: shifted by {clock:g} s, as told"]
+        return [(shift(track, float(clock)), told) for track in tracks]
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     result: list[tuple[Track, list[str]]] = [(track, []) for track in tracks]
     if not flying:
         return result
     offsets = find_offsets([(tracks[i], [c.track for c in flights[i]]) for i in flying])
     for i, offset in zip(flying, offsets, strict=True):
+        error = "" if offset.std is None else f" ± {offset.std:.3f}"
         words = (
-            f"clock: the elevator's is {offset.seconds:+.3f} s ahead of that of the "
-            f"poses (correlation {offset.correlation:.2f}); it was shifted back"
+            f"clock: the elevator's is {offset.seconds:+.3f}{error} s ahead of that of "
+            f"the poses (correlation {offset.correlation:.2f}); it was shifted back"
         )
         if tracks[i].elevator is None or not _has_two_clocks(tracks[i]):
             words += ", and a delay of the servo, if any, with it"

@@ -4,15 +4,26 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.campaign.flight_reader import with_flights
-from glider.campaign.importing.flights import CutRecording, cut_recordings
+import numpy as np
+
+from glider.campaign.importing.flights import (
+    CutRecording,
+    campaign_of_cuts,
+    cut_recordings,
+)
+from glider.campaign.importing.mapping import Mapping
+from glider.campaign.importing.raw import RawTable
 from glider.campaign.importing.recordings import read_recordings
-from glider.campaign.importing.signs import check_signs
+from glider.campaign.importing.signs import CLEARLY, check_signs, misfit_of
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 
+_ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")
+_ROLLS = 0.1
+"""Roll and yaw that flights may have by which they tell no wrong rotation [rad]."""
+_MIN_FLIGHTS = 3  # One flight alone may fit anything.
 RECORD = "import.txt"
 """File in the campaign's folder that tells what was done."""
 
@@ -77,22 +88,56 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> Imported:
         )
     raws = read_recordings([Path(file) for file in files], claim)
     recordings = cut_recordings(raws, claim, settings)
-    cuts = [flight for recording in recordings for flight in recording.flights]
-    if not cuts:
+    if not any(recording.flights for recording in recordings):
         reasons = "; ".join(f"{r.path.name}: {w}" for r in recordings for w in r.told)
         raise InputError(
             f"{mapping}: no flight was found in {_count(len(recordings), 'recording')} "
             f"({reasons or 'nothing moves'}); is 'up' in 'frame:' right?"
         )
     settings = dataclasses.replace(settings, path=Path(mapping))
-    campaign = with_flights(settings, [flight.table for flight in cuts])
-    flights = tuple(
-        dataclasses.replace(flight, name=f"flight_{i:03d}.csv")
-        for i, flight in enumerate(campaign.flights)
-    )
-    campaign = dataclasses.replace(campaign, flights=flights)
+    campaign = campaign_of_cuts(settings, recordings)
     undecided = check_signs(campaign)
+    _check_rotation(raws, claim, campaign)
     return Imported(campaign=campaign, recordings=recordings, undecided=undecided)
+
+
+def _check_rotation(
+    raws: Sequence[RawTable], claim: Mapping, campaign: Campaign
+) -> None:
+    """Refuses an order of Euler angles where another makes better flights."""
+    told = claim.frame.rotation
+    if told is None or len(told) != 3 or len(campaign.flights) < _MIN_FLIGHTS:
+        return
+    own, roll = misfit_of(campaign), _sideways(campaign)
+    for order in _ORDERS:
+        other = dataclasses.replace(
+            claim, frame=dataclasses.replace(claim.frame, rotation=order)
+        )
+        try:
+            cuts = cut_recordings(raws, other, campaign)
+            rival = campaign_of_cuts(campaign, cuts)
+            misfit = misfit_of(rival)
+        except InputError:
+            continue
+        if own is None or misfit is None:
+            continue
+        straighter = 2.0 * _sideways(rival) + _ROLLS < roll and misfit < own
+        if straighter or misfit * CLEARLY < own:
+            raise InputError(
+                f"{claim.source}: frame: rotation: with {order} in place of {told} the "
+                f"forces fit {own / misfit:.2g} times as well, and the flights roll "
+                f"and yaw by {_sideways(rival):.2g} rad instead of {roll:.2g}."
+            )
+
+
+def _sideways(campaign: Campaign) -> float:
+    """Returns how much flights roll and yaw while they fly, as an RMS [rad]."""
+    swings = [
+        flight.attitude[:, 1:] - np.median(flight.attitude[:, 1:], axis=0)
+        for flight in campaign.flights
+        if flight.attitude is not None
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(swings) ** 2))) if swings else 0.0
 
 
 def _count(number: int, what: str) -> str:

@@ -21,19 +21,21 @@ from glider.campaign.checks.frame import (
     join,
     usable_motion,
 )
-from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
-_CLEARLY = 1.2
+CLEARLY = 1.2
 """Ratio of misfits from which on the data contradict the mapping."""
+_MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
-_SIGNIFICANT = 6.0  # Standard errors from which on the elevator's effect has a sign.
+SIGNIFICANT = 6.0  # Standard errors from which on the elevator's effect has a sign.
 _ASTRAY = 1.0  # Median roll or yaw from which on the body's axes are wrong [rad].
 _UNDECIDED = "the flights do not tell which sign the {} has: see that it is right"
+_LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
 _AHEAD = 0.4
 """Least mean cosine of the angle of attack: the nose within 66 degrees of the way."""
@@ -83,7 +85,7 @@ def _check_attitude(campaign: Campaign) -> None:
 
 
 def _check_level(campaign: Campaign) -> None:
-    """Refuses flights that go up or down rather than along: that is not the vertical."""
+    """Refuses flights that go up or down rather than along."""
     ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
     along, up = np.median(ways, axis=0)
     if up > _STEEP * along:
@@ -91,6 +93,28 @@ def _check_level(campaign: Campaign) -> None:
             f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
             f"{along:.3g} m along the throw; the right 'up' is needed."
         )
+
+
+def misfit_of(campaign: Campaign) -> float | None:
+    """Returns how badly forces fit the flights [m/s²]; None where they are no flights.
+
+    Gravity is given, and points down; the pitch is taken as it is.
+    """
+    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
+    try:
+        _check_attitude(campaign)
+        _check_level(campaign)
+    except InputError:
+        return None
+    if max(np.ptp(flight.pose[:, 1]) for flight in campaign.flights) < _LEAST_HEIGHT:
+        return None
+    motion = join([usable_motion(f, masks) for f in campaign.flights])
+    if len(motion.time) < _MIN_ROWS or calc_heading(motion, 1) < _AHEAD:
+        return None
+    if np.mean(motion.velocity[:, 0]) < 0.0:
+        return None
+    down = np.array([0.0, -GliderParameters().gravity])
+    return fit_forces(motion, down, signs=(1,)).misfit
 
 
 def _check_pitch(
@@ -106,17 +130,18 @@ def _check_pitch(
             "the way that the flights go; pitch 0 must mean the nose along the throw "
             "(frame: nose, pitch)."
         )
+    many = len(campaign.flights) >= _MIN_FLIGHTS
     best = fit_forces(motion, down).misfit
-    for axis, other in (("-z", [0, 1]), ("x", [-1, 0]), ("-x", [1, 0])):
-        misfit = fit_forces(motion, gravity * np.array(other)).misfit
-        if misfit * _CLEARLY < best:
+    for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):
+        misfit = fit_forces(motion, gravity * np.array(toward)).misfit
+        if many and misfit * CLEARLY < best:
             raise InputError(
                 f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "
                 f"its place the forces fit {best / misfit:.2g} times as well."
             )
     own = fit_forces(motion, down, signs=(1,)).misfit
     turned = fit_forces(motion, down, signs=(-1,)).misfit
-    if turned * _CLEARLY < own:
+    if turned * CLEARLY < own:
         raise InputError(
             f"{campaign.path}: frame: a positive pitch means the other way: with the "
             f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
@@ -124,12 +149,12 @@ def _check_pitch(
         )
     for name, other in _other_angles(campaign, motions).items():
         misfit = fit_forces(_with_pitch(motion, other), down).misfit
-        if misfit * _CLEARLY < own:
+        if many and misfit * CLEARLY < own:
             raise InputError(
                 f"{campaign.path}: columns: with '{name}' in its place the pitch fits "
                 f"the motion {own / misfit:.2g} times as well; are they exchanged?"
             )
-    if own * _CLEARLY > turned:
+    if own * CLEARLY > turned:
         return (
             "the flights do not tell which sign the pitch has: see that it is right",
         )
@@ -163,9 +188,9 @@ def _check_elevator(
     campaign: Campaign, motions: dict[str, Motion], masks: dict[str, Masks]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
-    effect = _elevator_effect(campaign, motions)
+    effect = elevator_effect(campaign, motions)
     follows = follow_sign(campaign.flights, masks)
-    if effect > _SIGNIFICANT:
+    if effect > SIGNIFICANT:
         raise InputError(
             f"{campaign.path}: frame: a positive elevator turns the nose down (by "
             f"{effect:.0f} standard errors), so its trailing edge goes down; elevator: "
@@ -176,14 +201,14 @@ def _check_elevator(
             f"{campaign.path}: frame: the elevator turns against its commands; "
             "command: the other of trailing_edge_up and trailing_edge_down is needed."
         )
-    if effect > -_SIGNIFICANT:
+    if effect > -SIGNIFICANT:
         return (
             "the flights do not tell which sign the elevator has: see that it is right",
         )
     return ()
 
 
-def _elevator_effect(campaign: Campaign, motions: dict[str, Motion]) -> float:
+def elevator_effect(campaign: Campaign, motions: dict[str, Motion]) -> float:
     """Returns the elevator's effect on the pitch's acceleration in standard errors.
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q

@@ -23,7 +23,8 @@ def read(path: Path) -> RawTable:
     """
     pyulog = need("pyulog", path)
     try:
-        log = pyulog.ULog(str(path))
+        with path.open("rb") as stream:  # Which pyulog leaves open on errors.
+            log = pyulog.ULog(stream)
     except Exception as error:  # Its parser raises whatever a broken file makes it.
         raise InputError(f"{path}: not readable as a PX4 ULog: {error}.") from None
     groups = []
