@@ -8,6 +8,7 @@ and the offset is that at which it does best. Where the elevator was measured on
 clock of the poses and the commands on another, the elevator's rate must follow theirs.
 """
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -21,13 +22,15 @@ from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
 _FINE = 0.001  # ... round the best of them [s].
-_COVERED = 0.8  # Share of the flights that the other log must cover.
+_COVERED = 0.95  # Share of the flights that the other log must cover.
 _FOLLOWS = 0.5
 """Correlation from which on one signal follows the other. Measured: 0.62 to 0.97 for
 the practice campaigns' elevators at the right offset."""
-_ONLY = 1.3
+_ONLY = 2.0
 """Ratio of what is left unexplained at any offset more than `_NEAR` away to what is
-left at the best, at least: else either could be meant."""
+left at the best, at least: else either could be meant. A common offset of all
+recordings needs less, `_ONLY_COMMON`: by chance it does not fit many."""
+_ONLY_COMMON = 1.5
 _NEAR = 0.25  # [s]
 _STEPS = 10  # Of Gauss-Newton in all offsets.
 _SEEDS = 4  # Recordings that may say first what the elevator does.
@@ -62,8 +65,10 @@ class _Turning(NamedTuple):
 def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Offset]:
     """Returns the offset of the elevator's clock in each recording.
 
-    What the elevator does is the same in all of them: what one says of it tells the
-    offsets of the others, and all together say it better.
+    If one offset fits all recordings it is that: two clocks that ran on between them.
+    Else what the elevator does is still the same in all: what one says of it tells the
+    offsets of the others, and all together say it better. Measured on seven simulated
+    campaigns of 4 and 10 flights of 0.85 s: one offset is right to 15 ms.
 
     Args:
         recordings: each whole, and the flights cut out of it, at least one.
@@ -77,6 +82,18 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     if len(recordings) == 1:
         other = turnings[0].elevator.time
         return [_search(recordings[0][0], other, _follow_pitch(turnings[0]))]
+    with contextlib.suppress(InputError):  # Two clocks that run on between recordings.
+        times = [turning.elevator.time for turning in turnings]
+        begin = max(
+            t[0] - r.time[-1] for t, (r, _) in zip(times, recordings, strict=True)
+        )
+        end = min(
+            t[-1] - r.time[0] for t, (r, _) in zip(times, recordings, strict=True)
+        )
+        offsets = np.arange(begin, end, _STEP)
+        follow = _follow_all(turnings)
+        common = _best(recordings[0][0], offsets, follow, only=_ONLY_COMMON)
+        return [common] * len(recordings)
     effect = _first_effect([t for t, _ in recordings], turnings)
     for k in range(_ROUNDS):
         offsets = [
@@ -196,12 +213,27 @@ def _search(
         follow: tells how well it fits.
         sure: whether to refuse where another fits nearly as well.
     """
-    offsets, values = _scan(track, other, follow)
+    offsets, _ = _scan(track, other, lambda _: 0.0)
+    return _best(track, offsets, follow, sure=sure)
+
+
+def _best(
+    track: Track,
+    offsets: np.ndarray,
+    follow: Follow,
+    *,
+    sure: bool = True,
+    only: float = _ONLY,
+) -> Offset:
+    """Returns the best of some offsets (m,), more closely; see `_search`, `_ONLY`."""
+    if not len(offsets):
+        raise _not_found(track, 0.0, 0.0)
+    values = np.array([follow(offset) for offset in offsets])
     best = int(np.argmax(values))
     far = np.abs(offsets - offsets[best]) > _NEAR
     second = float(np.max(values[far], initial=0.0))
     left, left_elsewhere = 1.0 - values[best] ** 2, 1.0 - second**2
-    unsure = values[best] < _FOLLOWS or left_elsewhere < _ONLY * left
+    unsure = values[best] < _FOLLOWS or left_elsewhere < only * left
     if sure and unsure:
         raise _not_found(track, float(values[best]), second)
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
@@ -296,6 +328,26 @@ def _follow_pitch(turning: _Turning, effect: np.ndarray | None = None) -> Follow
             rest = target - column * effect[-1]
             return float(np.sqrt(max(0.0, 1.0 - rest @ rest / (target @ target))))
         column = _without(column, base)
+        size = (column @ column) * (target @ target)
+        return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
+
+    return follow
+
+
+def _follow_all(turnings: Sequence[_Turning]) -> Follow:
+    """Returns what compares all recordings with their elevators at one offset."""
+    base = np.concatenate([turning.base for turning in turnings])
+    base, _ = np.linalg.qr(base)
+    target = _without(np.concatenate([turning.target for turning in turnings]), base)
+
+    def follow(offset: float) -> float:
+        columns = []
+        for turning in turnings:
+            column = _column(turning, offset)
+            if column is None:
+                return 0.0
+            columns.append(column)
+        column = _without(np.concatenate(columns), base)
         size = (column @ column) * (target @ target)
         return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
 

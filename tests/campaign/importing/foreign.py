@@ -123,7 +123,12 @@ def write_motive(folder: Path, campaign: Campaign) -> list[Path]:
         path = folder / f"take{k}_poses.csv"
         path.write_text("\n".join(lines) + "\n")
         servo = folder / f"take{k}_servo.csv"
-        table = np.column_stack([flight.time + AHEAD, flight.elevator, flight.command])
+        rest = np.arange(1, 121) / 120.0  # The servo is logged before and after, too.
+        time = flight.time
+        times = np.concatenate([time[0] - rest[::-1], time, time[-1] + rest])
+        angle = np.pad(flight.elevator, 120, mode="edge")
+        rate = np.pad(flight.command, 120)
+        table = np.column_stack([times + AHEAD, angle, rate])
         np.savetxt(servo, table, "%.9g", ",", header="t,angle,rate", comments="")
         files += [path, servo]
     return files
