@@ -90,9 +90,9 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
         end = min(
             t[-1] - r.time[0] for t, (r, _) in zip(times, recordings, strict=True)
         )
-        offsets = np.arange(begin, end, _STEP)
+        tried = np.arange(begin, end, _STEP)
         follow = _follow_all(turnings)
-        common = _best(recordings[0][0], offsets, follow, only=_ONLY_COMMON)
+        common = _best(recordings[0][0], tried, follow, only=_ONLY_COMMON)
         return [common] * len(recordings)
     effect = _first_effect([t for t, _ in recordings], turnings)
     for k in range(_ROUNDS):

@@ -120,8 +120,9 @@ def turn_along(track: Track) -> Track:
 def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     """Returns the pitch (n,), and roll and yaw (n, 2) where they are known [rad].
 
-    Of the two ways to turn by yaw, pitch and roll the one with less roll is taken: a
-    glider that dives past the vertical goes on pitching.
+    Of the two ways to turn by yaw, pitch and roll the one with less roll is taken at
+    first, and then the one that goes on from the row before: a glider that dives past
+    the vertical goes on pitching, and one that rolls over goes on rolling.
     """
     if track.rotation is None:
         assert track.pitch is not None
@@ -131,6 +132,12 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1.0, 1.0))
     roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
     over = np.abs(roll) > 0.5 * np.pi
+    ways = np.array([[roll, pitch, yaw], [roll + np.pi, np.pi - pitch, yaw + np.pi]])
+    turns = np.exp(1j * ways)
+    for k in range(1, len(over)):
+        before = turns[int(over[k - 1]), :, k - 1]
+        steps = np.abs(turns[:, :, k] - before).sum(axis=1)
+        over[k] = steps[1] < steps[0]
     pitch = np.where(over, np.pi - pitch, pitch)
     roll = np.where(over, roll + np.pi, roll)
     yaw = np.where(over, yaw + np.pi, yaw)
