@@ -234,7 +234,7 @@ def _best(
     second = float(np.max(values[far], initial=0.0))
     left, left_elsewhere = 1.0 - values[best] ** 2, 1.0 - second**2
     unsure = values[best] < _FOLLOWS or left_elsewhere < only * left
-    if sure and unsure:
+    if values[best] <= 0.0 or (sure and unsure):
         raise _not_found(track, float(values[best]), second)
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
     values = np.array([follow(offset) for offset in fine])
