@@ -2,7 +2,6 @@
 
 import copy
 import itertools
-import os
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from tests.campaign.importing import foreign
 
-MEASURED = Path(os.environ.get("GLIDER_MEASURED", "../shared/measured")).resolve()
+MEASURED = Path(__file__).parents[4] / "shared" / "measured"
 FORMATS = MEASURED.parent / "formats"
 
 PRESETS = {
