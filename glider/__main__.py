@@ -53,6 +53,27 @@ exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is
 """
 
 
+_IMPORT_DESCRIPTION = """\
+Makes a campaign folder of logs of other software: CSV of any dialect, OptiTrack Motive
+and Vicon exports, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
+
+MAP.yaml says which columns are which, in which units and axes, and what is known of
+the vehicle. Long recordings are cut into flights, from release to contact. Nothing is
+written where the flights contradict the map: they must fall down, nose ahead, and turn
+the way their elevator says.
+"""
+
+_IMPORT_EPILOG = """\
+examples:
+  python -m glider import takes/*.csv --guess --map MAP.yaml   # proposes a map
+  python -m glider import takes/*.csv --map MAP.yaml --out throws
+  python -m glider close-the-loop throws
+
+Formats other than text need pip install 'drake-glider[import]'; docs/import.md has five
+maps by example.
+"""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     parser = _parser()
@@ -152,6 +173,33 @@ def _parser() -> argparse.ArgumentParser:
         "--json", action="store_true", help="print comparison.json, no tables"
     )
     compare.set_defaults(run=_compare)
+    logs = commands.add_parser(
+        "import",
+        help="make a campaign of logs of other software",
+        description=_IMPORT_DESCRIPTION,
+        epilog=_IMPORT_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    logs.add_argument("files", metavar="FILES", type=Path, nargs="+", help="the logs")
+    logs.add_argument(
+        "--map",
+        type=Path,
+        required=True,
+        metavar="MAP.yaml",
+        help="columns, units and axes of the logs; with --guess: where to write them",
+    )
+    logs.add_argument(
+        "--out",
+        type=Path,
+        metavar="CAMPAIGN",
+        help="the folder to write; needed without --guess",
+    )
+    logs.add_argument(
+        "--guess",
+        action="store_true",
+        help="propose a map and draw it, and import nothing",
+    )
+    logs.set_defaults(run=_import)
     check = commands.add_parser(
         "check-funnel",
         help="check a saved funnel, exactly and without a solver",
@@ -242,6 +290,30 @@ def _compare(args: argparse.Namespace) -> int:
     else:
         print_comparison(comparison, Console())
         print(f"Page: {folder / 'comparison.html'}")
+
+
+def _import(args: argparse.Namespace) -> int:
+    if args.guess:
+        from glider.campaign.importing.guess import guess_mapping
+        from glider.report.import_figure import save_import_figure
+
+        if args.map.exists():
+            raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
+        guess = guess_mapping(args.files)
+        args.map.write_text(guess.text, encoding="utf-8")
+        figure = args.map.with_suffix(".png")
+        save_import_figure(guess.imported.campaign, figure)
+        print(guess.text, end="")
+        print(f"Map: {args.map}; what it makes of the logs: {figure}")
+        print("See that each line is right, then run the same with --out CAMPAIGN.")
+        return 0
+    if args.out is None:
+        raise InputError("--out is missing; the folder to write is needed.")
+    from glider.campaign.importing.run import import_campaign
+
+    imported = import_campaign(args.files, args.map, args.out)
+    print(imported.describe())
+    print(f"Campaign: {args.out}, {len(imported.campaign.flights)} flights")
     return 0
 
 

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,21 @@ class Table:
                 f"{self.path}: column '{name}', row {self.lines[i]}: "
                 f"found {show(self.columns[name][i])}; {need}"
             )
+
+
+def table_of(path: Path, columns: Mapping[str, np.ndarray]) -> Table:
+    """Returns columns (n,) of numbers as a table.
+
+    Args:
+        path: of the file that they will be, or come from.
+        columns: by name.
+    """
+    rows = len(next(iter(columns.values())))
+    return Table(
+        path=path,
+        columns={name: [repr(float(v)) for v in c] for name, c in columns.items()},
+        lines=list(range(2, rows + 2)),
+    )
 
 
 def read_text(file: Path) -> str:

@@ -4,12 +4,14 @@ What cannot be SI, or cannot be a flight, is refused; a fault that an effect of
 the library models (a turned sign, an offset, a delay) must pass.
 """
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.csv_table import Table
+from glider.campaign.csv_table import Table, show
 from glider.campaign.logs import (
     ATTITUDE_COLUMNS,
     MAX_ANGLE,
@@ -28,6 +30,22 @@ _MAX_POSITION = 1000.0  # Distance from the origin along x or z [m].
 _MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is not known [rad/s].
 
 
+def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
+    """Returns a campaign with the flights of tables, its pose rate found if not told.
+
+    Raises:
+        InputError: a table cannot be a flight in SI.
+    """
+    flights = tuple(make_flight(table, campaign) for table in tables)
+    rate = campaign.pose_rate
+    if math.isnan(rate):
+        steps = np.concatenate([np.diff(flight.time) for flight in flights])
+        rate = float(1 / np.median(steps))
+    for table, flight in zip(tables, flights, strict=True):
+        check_step(table.path, flight.time, rate)
+    return dataclasses.replace(campaign, pose_rate=rate, flights=flights)
+
+
 def make_flight(table: Table, campaign: Campaign) -> Flight:
     """Returns the flight of a table.
 
@@ -37,6 +55,8 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
     wanted = POSE_COLUMNS
     if campaign.elevator == "servo":
         wanted += SERVO_COLUMNS
+        if all(name in table.columns for name in POSE_COLUMNS):
+            _check_servo_columns(table)
     spatial = all(name in table.columns for name in ATTITUDE_COLUMNS)
     if spatial:
         wanted += ATTITUDE_COLUMNS
@@ -64,6 +84,23 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
         command=columns.get("elevator_rate_command"),
         attitude=attitude,
     )
+
+
+def _check_servo_columns(table: Table) -> None:
+    """Says what to do where a log has nothing, or not all, of a servo."""
+    missing = [name for name in SERVO_COLUMNS if name not in table.columns]
+    if missing == ["elevator_rate_command"]:
+        raise InputError(
+            f"{table.path}: column 'elevator_rate_command' is missing; a log without "
+            "it, or of commanded angles, is read where campaign.yaml has 'columns:' "
+            "(see docs/import.md)."
+        )
+    if missing:
+        raise InputError(
+            f"{table.path}: column '{missing[0]}' is missing; found "
+            f"{show(', '.join(table.columns))}; a tail that does not move is told by "
+            "'elevator: fixed' under 'vehicle:' in campaign.yaml."
+        )
 
 
 def _check_units(

@@ -12,12 +12,12 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from glider.campaign.checks.clocks import check_limits
+from glider.campaign.checks.inspection import Inspection
+from glider.campaign.checks.masks import ALL
+from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.sysid.checks.clocks import check_limits
-from glider.sysid.checks.inspection import Inspection
-from glider.sysid.checks.masks import ALL
-from glider.sysid.checks.planarity import planarity
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out
 from glider.sysid.fit.prediction import (
     Flown,

@@ -72,7 +72,7 @@ def close_the_loop(
     begin = time.perf_counter()
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
-    from glider.sysid.checks.inspection import inspect
+    from glider.campaign.checks.inspection import inspect
 
     with threadpool_limits(limits=1, user_api="blas"):  # Its matrices are small.
         inspection = inspect(campaign)

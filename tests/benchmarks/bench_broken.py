@@ -24,6 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.campaign.checks.clocks import check_limits
+from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
@@ -31,8 +33,6 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.sysid.checks.clocks import check_limits
-from glider.sysid.checks.inspection import inspect
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.task import make_task
@@ -43,8 +43,8 @@ from glider.sysid.replay.signs import turn_campaign
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
 from glider.sysid.search.signs import find_signs
+from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import campaign_path
-from tests.sysid.checks import breaking as b
 
 CLAIMS = ("effect_found", "partly_explained")
 """Verdicts that say that the names are right."""

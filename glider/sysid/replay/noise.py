@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import (
     Campaign,
     Flight,
@@ -13,7 +14,6 @@ from glider.physics.actuator_replay import (
     command_steps,
     elevator_path,
 )
-from glider.sysid.checks.masks import Masks
 from glider.sysid.replay.smoothing import (
     Smoothing,
     estimate_noise,

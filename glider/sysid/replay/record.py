@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import (
     Campaign,
     Flight,
 )
 from glider.physics.actuator_replay import command_steps
 from glider.physics.effects import Replay
-from glider.sysid.checks.masks import Masks
 from glider.sysid.replay.attitude import in_plane, planar_pitch
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.smoothing import smoothing_maps

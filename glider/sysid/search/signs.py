@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import (
     Campaign,
     Flight,
 )
-from glider.sysid.checks.masks import Masks
 from glider.sysid.likelihood.model_fit import (
     fit_model,
     linear_flights,

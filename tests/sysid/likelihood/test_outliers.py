@@ -7,8 +7,8 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.outliers import find_outlying, stand_out
+from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fly, task_of
-from tests.sysid.checks import breaking as b
 
 ODD = 3
 NAME = f"flight_{ODD:03d}.csv"

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.sysid.checks.inspection import inspect
-from glider.sysid.checks.masks import Masks
+from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.masks import Masks
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from tests.helpers.tasks import fly

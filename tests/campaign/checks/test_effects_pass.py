@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.checks.inspection import inspect
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.checks.inspection import inspect
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 
 STRONG = [

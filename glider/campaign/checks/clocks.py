@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
-from glider.sysid.checks.masks import Masks
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator after its commands that are tried [s]: effects of the library
@@ -127,16 +127,30 @@ def calc_correlation(
     flights: Sequence[Flight], masks: dict[str, Masks], delays: np.ndarray = _DELAYS
 ) -> tuple[float, float]:
     """Returns how well elevators follow commands, 0 to 1, and at which delay [s]."""
+    correlation = _correlate(flights, masks, delays)
+    best = int(np.argmax(np.abs(correlation)))
+    return float(abs(correlation[best])), float(delays[best])
+
+
+def follow_sign(flights: Sequence[Flight], masks: dict[str, Masks]) -> int:
+    """Returns -1 where elevators clearly turn against their commands, else +1."""
+    correlation = _correlate(flights, masks, _DELAYS)
+    return -1 if correlation[np.argmax(np.abs(correlation))] < -_FOLLOWS else 1
+
+
+def _correlate(
+    flights: Sequence[Flight], masks: dict[str, Masks], delays: np.ndarray
+) -> np.ndarray:
+    """Returns the correlation of elevators with commands at each delay (k,)."""
     pairs = [_rates(f, masks[f.name].elevator, delays) for f in flights]
     rate = np.concatenate([elevator for elevator, _ in pairs])
     commands = np.concatenate([commands for _, commands in pairs], axis=1)
     known = np.isfinite(commands)
     commands = np.where(known, commands, 0.0)
     square = (known @ rate**2) * np.sum(commands**2, axis=1)
-    correlation = np.abs(commands @ rate) / np.sqrt(np.maximum(square, 1e-30))
+    correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
     correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
-    best = int(np.argmax(correlation))
-    return float(correlation[best]), float(delays[best])
+    return correlation
 
 
 def _integrate(flight: Flight) -> np.ndarray:

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from glider.campaign.checks.motion import calc_motion
 from glider.campaign.logs import Flight
-from glider.sysid.checks.motion import calc_motion
 
 PLANAR = 0.35
 """Tilt of the lift out of the plane [rad] up to which a throw counts as planar: its

@@ -6,9 +6,9 @@ air takes energy from a glider: what speeds it up along its path is a hand.
 
 import numpy as np
 
+from glider.campaign.checks.masks import stretches
+from glider.campaign.checks.motion import calc_motion
 from glider.campaign.logs import Flight
-from glider.sysid.checks.masks import stretches
-from glider.sysid.checks.motion import calc_motion
 
 _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
 _PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.

@@ -5,20 +5,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.logs import Campaign, Flight
-from glider.errors import InputError
-from glider.physics.parameters import GliderParameters
-from glider.sysid.checks.clocks import check_clocks, find_strangers
-from glider.sysid.checks.frame import (
+from glider.campaign.checks.clocks import check_clocks, find_strangers
+from glider.campaign.checks.frame import (
     calc_heading,
     check_frame,
     fit_forces,
     join,
     usable_motion,
 )
-from glider.sysid.checks.masks import ALL, Masks, SetAside, name_rows
-from glider.sysid.checks.rows import find_faults
-from glider.sysid.checks.standing import find_hand
+from glider.campaign.checks.masks import ALL, Masks, SetAside, name_rows
+from glider.campaign.checks.rows import find_faults
+from glider.campaign.checks.standing import find_hand
+from glider.campaign.logs import Campaign, Flight
+from glider.errors import InputError
+from glider.physics.parameters import GliderParameters
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader asks for.
 _MIN_SPAN = 0.15  # Time that they span [s].

@@ -8,15 +8,15 @@ import dataclasses
 
 import numpy as np
 
-from glider.campaign.logs import Campaign, Flight
-from glider.sysid.checks.masks import Masks, SetAside, name_rows, stretches
-from glider.sysid.checks.runs import (
+from glider.campaign.checks.masks import Masks, SetAside, name_rows, stretches
+from glider.campaign.checks.runs import (
     Track,
     find_one_motion,
     fourth_differences,
     measure_noise,
 )
-from glider.sysid.checks.standing import find_standing
+from glider.campaign.checks.standing import find_standing
+from glider.campaign.logs import Campaign, Flight
 
 _EQUAL_POSES = 3  # As many equal rows of x, z and pitch at once are frozen.
 _EQUAL_NUMBERS = 5  # As many equal rows of one column may be.

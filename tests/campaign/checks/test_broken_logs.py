@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pytest
 
+from glider.campaign.checks.clocks import check_limits
+from glider.campaign.checks.inspection import inspect
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.sysid.checks.clocks import check_limits
-from glider.sysid.checks.inspection import inspect
+from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
-from tests.sysid.checks import breaking as b
 
 ODD = 5  # The flight that is broken where only one is.
 NAME = f"flight_{ODD:03d}.csv"

@@ -22,15 +22,16 @@ stall leave it undetermined, which `_CLEARLY` knows.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.motion import Motion, calc_motion
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
-from glider.sysid.checks.masks import Masks
-from glider.sysid.checks.motion import Motion, calc_motion
 
 _STRIDE = 3  # Rows from one acceleration to the next: those between are no news.
 _MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
@@ -105,14 +106,17 @@ def join(motions: list[Motion]) -> Motion:
     return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
 
 
-def fit_forces(motion: Motion, down: np.ndarray | None = None) -> ForceFit:
+def fit_forces(
+    motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
+) -> ForceFit:
     """Fits the constant and the forces with the better sign of the pitch.
 
     Args:
         motion: of many flights.
         down: the constant [m/s²], where it is not to be fitted.
+        signs: of the pitch that are tried.
     """
-    return min((_fit(motion, s, down) for s in (1, -1)), key=lambda fit: fit.misfit)
+    return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
 
 
 def calc_heading(motion: Motion, sign: int) -> float:

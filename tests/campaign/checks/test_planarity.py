@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.planarity import planarity
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from glider.sysid.checks.inspection import inspect
-from glider.sysid.checks.planarity import planarity
+from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path
-from tests.sysid.checks.breaking import change, scale
 
 
 def tilt(roll=0.0, yaw=0.0, course=0.0):

@@ -1,0 +1,175 @@
+"""The cutting step: flights, from release to contact, out of a long recording.
+
+A glider in flight moves, and loses energy to the air: a hand adds it, and what the
+glider hits takes a leap of its velocity. So a recording is parted where the body is not
+seen, stands still or is frozen; each part that moves is looked at for the last push of
+a hand and for the first leap of the velocity.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from glider.campaign.checks.masks import stretches
+from glider.campaign.checks.motion import Motion, calc_motion
+from glider.campaign.checks.runs import Track as Rows
+from glider.campaign.checks.runs import (
+    find_one_motion,
+    fourth_differences,
+    measure_noise,
+)
+from glider.campaign.importing.track import Track, angles_of, take
+
+_GRAVITY = np.array([0.0, 0.0, 9.81])
+_MAX_GAP = 0.1  # Time without the body that parts a recording [s].
+_EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
+_SLOWEST = 0.7  # Speed of a flight, at least [m/s].
+_FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
+_PUSH = 6.0  # Force along the path that only a hand has, as in checks.standing [m/s²].
+_FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
+AFTER_RELEASE = 0.05
+"""Time after the hand lets go that is cut as well: fingers touch the tail [s]."""
+BEFORE_CONTACT = 0.06
+"""Time before a contact that is cut as well [s]."""
+_SHORTEST = 0.2  # Duration of a flight, at least [s].
+_MIN_ROWS = 20
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Cut:
+    """One flight of a recording."""
+
+    track: Track
+    begin: str  # Why it begins where it does.
+    end: str
+
+
+def cut(track: Track) -> tuple[list[Cut], list[str]]:
+    """Returns the flights of a recording in their order, and what was left out.
+
+    Args:
+        track: with z up.
+    """
+    flights, told = [], []
+    seen = ~_frozen(track)
+    for first, last in _parts(track, seen):
+        part = take(track, slice(first, last + 1))
+        is_lost = last + 1 < len(seen) and (
+            not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
+        )
+        found = _find_flight(part, is_lost=is_lost)
+        span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
+        if isinstance(found, Cut):
+            flights.append(found)
+        else:
+            told.append(f"{span}: {found}")
+    lost = int(np.sum(~seen))
+    if not len(seen):
+        told.append("the body is never seen")
+    if lost:
+        told.append(f"{lost} rows that repeat the one before: the body was lost")
+    return flights, told
+
+
+def _frozen(track: Track) -> np.ndarray:
+    """Returns rows (n,) whose position has stood for some rows to the last digit."""
+    same = np.all(np.diff(track.position, axis=0, prepend=np.nan) == 0.0, axis=1)
+    frozen = np.zeros(len(same), dtype=bool)
+    for first, last in stretches(same):
+        if last - first + 2 >= _EQUAL_ROWS:
+            frozen[first : last + 1] = True
+    return frozen
+
+
+def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
+    """Returns first and last row of each part in which the body is seen and moves."""
+    rows = np.flatnonzero(seen)
+    if len(rows) < _MIN_ROWS:
+        return []
+    time, position = track.time[rows], track.position[rows]
+    breaks = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
+    parts = []
+    for block in np.split(np.arange(len(rows)), breaks):
+        if len(block) < _MIN_ROWS:
+            continue
+        motion = calc_motion(time[block], position[block])
+        if not len(motion.time):
+            continue
+        speed = np.linalg.norm(motion.velocity, axis=1)
+        # The ends of a block have no cubic of their own.
+        speed = np.interp(time[block], motion.time, speed)
+        for first, last in stretches(speed > _SLOWEST):
+            parts.append((int(rows[block[first]]), int(rows[block[last]])))
+    return [p for p in parts if track.time[p[1]] - track.time[p[0]] > 0.5 * _SHORTEST]
+
+
+def _find_flight(part: Track, *, is_lost: bool) -> Cut | str:
+    """Returns the flight in a part of a recording, or why there is none.
+
+    Args:
+        part: in which the body is seen and moves.
+        is_lost: whether the body is lost at its end, as behind what it hits.
+    """
+    motion = calc_motion(part.time, part.position)
+    if len(motion.time) < 8:
+        return "too short for a flight"
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    if np.max(speed) < _FASTEST:
+        return f"never faster than {np.max(speed):.2g} m/s: carried, or rolling"
+    push = _push(motion)
+    begin, start = part.time[0], "the body is seen from here on"
+    release = _find_release(motion, speed, push)
+    if release is not None:
+        begin, start = release + AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
+    after = part.time >= begin
+    if np.sum(after) < _MIN_ROWS:
+        return "the hand never lets go"
+    free = take(part, after)
+    end, stop = free.time[-1], "the body is seen, and moves, until here"
+    contact = _find_contact(free)
+    if contact is None and is_lost:
+        end -= BEFORE_CONTACT
+        stop = f"the body is lost at {free.time[-1]:.3f} s"
+    elif contact is not None:
+        end, stop = contact - BEFORE_CONTACT, f"it touches something at {contact:.3f} s"
+    flight = take(free, free.time <= end + 1e-9)
+    if len(flight.time) < _MIN_ROWS or flight.time[-1] - flight.time[0] < _SHORTEST:
+        return f"less than {_SHORTEST} s of free flight"
+    inside = (motion.time >= begin) & (motion.time <= end)
+    if not inside.any() or np.median(push[inside]) > _FREE:
+        return "something pushes it throughout"
+    return Cut(track=flight, begin=start, end=stop)
+
+
+def _push(motion: Motion) -> np.ndarray:
+    """Returns the force per mass along the path (k,), gravity apart [m/s²]."""
+    speed = np.maximum(np.linalg.norm(motion.velocity, axis=1), 1e-3)
+    force = motion.acceleration + _GRAVITY
+    return np.sum(force * motion.velocity, axis=1) / speed
+
+
+def _find_release(motion: Motion, speed: np.ndarray, push: np.ndarray) -> float | None:
+    """Returns when the hand that throws lets go [s]; None where no hand is seen."""
+    energy = 9.81 * motion.pose[:, 2] + 0.5 * speed**2
+    peak = int(np.argmax(energy))
+    pushed = np.flatnonzero(push[: peak + 1] > _PUSH)
+    if not len(pushed):
+        return None
+    last = int(pushed[-1])
+    free = last + int(np.argmax(push[last:] < _FREE))
+    return float(motion.time[free])
+
+
+def _find_contact(flight: Track) -> float | None:
+    """Returns when the velocity leaps [s]; None where it does not."""
+    pitch, _ = angles_of(flight)
+    pose = np.column_stack([flight.position[:, [0, 2]], pitch])
+    differences, _ = fourth_differences(flight.time, pose)
+    if not len(differences):
+        return None
+    rows = Rows(time=flight.time, pose=pose, noise=measure_noise(differences))
+    displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool)).displaced
+    last = stretches(displaced)
+    if last and last[-1][1] == len(displaced) - 1 and last[-1][0] > 0:
+        return float(flight.time[last[-1][0]])
+    return None

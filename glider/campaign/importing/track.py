@@ -1,0 +1,213 @@
+"""The frame step: a recording turned into the axes and signs of this project.
+
+With the axes that a mapping names, W has forward, left and up in the log's axes in its
+rows and B has nose, left and top in the body's axes. Then
+    p' = W p,   R' = W R Bᵀ,   p_cm = p' - R' r
+for a tracked point r ahead of and above the center of mass.
+"""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from glider.campaign.importing.mapping import Frame
+from glider.campaign.importing.selection import Stream, Streams
+from glider.errors import InputError
+
+_MAX_GAP = 0.1
+"""Time between two attitudes over which none is made up between them [s]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Track:
+    """One recording in x forward, y left, z up; n rows in which the body was seen."""
+
+    path: Path
+    time: np.ndarray  # (n,) [s]
+    position: np.ndarray  # (n, 3) [m]; y is zero where it is not logged.
+    rotation: np.ndarray | None  # (n, 3, 3) from nose, left, top to the axes.
+    pitch: np.ndarray | None  # (n,) positive nose down [rad], where there is no more.
+    along_throw: bool  # Whether x is still to be turned along each flight.
+    clock: str
+    elevator: Stream | None  # (k, 1) positive trailing edge up [rad].
+    rate_command: Stream | None  # [rad/s]
+    angle_command: Stream | None  # [rad]
+
+
+def make_track(streams: Streams, frame: Frame, source: str) -> Track:
+    """Returns a recording in the axes and signs of this project.
+
+    Args:
+        streams: in the log's own.
+        frame: which those are.
+        source: the file of the mapping, for messages.
+
+    Raises:
+        InputError: axes are named that the log does not have.
+    """
+    planar = streams.position.values.shape[1] == 2
+    world, along_throw = _world_axes(frame, planar, source)
+    position = streams.position.values
+    if planar:
+        position = np.insert(position, 1, 0.0, axis=1)
+    time = streams.position.time
+    rotation = pitch = None
+    if streams.quaternion is not None:
+        rotation = world @ _rotations(streams.quaternion, time) @ _body_axes(frame).T
+        seen = np.isfinite(rotation).all(axis=(1, 2))
+    else:
+        assert streams.pitch is not None
+        sign = 1.0 if frame.pitch == "nose_down" else -1.0
+        pitch = sign * np.interp(
+            time, *_known(streams.pitch), left=np.nan, right=np.nan
+        )
+        seen = np.isfinite(pitch) & _is_near(streams.pitch.time, time)
+    position = position @ world.T
+    seen &= np.isfinite(position).all(axis=1)
+    ahead, above = frame.tracked_point
+    if rotation is not None:
+        position = position - rotation @ np.array([ahead, 0.0, above])
+    elif pitch is not None and (ahead or above):
+        cos, sin = np.cos(pitch), np.sin(pitch)
+        position[:, 0] -= ahead * cos + above * sin
+        position[:, 2] -= above * cos - ahead * sin
+    elevator = 1.0 if frame.elevator == "trailing_edge_up" else -1.0
+    command = 1.0 if frame.command == "trailing_edge_up" else -1.0
+    return Track(
+        path=streams.path,
+        time=time[seen],
+        position=position[seen],
+        rotation=None if rotation is None else rotation[seen],
+        pitch=None if pitch is None else np.unwrap(pitch[seen]),
+        along_throw=along_throw,
+        clock=streams.position.clock,
+        elevator=_scaled(streams.elevator, elevator),
+        rate_command=_scaled(streams.rate_command, command),
+        angle_command=_scaled(streams.angle_command, command),
+    )
+
+
+def take(track: Track, rows: np.ndarray | slice) -> Track:
+    """Returns some rows of a recording."""
+    return dataclasses.replace(
+        track,
+        time=track.time[rows],
+        position=track.position[rows],
+        rotation=None if track.rotation is None else track.rotation[rows],
+        pitch=None if track.pitch is None else track.pitch[rows],
+    )
+
+
+def turn_along(track: Track) -> Track:
+    """Returns a flight whose x is along its own way over the ground, y = 0 at first.
+
+    The way is the line that fits the horizontal positions best.
+    """
+    ground = track.position[:, :2]
+    _, _, axes = np.linalg.svd(ground - np.mean(ground, axis=0), full_matrices=False)
+    along = axes[0] * np.sign(axes[0] @ (ground[-1] - ground[0]) or 1.0)
+    turn = np.array([[along[0], along[1], 0.0], [-along[1], along[0], 0.0], [0, 0, 1]])
+    start = np.append(ground[0], 0.0)
+    return dataclasses.replace(
+        track,
+        position=(track.position - start) @ turn.T,
+        rotation=None if track.rotation is None else turn @ track.rotation,
+    )
+
+
+def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
+    """Returns the pitch (n,), and roll and yaw (n, 2) where they are known [rad].
+
+    Of the two ways to turn by yaw, pitch and roll the one with less roll is taken at
+    first, and then the one that goes on from the row before: a glider that dives past
+    the vertical goes on pitching, and one that rolls over goes on rolling.
+    """
+    if track.rotation is None:
+        assert track.pitch is not None
+        return track.pitch, None
+    turn = track.rotation
+    yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+    pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1.0, 1.0))
+    roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
+    over = np.abs(roll) > 0.5 * np.pi
+    ways = np.array([[roll, pitch, yaw], [roll + np.pi, np.pi - pitch, yaw + np.pi]])
+    turns = np.exp(1j * ways)
+    for k in range(1, len(over)):
+        before = turns[int(over[k - 1]), :, k - 1]
+        steps = np.abs(turns[:, :, k] - before).sum(axis=1)
+        over[k] = steps[1] < steps[0]
+    pitch = np.where(over, np.pi - pitch, pitch)
+    roll = np.where(over, roll + np.pi, roll)
+    yaw = np.where(over, yaw + np.pi, yaw)
+    upright = [np.angle(np.exp(1j * angle)) for angle in (roll, yaw)]
+    pitch = np.unwrap(np.angle(np.exp(1j * pitch)))
+    return pitch, np.unwrap(np.column_stack(upright), axis=0)
+
+
+def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bool]:
+    """Returns W (3, 3), and whether x is still to be turned along each flight."""
+    forward = frame.forward
+    up = _unit(frame.up)
+    if planar:
+        forward = forward or "x"
+        if frame.up[-1] != "z" or forward[-1] != "x":
+            raise InputError(
+                f"{source}: frame: up is {frame.up} and forward is {forward}, but the "
+                "columns are x and z; up z or -z and forward x or -x are needed."
+            )
+        # A plane has no hand: its y is whatever makes the axes right-handed.
+        return np.stack([_unit(forward), np.zeros(3), up]), False
+    if forward is None or forward == "throw":
+        rest = next(axis for axis in "xyz" if axis != frame.up[-1])
+        ahead = _unit(rest)
+    else:
+        ahead = _unit(forward)
+    return np.stack([ahead, np.cross(up, ahead), up]), forward in (None, "throw")
+
+
+def _body_axes(frame: Frame) -> np.ndarray:
+    nose, top = _unit(frame.nose), _unit(frame.top)
+    return np.stack([nose, np.cross(top, nose), top])
+
+
+def _unit(axis: str) -> np.ndarray:
+    sign = -1.0 if axis.startswith("-") else 1.0
+    return sign * np.eye(3)["xyz".index(axis[-1])]
+
+
+def _rotations(stream: Stream, time: np.ndarray) -> np.ndarray:
+    """Returns rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
+    known, quaternion = _known_rows(stream)
+    result = np.full((len(time), 3, 3), np.nan)
+    if len(known) < 2:
+        return result
+    inside = (time >= known[0]) & (time <= known[-1]) & _is_near(known, time)
+    slerp = Slerp(known, Rotation.from_quat(quaternion))
+    result[inside] = slerp(time[inside]).as_matrix()
+    return result
+
+
+def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Whether times (n,) lie between two known ones that are close to one another."""
+    index = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
+    exact = np.isclose(time, known[index]) | np.isclose(time, known[index - 1])
+    return exact | (known[index] - known[index - 1] < _MAX_GAP)
+
+
+def _known_rows(stream: Stream) -> tuple[np.ndarray, np.ndarray]:
+    known = np.isfinite(stream.values).all(axis=1)
+    return stream.time[known], stream.values[known]
+
+
+def _known(stream: Stream) -> tuple[np.ndarray, np.ndarray]:
+    time, values = _known_rows(stream)
+    return time, np.unwrap(values[:, 0])
+
+
+def _scaled(stream: Stream | None, sign: float) -> Stream | None:
+    if stream is None:
+        return None
+    time, values = _known_rows(stream)
+    return dataclasses.replace(stream, time=time, values=sign * values)

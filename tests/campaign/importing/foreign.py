@@ -1,0 +1,292 @@
+"""Flights of a campaign written as other software would, each with its MAP.
+
+Every writer turns the flights into the axes, units and names of its format, the way
+back from what an import does; a test then asks for the flights that they were.
+"""
+
+import dataclasses
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+from scipy.io import savemat
+from scipy.spatial.transform import Rotation
+
+from glider.campaign.logs import Campaign, Flight
+from glider.campaign.reader import load_campaign
+from tests.helpers.campaigns import campaign_path
+
+FLIGHTS = 4
+AHEAD = 40.0  # How far the servo's clock is ahead, where it has one of its own [s].
+
+
+def flights(name: str = "still_air", count: int = FLIGHTS) -> Campaign:
+    """Returns the first flights of a recorded campaign."""
+    campaign = load_campaign(campaign_path(name))
+    return dataclasses.replace(campaign, flights=campaign.flights[:count])
+
+
+def position(flight: Flight) -> np.ndarray:
+    """Positions (n, 3), x forward, y left, z up."""
+    x, z, _ = flight.pose.T
+    return np.column_stack([x, np.zeros(len(x)), z])
+
+
+def rotation(flight: Flight) -> Rotation:
+    """Turns nose, left and top to forward, left and up."""
+    return Rotation.from_euler("y", flight.pose[:, 2:])
+
+
+def in_axes(flight: Flight, world: np.ndarray, body: np.ndarray):
+    """Returns positions and rotations in other axes, given as rows in ours."""
+    turned = world @ rotation(flight).as_matrix() @ body.T
+    return position(flight) @ world.T, Rotation.from_matrix(turned)
+
+
+# Rows: the log's x, y and z in forward, left and up.
+NED = np.diag([1.0, -1.0, -1.0])
+Y_UP = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]])  # x backward, z left
+
+VEHICLE = """\
+vehicle: {mass: 0.08, wing_area: 0.0885, gravity: 9.81, elevator_rate_limit: 13.0,
+          elevator_limits: [-0.4463, 0.9473]}
+command_rate: 50
+"""
+
+MAP_CSV = """\
+columns: {time: Zeit, x: north, z: down, pitch: Nick, elevator: de,
+          elevator_rate_command: de_cmd}
+units: {time: ms, angle: deg, rate: deg/s}
+frame: {axes: NED, elevator: trailing_edge_down}
+"""
+
+
+def write_csv(folder: Path, campaign: Campaign) -> list[Path]:
+    """Semicolons, decimal commas, degrees, milliseconds; north, down, nose up."""
+    files = []
+    for flight in campaign.flights:
+        x, z, pitch = flight.pose.T
+        columns = [
+            1000.0 * flight.time,
+            x,
+            -z,
+            -np.degrees(pitch),
+            -np.degrees(flight.elevator),
+            -np.degrees(flight.command),
+        ]
+        rows = ["Versuch 7;;;;;", "Zeit;north;down;Nick;de;de_cmd", "ms;m;m;deg;;"]
+        for values in np.column_stack(columns):
+            rows.append(";".join(f"{v:.9f}".replace(".", ",") for v in values))
+        path = folder / flight.name.replace("flight", "log")
+        path.write_bytes("\r\n".join([*rows, ""]).encode("cp1252"))
+        files.append(path)
+    return files
+
+
+MAP_MOTIVE = """\
+join: ["*_poses.csv", "*_servo.csv"]
+columns: {position: Glider.Position, attitude: Glider.Rotation, time: t,
+          elevator: angle, elevator_rate_command: rate}
+frame: {up: y, nose: x, top: y}
+"""
+
+
+def write_motive(folder: Path, campaign: Campaign) -> list[Path]:
+    """Motive's quaternions, millimeters, y up, another body; servo on its own clock."""
+    files = []
+    body = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    for k, flight in enumerate(campaign.flights):
+        place, turn = in_axes(flight, Y_UP, body)
+        x, y, z, w = turn.as_quat().T
+        lines = [
+            "Format Version,1.24,Take Name,Take,Rotation Type,Quaternion,"
+            "Length Units,Millimeters,Coordinate Space,Global",
+            "",
+            ",Type" + ",Rigid Body" * 7 + ",Rigid Body Marker" * 3 + ",Rigid Body" * 7,
+            ",Name" + ",Glider" * 7 + ",Glider:Marker1" * 3 + ",Wand" * 7,
+            ",ID" + ",1" * 17,
+            ",,"
+            + ("Rotation," * 4 + "Position," * 3)
+            + "Position," * 3
+            + "Rotation," * 4
+            + "Position," * 2
+            + "Position",
+            "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z,X,Y,Z,W,X,Y,Z",
+        ]
+        for i, time in enumerate(flight.time):
+            here = [x[i], y[i], z[i], w[i], *(1000.0 * place[i])]
+            if i in (30, 31):  # Not seen for two rows.
+                here = [0.0] * 7
+            cells = [f"{v:.8f}" for v in here] + ["", "", ""] + ["0.5"] * 7
+            lines.append(f"{i},{time:.6f}," + ",".join(cells))
+        path = folder / f"take{k}_poses.csv"
+        path.write_text("\n".join(lines) + "\n")
+        servo = folder / f"take{k}_servo.csv"
+        rest = np.arange(1, 121) / 120.0  # The servo is logged before and after, too.
+        time = flight.time
+        times = np.concatenate([time[0] - rest[::-1], time, time[-1] + rest])
+        angle = np.pad(flight.elevator, 120, mode="edge")
+        rate = np.pad(flight.command, 120)
+        table = np.column_stack([times + AHEAD, angle, rate])
+        np.savetxt(servo, table, "%.9g", ",", header="t,angle,rate", comments="")
+        files += [path, servo]
+    return files
+
+
+MAP_ULOG = """\
+columns: {position: vehicle_local_position, attitude: vehicle_attitude.q,
+          elevator_angle_command: "actuator_controls_0.control[1]"}
+units: {elevator_angle_command: {gain: -1.0}}
+frame: NED
+"""
+
+
+def write_ulog(folder: Path, campaign: Campaign) -> list[Path]:
+    """PX4's topics in NED; of the servo only the commanded angle is logged."""
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        place, turn = in_axes(flight, NED, NED)
+        x, y, z, w = turn.as_quat().T
+        stamp = np.round(1e6 * (flight.time + 12.0)).astype(np.uint64)
+        control = np.zeros((len(stamp), 4))
+        control[:, 1] = -flight.elevator
+        topics = {
+            ("vehicle_local_position", "float x;float y;float z;"): place,
+            ("vehicle_attitude", "float[4] q;"): np.column_stack([w, x, y, z]),
+            ("actuator_controls_0", "float[4] control;"): control,
+        }
+        path = folder / f"log_{k}.ulg"
+        path.write_bytes(ulog_bytes(topics, stamp))
+        files.append(path)
+    return files
+
+
+def ulog_bytes(topics: dict[tuple[str, str], np.ndarray], stamp: np.ndarray) -> bytes:
+    """Returns a ULog file as PX4's logger writes it (dev guide, "ULog File Format")."""
+
+    def message(kind: bytes, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), kind[0]) + body
+
+    parts = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", int(stamp[0]))]
+    for name, fields in topics:
+        parts.append(message(b"F", f"{name}:uint64_t timestamp;{fields}".encode()))
+    for i, (name, _) in enumerate(topics):
+        parts.append(message(b"A", struct.pack("<BH", 0, i) + name.encode()))
+    for row, time in enumerate(stamp):
+        for i, values in enumerate(topics.values()):
+            body = (
+                struct.pack("<HQ", i, int(time)) + values[row].astype("<f4").tobytes()
+            )
+            parts.append(message(b"D", body))
+    return b"".join(parts)
+
+
+MAP_MAT = """\
+columns: {time: log.t, position: log.p, attitude: log.eul, elevator: log.de,
+          elevator_rate_command: log.de_dot}
+units: {angle: deg, length: mm}
+frame: {up: z, forward: throw, rotation: ZYX}
+"""
+
+
+def mat_content(flight: Flight) -> dict:
+    """A struct of column vectors and matrices; Euler angles in the order z, y, x."""
+    pitch = np.degrees(flight.pose[:, 2])
+    x, _, z = position(flight).T
+    place = np.column_stack([0.8 * x, 0.6 * x, z])  # Thrown at 36.87° from x.
+    yaw = np.full(len(x), np.degrees(np.arctan2(0.6, 0.8)))
+    return {
+        "t": flight.time[:, None],
+        "p": 1000.0 * place,
+        "eul": np.column_stack([np.zeros(len(x)), pitch, yaw]),  # About x, y and z.
+        "de": np.degrees(flight.elevator)[:, None],
+        "de_dot": flight.command[:, None],
+    }
+
+
+def write_mat(folder: Path, campaign: Campaign) -> list[Path]:
+    """Structs in .mat files; every second one in the HDF5 of version 7.3."""
+    import h5py
+
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        path = folder / f"log_{k}.mat"
+        if k % 2:
+            with h5py.File(path, "w", userblock_size=512) as file:
+                for name, value in mat_content(flight).items():
+                    file[f"log/{name}"] = value.T
+            with path.open("r+b") as raw:
+                raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+        else:
+            savemat(path, {"log": mat_content(flight)})
+        files.append(path)
+    return files
+
+
+MAP_MCAP = """\
+columns: {position: /glider/pose.pose.position,
+          attitude: /glider/pose.pose.orientation,
+          elevator: /servo.angle, elevator_rate_command: /servo.rate}
+frame: ENU
+"""
+
+
+def write_mcap(folder: Path, campaign: Campaign) -> list[Path]:
+    """Poses as ROS 2 messages in CDR, the servo as JSON."""
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = "geometry_msgs/msg/PoseStamped"
+    text, _ = store.generate_msgdef(kind)
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        path = folder / f"flight_{k}.mcap"
+        with path.open("wb") as stream:
+            writer = Writer(stream)
+            writer.start("ros2", "test")
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            poses = writer.register_channel("/glider/pose", "cdr", schema)
+            other = writer.register_schema("servo", "jsonschema", b"{}")
+            servo = writer.register_channel("/servo", "json", other)
+            for i, time in enumerate(flight.time):
+                stamp = round(1e9 * (time + 1.7e9))
+                message = pose_message(store, flight, i, stamp)
+                data = bytes(store.serialize_cdr(message, kind))
+                writer.add_message(poses, stamp + 5_000_000, data, stamp)
+                angles = {
+                    "timestamp": {"sec": stamp // 10**9, "nsec": stamp % 10**9},
+                    "angle": float(flight.elevator[i]),
+                    "rate": float(flight.command[i]),
+                }
+                writer.add_message(servo, stamp, json.dumps(angles).encode(), stamp)
+            writer.finish()
+        files.append(path)
+    return files
+
+
+def pose_message(store, flight: Flight, row: int, stamp: int, seq: int | None = None):
+    """Returns a PoseStamped; seq for ROS 1."""
+    types = store.types
+    x, y, z = position(flight)[row]
+    quaternion = rotation(flight)[row].as_quat()
+    time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+    head = (time, "map") if seq is None else (seq, time, "map")
+    return types["geometry_msgs/msg/PoseStamped"](
+        types["std_msgs/msg/Header"](*head),
+        types["geometry_msgs/msg/Pose"](
+            types["geometry_msgs/msg/Point"](x, y, z),
+            types["geometry_msgs/msg/Quaternion"](*quaternion),
+        ),
+    )
+
+
+FIVE = {
+    "motive": (write_motive, MAP_MOTIVE),
+    "ulog": (write_ulog, MAP_ULOG),
+    "mat": (write_mat, MAP_MAT),
+    "mcap": (write_mcap, MAP_MCAP),
+    "csv": (write_csv, MAP_CSV),
+}
+"""Writer and MAP of each format."""
