@@ -290,6 +290,7 @@ def _compare(args: argparse.Namespace) -> int:
     else:
         print_comparison(comparison, Console())
         print(f"Page: {folder / 'comparison.html'}")
+    return 0
 
 
 def _import(args: argparse.Namespace) -> int:
