@@ -11,8 +11,6 @@ from pathlib import Path
 
 from glider.campaign.csv_table import Table, read_table, show
 from glider.campaign.flight_reader import with_flights
-from glider.campaign.importing.flights import map_flight
-from glider.campaign.importing.signs import check_signs
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import read_settings
 from glider.errors import InputError
@@ -52,15 +50,22 @@ def load_campaign(
     campaign, mapping = read_settings(file)
     files = [path / name for name in _choose(path, flights, grades)]
     if mapping is None:
-        tables = [read_table(file) for file in files]
-    else:
-        tables = [map_flight(file, mapping, campaign) for file in files]
+        return _made_of(campaign, [read_table(file) for file in files])
+
+    # SciPy's rotations take a second to import: not before there is a mapping.
+    from glider.campaign.importing.flights import map_flight
+    from glider.campaign.importing.signs import check_signs
+
+    tables = [map_flight(file, mapping, campaign) for file in files]
+    campaign = _made_of(campaign, tables)
+    check_signs(campaign)
+    return campaign
+
+
+def _made_of(campaign: Campaign, tables: list[Table]) -> Campaign:
     for table in tables[1:]:
         _check_same_columns(tables[0], table)
-    campaign = with_flights(campaign, tables)
-    if mapping is not None:
-        check_signs(campaign)
-    return campaign
+    return with_flights(campaign, tables)
 
 
 def _choose(

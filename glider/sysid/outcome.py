@@ -128,7 +128,8 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
         lost = negative_log_likelihood(flights, least).sum() - base
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
-        if lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std:
+        shows = lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std
+        if shows or (kind == "elevator_trim" and task.own_trims):  # Then it is told.
             values = [float(o[places[kind]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),

@@ -124,7 +124,7 @@ class Layout:
 
 
 @functools.cache
-def layout_of(own: tuple[EffectKind, ...] = ()) -> Layout:
+def layout_of(own: tuple[EffectKind, ...]) -> Layout:
     """Returns the layout of the library and of a user's own kinds.
 
     Raises:

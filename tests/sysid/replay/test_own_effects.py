@@ -270,7 +270,7 @@ def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
 
 
 def test_the_library_keeps_its_layout():
-    assert layout_of() is LIBRARY_LAYOUT
+    assert layout_of(()) is LIBRARY_LAYOUT
     assert LIBRARY_LAYOUT.own == ()
     assert LIBRARY_LAYOUT.kinds == KINDS
     shared = LIBRARY_LAYOUT.slots[: LIBRARY_LAYOUT.num_compiled]
