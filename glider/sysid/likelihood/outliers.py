@@ -67,7 +67,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns what each flight's error costs over its measurements (flights,)."""
-    model = start_of(task, noise, with_curves=task.vehicle.prior is None)
+    model = start_of(task, noise, with_curves=task.vehicle.knows_forces)
     candidates = gather(task, model)
     grams = candidates.grams(ROUGHLY)
     counts = np.array([np.sum(record.seen) for record in task.records])

@@ -124,6 +124,13 @@ class Filtered:
     log_variances: np.ndarray
 
     @property
+    def cost(self) -> float:
+        """Negative log-likelihood of a single column [nats]."""
+        with np.errstate(over="ignore"):  # A model may blow up.
+            squares = float(np.sum(self.innovations**2))
+        return 0.5 * (squares + float(self.log_variances.sum()))
+
+    @property
     def gram(self) -> np.ndarray:
         """Squares of the columns: the flight's information, (m, m)."""
         flat = self.innovations.reshape(-1, self.innovations.shape[2])
@@ -245,8 +252,7 @@ def negative_log_likelihood(
     """Returns each flight's, at its single column (flights,) [nats]."""
 
     def one(flight: LinearFlight) -> float:
-        found = whiten(flight, scales)
-        return float(0.5 * (np.sum(found.innovations**2) + found.log_variances.sum()))
+        return whiten(flight, scales).cost
 
     return np.array(in_parallel(one, flights))
 
@@ -292,7 +298,7 @@ def fit_scales(
             gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
             mean = dw + 0.5 * dv * w.ravel()
             fisher = mean @ mean.T + 0.5 * dv @ dv.T
-            return 0.5 * float(np.sum(w * w) + v.sum()), gradient, fisher
+        return base.cost, gradient, fisher
 
     def total() -> tuple[float, np.ndarray, np.ndarray]:
         parts = in_parallel(scores, flights)

@@ -61,6 +61,8 @@ class Vehicle:
         kinds: effects that these logs could show.
         trim_is_known: False where the elevator stands elsewhere in each flight.
         is_known: whether the nominal model is complete, the elevator's angle included.
+        knows_forces: whether mass and areas are told: effects can then be held against
+            the forces of a nominal model, and curves too.
         prior: mean and spread of theta before any flight, for what is unknown.
         notes: what was assumed, for the report.
         is_per_mass: whether areas and inertia are per kilogram.
@@ -73,6 +75,7 @@ class Vehicle:
     kinds: tuple[str, ...]
     trim_is_known: bool
     is_known: bool
+    knows_forces: bool
     prior: tuple[np.ndarray, np.ndarray] | None
     notes: tuple[str, ...]
     is_per_mass: bool
@@ -147,6 +150,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     return Vehicle(
         layout=layout,
         theta=theta,
+        knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
         prior=prior,
         nuisance=tuple(sorted(nuisance)),
         own=tuple(sorted({*nuisance, *(index["parameters", name] for name in OWN)})),

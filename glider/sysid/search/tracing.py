@@ -78,7 +78,7 @@ def trace(
         rng: that resamples the flights.
         progress: called with a line of text as the work goes on.
     """
-    if task.vehicle.prior is not None:
+    if not task.vehicle.knows_forces:
         return trace_along_attitude(task, noise, rng, progress)
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=True)

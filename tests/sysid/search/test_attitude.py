@@ -1,0 +1,94 @@
+"""Gliders of which little is known: names from forces along the measured attitude."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.sysid.replay.signals import trimmed
+from glider.sysid.search.attitude import (
+    EVERY_GLIDER_HAS,
+    OF_FORCES,
+    PRICE,
+    PRICE_OF_A_CAUSE,
+    PRICE_OF_MORE,
+    price_of_kind,
+    trace_along_attitude,
+)
+from tests.helpers.legs import WITHOUT_DRAKE
+from tests.helpers.lifelike import draw_throws
+from tests.helpers.tasks import task_of
+
+
+def throws(seed):
+    campaign, truth = draw_throws(seed)
+    task, noise = task_of(campaign)
+    return task, noise, truth
+
+
+@pytest.fixture(scope="module")
+def traced():
+    """Throws of camber, axial drag and lift by pitch rate, in the library's forms."""
+    task, noise, truth = throws(0)
+    rng = np.random.default_rng(0)
+    return task, trace_along_attitude(task, noise, rng, lambda text: None), truth
+
+
+@pytest.mark.slow
+@WITHOUT_DRAKE
+def test_what_every_throw_has_is_named(traced):
+    _, found, truth = traced
+    assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
+    assert truth.wrong(found.model.kinds) == ()
+    assert all(found.evidence[kind] > PRICE for kind in found.model.kinds)
+    assert found.combinations[0][1] > 0.0
+
+
+@pytest.mark.slow
+@WITHOUT_DRAKE
+def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
+    task, found, _ = traced
+    forces, model = found.forces, found.model
+    assert forces.has_force_errors and not model.has_force_errors
+    moved = np.flatnonzero(forces.theta != model.theta)
+    names = {".".join(task.layout.slots[i]) for i in moved}
+    assert "parameters.pitch_inertia" in names
+    assert names <= {
+        "parameters.pitch_inertia",
+        "parameters.wing_offset",
+        "pitch_moment.coefficient",
+        "pitch_damping.coefficient",
+    }
+    for name in OF_FORCES:
+        assert getattr(model.scales, name) == getattr(forces.scales, name)
+
+
+def test_an_effect_that_needs_a_cause_costs_more():
+    task, *_ = throws(0)
+    assert price_of_kind(task, "camber") == PRICE
+    assert price_of_kind(task, "thrust") == PRICE + PRICE_OF_A_CAUSE
+    assert price_of_kind(task, "marker_offset") == (
+        PRICE + PRICE_OF_MORE + PRICE_OF_A_CAUSE
+    )
+    assert set(EVERY_GLIDER_HAS) <= set(task.layout.kinds)
+
+
+def test_an_unknown_tails_trim_is_a_moment_alone():
+    task, *_ = throws(0)
+    record, theta = task.records[0], task.vehicle.theta
+    moved, elevator = trimmed(record, theta, 0.1)
+    assert record.trim_is_moment and elevator == 0.0
+    index = task.layout.index
+    changed = np.flatnonzero(moved != theta)
+    assert changed.tolist() == [index["pitch_moment", "coefficient"]]
+    assert moved[changed[0]] < theta[changed[0]]  # Trailing edge up lifts the nose.
+    told = dataclasses.replace(record, trim_is_moment=False)
+    same, elevator = trimmed(told, theta, 0.1)
+    assert same is theta and elevator == 0.1
+
+
+def test_effects_that_cannot_be_told_from_an_unknown_wing_are_not_asked_for():
+    task, *_ = throws(0)
+    hidden = {"added_mass", "wind", "wind_shear", "marker_offset", "pitch_damping"}
+    assert hidden.isdisjoint(task.kinds)
+    assert not task.vehicle.knows_forces
