@@ -48,6 +48,13 @@ SURVEYED = (
 COARSE = 12
 """Number of Gaussians in the survey."""
 
+LEADING = 0.8
+"""Share of the best field's evidence from which on another is fitted too: a time and
+the place that is reached by then look alike to few Gaussians."""
+
+MOST_LEADING = 3
+"""Fields of a survey that are fitted at most."""
+
 FINER = (18, 27, 40)
 """Numbers that are tried afterwards."""
 
@@ -124,6 +131,13 @@ class Survey:
         """Form and variable that explain most."""
         return max(self.gains, key=lambda key: self.gains[key])
 
+    @property
+    def leading(self) -> list[tuple[str, str]]:
+        """The best and those that cannot be told from it by so coarse a look."""
+        ranked = sorted(self.gains, key=lambda key: -self.gains[key])
+        least = LEADING * self.gains[ranked[0]]
+        return [key for key in ranked if self.gains[key] >= least][:MOST_LEADING]
+
     def nearly_as_good(self, key: tuple[str, str]) -> tuple[str, ...]:
         """Returns the variables that explain at least two thirds as much."""
         ranked = sorted(self.gains, key=lambda k: -self.gains[k])
@@ -187,9 +201,16 @@ class FoundField:
     evidence: float
 
 
-def fit_field(task: Task, model: Fitted, found: Survey) -> FoundField:
-    """Adds the best field of a survey to a model and fits both in turn."""
-    form, variable = found.best
+def fit_fields(task: Task, model: Fitted, found: Survey) -> list[FoundField]:
+    """Adds each leading field of a survey to a model, apart."""
+    return [fit_field(task, model, found, key) for key in found.leading]
+
+
+def fit_field(
+    task: Task, model: Fitted, found: Survey, key: tuple[str, str]
+) -> FoundField:
+    """Adds a field of a survey to a model and fits both in turn."""
+    form, variable = key
     few = task.thinned(SURVEY_FLIGHTS)
     flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
     best, basis = -np.inf, None

@@ -27,7 +27,7 @@ from glider.sysid.search.attitude import trace_along_attitude
 from glider.sysid.search.fields import (
     SURVEY_FLIGHTS,
     FoundField,
-    fit_field,
+    fit_fields,
     survey,
 )
 from glider.sysid.search.sets_in_models import begin, plate_of, without
@@ -158,10 +158,13 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
     scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
     if scale * found.gains[found.best] < FIELD_PRICE:
         return None
-    options = [fit_field(task, model, found)]
+    options = fit_fields(task, model, found)
     if model.kinds:
         nothing = without(task, model, *model.kinds)
-        bare = fit_field(task, nothing, survey(task, nothing))
+        bare = min(
+            fit_fields(task, nothing, survey(task, nothing)),
+            key=lambda o: search.price(o.model),
+        )
         again = by_sets(search, bare.model)
         options += [bare, dataclasses.replace(bare, model=again)]
     best = min(options, key=lambda o: search.price(o.model))

@@ -60,7 +60,7 @@ def test_variables_that_nearly_tie_are_told():
 
 
 def peaks_of(task, plate, found):
-    field = fit_field(task, plate, found)
+    field = fit_field(task, plate, found, found.best)
     assert field.basis.form == "air" and field.basis.variable == "x"
     return find_peaks(field.model.extra, field.covariance)
 
@@ -95,7 +95,7 @@ def test_a_narrow_vent_gets_narrow_gaussians():
     """One that the survey's Gaussians are too coarse for."""
     narrow = dataclasses.replace(VENT, widths=[0.2])
     task, plate = plate_over(narrow, 0, 8)
-    field = fit_field(task, plate, Survey(gains={("air", "x"): 1.0}))
+    field = fit_field(task, plate, Survey(gains={("air", "x"): 1.0}), ("air", "x"))
     peaks = find_peaks(field.model.extra, field.covariance)
     assert len(field.basis.centers) > 12
     assert peaks["wind_z_peak"].value == pytest.approx(1.0, abs=0.1)
@@ -114,3 +114,8 @@ def test_a_peak_at_the_edge_of_what_was_flown_has_no_place():
     # The Gaussians have the values exp(0), exp(-1/2), exp(-2) there.
     expected = 1e-2 * np.sqrt(1.0 + np.exp(-1.0) + np.exp(-4.0))
     assert found["c_lift_peak"].std == pytest.approx(expected)
+
+
+def test_a_field_that_cannot_be_told_from_the_best_is_fitted_too():
+    gains = {("forces", "x"): 100.0, ("forces", "t"): 99.0, ("air", "z"): 50.0}
+    assert Survey(gains=gains).leading == [("forces", "x"), ("forces", "t")]
