@@ -88,7 +88,10 @@ def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
 
 
 def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
-    """Raises InputError where the elevator goes far beyond what its limits say.
+    """Raises InputError where the elevator's limits have the other sign.
+
+    It then goes far beyond them, and much less beyond the turned ones: that alone is no
+    servo that slides past its stop.
 
     Args:
         campaign: of flights, the signs of their angles turned right.
@@ -100,8 +103,13 @@ def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
         [np.asarray(f.elevator)[~masks[f.name].elevator] for f in campaign.flights]
     )
     lowest, highest = np.percentile(angles, [1.0, 99.0])
+
+    def excess(lower: float, upper: float) -> float:
+        return float(max(lower - lowest, highest - upper, 0.0))
+
     lower, upper = campaign.elevator_limits
-    if max(lower - lowest, highest - upper) > _BEYOND:
+    beyond = excess(lower, upper)
+    if beyond > _BEYOND and excess(-upper, -lower) < 0.5 * beyond:
         raise InputError(
             f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
             f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
