@@ -7,6 +7,7 @@ import pytest
 
 from glider.sysid.likelihood.evidence import Evidence
 from glider.sysid.search.subsets import MOST_EFFECTS, Scorer, best_set, climb
+from glider.sysid.search.tracing import price_of_kind
 
 PRICE = 3.0
 
@@ -101,3 +102,8 @@ def test_a_set_grows_to_the_most_effects_and_no_farther():
     table = np.column_stack([x, np.full(count, 50.0)])
     score = scorer(table, {str(k): [(k,)] for k in range(count)})
     assert len(best_set(score)) == MOST_EFFECTS
+
+
+def test_the_price_grows_with_many_flights_only():
+    assert price_of_kind(6) == price_of_kind(40) == 10.0
+    assert price_of_kind(400) == 100.0
