@@ -29,7 +29,7 @@ endif
 .PHONY: demo test quick lint benchmark setup clean distclean FORCE
 
 demo: setup
-	$(BIN)/python -m glider close-the-loop models/campaigns/attached_lift --out out/demo
+	$(BIN)/python -m glider close-the-loop attached_lift --out out/demo
 
 test: setup
 	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile \

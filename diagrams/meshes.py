@@ -190,6 +190,11 @@ _URDF = """\
 """
 
 
+_FREE_TRAVEL = (-1.5, 1.5)
+_FREE_RATE = 100.0
+"""Limits of a joint whose servo nobody told of [rad, rad/s]: a URDF needs some."""
+
+
 def make_urdf(
     parameters: GliderParameters, color: Sequence[float] | None = None
 ) -> str:
@@ -216,7 +221,7 @@ def make_urdf(
         elevator_chord = math.sqrt(parameters.elevator_area / _ELEVATOR_ASPECT_RATIO)
     hinge = -parameters.hinge_offset
     nose = parameters.wing_offset + 0.5 * chord + _NOSE
-    lower, upper = parameters.elevator_limits
+    lower, upper = parameters.elevator_limits or _FREE_TRAVEL
     return _URDF.format(
         **{f"{k}_color": " ".join(f"{c:g}" for c in v) for k, v in colors.items()},
         wing_x=parameters.wing_offset,
@@ -231,7 +236,7 @@ def make_urdf(
         elevator_span=parameters.elevator_area / elevator_chord,
         lower=lower,
         upper=upper,
-        rate=parameters.elevator_rate_limit,
+        rate=parameters.elevator_rate_limit or _FREE_RATE,
     )
 
 

@@ -34,8 +34,13 @@ from diagrams.playback import (
     play,
     stage_of,
 )
-from glider.errors import InputError, os_error_line
-from glider.paths import models_path
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+)
+from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError, Progress
 
@@ -92,9 +97,10 @@ def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def add_campaign(parser: argparse.ArgumentParser) -> None:
-    """Adds a folder of flight logs, by default the sample campaign."""
-    sample = models_path("campaigns", "attached_lift")
-    parser.add_argument("campaign", nargs="?", type=Path, default=sample)
+    """Adds a folder of flight logs, by default the first of the samples."""
+    words = "folder of flight logs, or the name of a sample (default: %(default)s)"
+    sample = Path("attached_lift")
+    parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -206,7 +212,7 @@ def working(words: str) -> Iterator[Progress]:
 def write_json(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
     """Writes key figures where --json says."""
     if args.json:
-        args.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+        write_text(args.json, json.dumps(figures, indent=2) + "\n")
 
 
 def write_figure(
@@ -282,5 +288,6 @@ def run(main: Callable[[], None]) -> int:
         print(f"error: {os_error_line(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        return 130
+        print(INTERRUPTED, file=sys.stderr)
+        return INTERRUPTED_CODE
     return 0

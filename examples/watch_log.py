@@ -4,7 +4,7 @@ The measured glider is solid; arrows show the forces of wing and elevator that t
 corrected model sees along its way. Its ghosts are the nominal model (red) and the
 corrected model (green), both launched as the flight was and then left alone.
 
-    python examples/watch_log.py models/campaigns/attached_lift flight_003
+    python examples/watch_log.py attached_lift flight_003
     python examples/watch_log.py CAMPAIGN FLIGHT --model out/CAMPAIGN/model.yaml
 """
 
@@ -55,7 +55,7 @@ def fly(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Flies as the command line says, prints and shows what came out."""
     parser = showing.make_parser(__doc__)
-    parser.add_argument("campaign", type=Path, help="folder of flight logs")
+    parser.add_argument("campaign", type=Path, help="folder of flight logs or sample")
     parser.add_argument("flight", help="one of them, such as flight_003")
     words = "corrected model (default: what closing the loop finds, in a minute)"
     parser.add_argument("--model", metavar="FILE", type=Path, help=words)

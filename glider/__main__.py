@@ -7,7 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.errors import InputError, os_error_line
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+)
 
 _DESCRIPTION = """\
 Finds what a glider's model lacks, from logs of its flights.
@@ -20,15 +25,16 @@ to the model, and the errors on held-out flights are reported before and after.
 _EPILOG = """\
 A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
 and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
-positive pitch is nose down). The sample that ships with the project is
-models/campaigns/attached_lift.
+positive pitch is nose down), or that folder as .zip, or the name of a sample:
+python -m glider samples lists them.
 
 examples:
-  python -m glider close-the-loop models/campaigns/attached_lift
+  python -m glider close-the-loop attached_lift
   python -m glider close-the-loop throws --grade A,B --out out/throws
   python -m glider close-the-loop throws --effects wind,servo_lag --json
 
-exit code: 0 when it ran, 2 when the input cannot be used.
+exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be written,
+130 when it was interrupted.
 """
 
 
@@ -74,6 +80,20 @@ maps by example.
 """
 
 
+_SAMPLES_DESCRIPTION = """\
+Lists the campaigns that ship with this package: what their logs hold, and how to run
+one. With a name and --out, writes one as a folder of CSV files, to look at or to start
+from. With --tables, closes the loop on each and prints the README's table of them.
+"""
+
+_DOCTOR_DESCRIPTION = """\
+Tells what works of this installation and what does not, and what to do then: Python,
+libraries and extras, Drake and its solvers, threads, memory, caches, Meshcat, browser.
+
+exit code: 0 when all that is needed works, 1 when something does not.
+"""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     parser = _parser()
@@ -86,8 +106,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"error: {os_error_line(error)}", file=sys.stderr)
         return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] in ("glider", "diagrams"):
+            raise
+        print(f"error: {_not_installed(error.name)}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
-        return 130
+        print(INTERRUPTED, file=sys.stderr)
+        return INTERRUPTED_CODE
+
+
+def _not_installed(module: str) -> str:
+    """Returns what to do where a library is missing: mostly, take another Python."""
+    return (
+        f"{module} is not installed for {sys.executable}; use the Python of the "
+        "environment that drake-glider is installed in (.venv/bin/python after make "
+        "setup), or install it here with pip install . (python -m glider doctor tells "
+        "what is missing)."
+    )
+
+
+class _Version(argparse.Action):
+    """Prints the version, which only an installed package has."""
+
+    def __call__(self, parser, *args):
+        try:
+            print(importlib.metadata.version("drake-glider"))
+        except importlib.metadata.PackageNotFoundError:
+            parser.exit(2, f"error: {_not_installed('drake-glider')}\n")
+        parser.exit()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,11 +142,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m glider",
         description="A toolkit for a perching glider, built on Drake.",
     )
-    parser.add_argument(
-        "--version",
-        action="version",
-        version=importlib.metadata.version("drake-glider"),
-    )
+    parser.add_argument("--version", action=_Version, nargs=0)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     loop = commands.add_parser(
         "close-the-loop",
@@ -108,7 +151,9 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    loop.add_argument("campaign", type=Path, help="folder of flight logs")
+    loop.add_argument(
+        "campaign", type=Path, help="folder of flight logs, its .zip, or a sample"
+    )
     loop.add_argument(
         "--out",
         type=Path,
@@ -144,7 +189,8 @@ def _parser() -> argparse.ArgumentParser:
         "--effects",
         metavar="NAME,...",
         type=_names,
-        help="try only these effects (default: the whole library)",
+        help="try only these effects; others cannot be found then "
+        "(default: the whole library)",
     )
     loop.add_argument(
         "--json", action="store_true", help="print report.json instead of the summary"
@@ -223,6 +269,30 @@ def _parser() -> argparse.ArgumentParser:
         "--json", action="store_true", help="print JSON instead of sentences"
     )
     check.set_defaults(run=_check_funnel)
+    samples = commands.add_parser(
+        "samples",
+        help="list the campaigns that ship with this package",
+        description=_SAMPLES_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    samples.add_argument("name", nargs="?", help="a sample (default: all)")
+    what = samples.add_mutually_exclusive_group()
+    what.add_argument(
+        "--out", type=Path, metavar="DIR", help="write the named sample there, as CSV"
+    )
+    what.add_argument(
+        "--tables",
+        action="store_true",
+        help="close the loop on each, or on the named one; takes minutes",
+    )
+    samples.set_defaults(run=_samples)
+    doctor = commands.add_parser(
+        "doctor",
+        help="tell what works of this installation",
+        description=_DOCTOR_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    doctor.set_defaults(run=_doctor)
     return parser
 
 
@@ -233,11 +303,15 @@ def _names(text: str) -> list[str]:
 def _close_the_loop(args: argparse.Namespace) -> int:
     from rich.console import Console
 
+    from glider.files.writing import check_writable
+
     if args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it must not be negative.")
-    folder = args.out or Path("out") / args.campaign.resolve().name
+    name = args.campaign.resolve().name.removesuffix(".zip")
+    folder = args.out or Path("out") / name
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; a folder is needed.")
+    check_writable(folder)
     progress_console = Console(stderr=True)
     with progress_console.status("starting") as status:
         from glider.sysid.pipeline import close_the_loop
@@ -251,17 +325,20 @@ def _close_the_loop(args: argparse.Namespace) -> int:
             effects=args.effects,
             progress=lambda text: status.update(f"{text} ..."),
         )
-        status.update("writing the report ...")
-        # Matplotlib takes half a second to import: not before the input is read.
-        from glider.report.folder import write_report
-        from glider.report.json_report import to_json
-        from glider.report.terminal import print_summary
+    # Matplotlib takes half a second to import: not before the input is read.
+    from glider.report.folder import write_report
+    from glider.report.json_report import to_json
+    from glider.report.terminal import print_summary
 
-        write_report(result, folder)
-    if args.json:
-        print(json.dumps(to_json(result), indent=2))
-    else:
-        print_summary(result, Console())
+    try:
+        with progress_console.status("writing the report ..."):
+            write_report(result, folder)
+    finally:  # What was found is told even where it cannot be kept.
+        if args.json:
+            print(json.dumps(to_json(result), indent=2), flush=True)
+        else:
+            print_summary(result, Console())
+    if not args.json:
         print(f"Report: {folder / 'report.html'}")
     return 0
 
@@ -277,14 +354,16 @@ def _compare(args: argparse.Namespace) -> int:
     from glider.comparison.differences import compare
     from glider.comparison.page import to_html
     from glider.comparison.terminal import print_comparison
-    from glider.report.folder import make_folder, write_text
+    from glider.files.writing import replace_files
 
     comparison = compare(first, second)
     folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
     text = json.dumps(to_json(comparison), indent=2)
-    make_folder(folder)
-    write_text(folder / "comparison.html", to_html(comparison))
-    write_text(folder / "comparison.json", text + "\n")
+    files = {
+        "comparison.html": to_html(comparison).encode(),
+        "comparison.json": f"{text}\n".encode(),
+    }
+    replace_files(folder, files, last="comparison.json")
     if args.json:
         print(text)
     else:
@@ -296,14 +375,16 @@ def _compare(args: argparse.Namespace) -> int:
 def _import(args: argparse.Namespace) -> int:
     if args.guess:
         from glider.campaign.importing.guess import guess_mapping
+        from glider.files.writing import replace_file, write_text
         from glider.report.import_figure import save_import_figure
 
         if args.map.exists():
             raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
         guess = guess_mapping(args.files)
-        args.map.write_text(guess.text, encoding="utf-8")
         figure = args.map.with_suffix(".png")
-        save_import_figure(guess.imported.campaign, figure)
+        campaign = guess.imported.campaign
+        replace_file(figure, lambda path: save_import_figure(campaign, path))
+        write_text(args.map, guess.text)
         print(guess.text, end="")
         print(f"Map: {args.map}; what it makes of the logs: {figure}")
         print("See that each line is right, then run the same with --out CAMPAIGN.")
@@ -376,6 +457,48 @@ def _check_funnel(args: argparse.Namespace) -> int:
     if proof:
         print(describe_proof(funnel, proof))
     return 0 if good else 1
+
+
+def _samples(args: argparse.Namespace) -> int:
+    from glider.campaign.samples import copy_sample, list_samples, sample_names
+
+    if args.name is not None and args.name not in sample_names():
+        raise InputError(
+            f"there is no sample '{args.name}'; there are {', '.join(sample_names())}."
+        )
+    if args.out is not None:
+        if args.name is None:
+            raise InputError("--out needs the name of the sample to write.")
+        copy_sample(args.name, args.out)
+        print(f"Campaign: {args.out}")
+        return 0
+    names = sample_names() if args.name is None else (args.name,)
+    if args.tables:
+        from glider.studies.known_truth import HEADING, line_of, trace_samples
+
+        print(HEADING)
+        for row in trace_samples(names):
+            print(line_of(row), flush=True)
+        return 0
+    print("sample         flights  what a flat plate in still air lacks")
+    for sample in list_samples():
+        if sample.name in names:
+            print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
+    print(f"\nTo run one:        python -m glider close-the-loop {names[0]}")
+    print(f"To see its files:  python -m glider samples {names[0]} --out my_campaign")
+    return 0
+
+
+def _doctor(args: argparse.Namespace) -> int:
+    del args
+    from glider.doctor.examine import examine, lines_of, summary_of
+
+    findings = []
+    for finding in examine():
+        findings.append(finding)
+        print(lines_of(finding), flush=True)
+    print(f"\n{summary_of(findings)}")
+    return 1 if any(f.state == "fails" for f in findings) else 0
 
 
 if __name__ == "__main__":

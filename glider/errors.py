@@ -1,5 +1,7 @@
 """The errors that a user of this package can meet and mend."""
 
+import errno
+
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one sentence for the user.
@@ -9,8 +11,38 @@ class InputError(ValueError):
     """
 
 
+INTERRUPTED = "interrupted: nothing half-done was kept; what was finished stays."
+"""What is said where somebody stops a program."""
+
+INTERRUPTED_CODE = 130
+"""Exit code of a program that was interrupted, as shells have it: 128 + SIGINT."""
+
+
 def os_error_line(error: OSError) -> str:
     """Returns what went wrong with a file, and with which, in one line."""
-    if error.filename is None:
-        return str(error)
-    return f"{error.filename}: {error.strerror}."
+    words = (error.strerror or str(error)).rstrip(".")
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        words += "; the disk must have room for it, and what was there before stays"
+    return words + "." if error.filename is None else f"{error.filename}: {words}."
+
+
+def show(value: object, width: int = 80) -> str:
+    """Returns what was found, for a message, cut off after `width` characters.
+
+    Numbers are as people write them, NumPy's too: 0.63, [-0.45, 0.95].
+    """
+    text = _written(value)
+    return text if len(text) <= width else text[:width] + "..."
+
+
+def _written(value: object) -> str:
+    to_list = getattr(value, "tolist", None)  # NumPy's arrays and numbers.
+    if callable(to_list):
+        value = to_list()
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k}: {_written(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_written, value))}]"
+    return repr(value)

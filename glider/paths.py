@@ -1,5 +1,7 @@
-"""Paths of the project's data: vehicles, geometry, scenarios, sample campaigns."""
+"""Paths of the project's data, and of the folder for what is kept between runs."""
 
+import os
+import tempfile
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -42,3 +44,22 @@ def _models_folder(package: Path) -> Path:
         f"The models were not found, neither in {installed} nor in {source}; "
         "install drake-glider again, or run it from a complete source tree."
     )
+
+
+def cache_folder() -> Path:
+    """Returns a folder for compiled kernels and unpacked samples.
+
+    The first of $XDG_CACHE_HOME, ~/.cache and the folder for temporary files that this
+    user can write.
+    """
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(base) / "drake-glider"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass
+    folder = Path(tempfile.gettempdir()) / f"drake-glider-{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    return folder

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = [
     "glider.errors",
     "glider.paths",
+    "glider.files",
     "glider.physics",
     "glider.compiled",
     "glider.campaign",
@@ -35,6 +36,7 @@ FLOORS = [
     "glider.report.plots",
     "glider.report",
     "glider.comparison",
+    "glider.doctor",
     "glider.studies.plots",
     "glider.studies.basis",
     "glider.studies",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -111,9 +111,3 @@ def _to_float(text: str) -> float:
         return float(text) if "_" not in text else math.nan
     except ValueError:
         return math.nan
-
-
-def show(value: object, width: int = 80) -> str:
-    """Returns what was found, for a message, cut off after `width` characters."""
-    text = repr(value)
-    return text if len(text) <= width else text[:width] + "..."

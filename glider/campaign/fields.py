@@ -7,8 +7,8 @@ from pathlib import Path
 
 import yaml
 
-from glider.campaign.csv_table import read_text, show
-from glider.errors import InputError
+from glider.campaign.csv_table import read_text
+from glider.errors import InputError, show
 
 
 class _Loader(yaml.SafeLoader):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.csv_table import Table, show
+from glider.campaign.csv_table import Table
 from glider.campaign.logs import (
     ATTITUDE_COLUMNS,
     MAX_ANGLE,
@@ -20,7 +20,7 @@ from glider.campaign.logs import (
     Campaign,
     Flight,
 )
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 _MIN_ROWS = 20
 _MIN_SPAN = 0.15  # Duration of a flight [s].

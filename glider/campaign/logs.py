@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.parameters import (
     PARAMETER_NAMES,
     GliderParameters,
@@ -68,13 +68,13 @@ def campaign_of(
         pose_rate: of the logs [Hz].
         command_rate: of the commands [Hz].
     """
-    low, high = parameters.elevator_limits
+    limits = parameters.elevator_limits
     return Campaign(
         name=name,
         path=Path(name),
         vehicle={field: getattr(parameters, field) for field in PARAMETER_NAMES},
         elevator="servo",
-        elevator_limits=(low, high),
+        elevator_limits=None if limits is None else (limits[0], limits[1]),
         elevator_rate_limit=parameters.elevator_rate_limit,
         pose_rate=pose_rate,
         command_rate=command_rate,
@@ -104,7 +104,7 @@ def split_flights(
         )
     if not 0 < held_out_fraction < 1:
         raise InputError(
-            f"The held-out fraction is {held_out_fraction}; "
+            f"The held-out fraction is {show(held_out_fraction)}; "
             "a number between 0 and 1 is needed."
         )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)

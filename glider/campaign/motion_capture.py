@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Flight
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES
@@ -42,7 +42,7 @@ class MotionCapture:
             fits = value > 0.0 if name == "rate" else value >= 0.0
             if not (math.isfinite(value) and fits):
                 raise InputError(
-                    f"MotionCapture: '{name}' is {value}; a finite number, {least}, "
+                    f"MotionCapture: '{name}' is {show(value)}; a finite number, {least}, "
                     "is needed."
                 )
 

@@ -9,11 +9,12 @@ What campaign.yaml leaves out stays unknown.
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.campaign.csv_table import Table, read_table, show
+from glider.campaign.csv_table import Table, read_table
 from glider.campaign.flight_reader import with_flights
 from glider.campaign.logs import Campaign
+from glider.campaign.samples import campaign_folder
 from glider.campaign.settings import read_settings
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 
 def load_campaign(
@@ -22,14 +23,14 @@ def load_campaign(
     flights: Sequence[str] | None = None,
     grades: Sequence[str] | None = None,
 ) -> Campaign:
-    """Loads a campaign folder; only the chosen flights are read and checked.
+    """Loads a campaign; only the chosen flights are read and checked.
 
     Pitch is unwrapped where it jumps by more than π between two rows. Files in other
     units, axes and columns are brought to SI as campaign.yaml tells, and their signs
     are checked.
 
     Args:
-        path: the folder.
+        path: the folder, or its .zip, or the name of a sample.
         flights: file names, with or without ".csv"; None for all.
         grades: those of the folder's index.csv (columns file, grade) to keep;
             None for all.
@@ -37,10 +38,7 @@ def load_campaign(
     Raises:
         InputError: the campaign cannot be used.
     """
-    path = Path(path)
-    if not path.is_dir():
-        found = "is not a folder" if path.exists() else "does not exist"
-        raise InputError(f"{path}: {found}; a campaign folder is needed.")
+    path = campaign_folder(path)
     file = path / "campaign.yaml"
     if not file.is_file():
         raise InputError(

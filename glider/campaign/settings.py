@@ -3,11 +3,10 @@
 import math
 from pathlib import Path
 
-from glider.campaign.csv_table import show
 from glider.campaign.fields import check_fields, read_yaml
 from glider.campaign.importing.mapping import MAPPING_FIELDS, Mapping, parse_mapping
 from glider.campaign.logs import MAX_ANGLE, Campaign
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
 
 _LIMIT_FIELDS = ("elevator_limits", "elevator_rate_limit")
@@ -38,7 +37,7 @@ def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
     limits = vehicle.get("elevator_limits")
     if limits and max(map(abs, limits)) > MAX_ANGLE:
         raise InputError(
-            f"{file}: field 'elevator_limits' is {limits}; "
+            f"{file}: field 'elevator_limits' is {show(limits)}; "
             "radians are needed (this looks like degrees)."
         )
     for name in ("pose_rate", "command_rate"):

@@ -1,5 +1,7 @@
 """Writes campaign folders that `glider.campaign.reader` reads."""
 
+import io
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,20 @@ from glider.campaign.logs import (
     Flight,
 )
 from glider.errors import InputError
+from glider.files.writing import replace_file, replace_files
 
 
-def save_campaign(path: Path | str, campaign: Campaign) -> None:
-    """Writes a folder that load_campaign reads; campaign.path is not used."""
+def save_campaign(
+    path: Path | str, campaign: Campaign, more: Mapping[str, str] | None = None
+) -> None:
+    """Writes a folder that load_campaign reads, all of it or nothing.
+
+    Args:
+        path: of the folder.
+        campaign: its own path is not used.
+        more: name of a file beside the flights to its text.
+    """
     path = Path(path)
-    path.mkdir(parents=True, exist_ok=True)
     names = {flight.name for flight in campaign.flights}
     if others := {file.name for file in path.glob("flight_*.csv")} - names:
         raise InputError(
@@ -37,13 +47,19 @@ def save_campaign(path: Path | str, campaign: Campaign) -> None:
     if campaign.command_rate is not None:
         settings["command_rate"] = float(campaign.command_rate)
     text = yaml.safe_dump(settings, sort_keys=False)
-    (path / "campaign.yaml").write_text(text, encoding="utf-8")
-    for flight in campaign.flights:
-        save_flight(path / flight.name, flight)
+    files = {flight.name: _csv_of(flight) for flight in campaign.flights}
+    files |= {name: words.encode() for name, words in (more or {}).items()}
+    files["campaign.yaml"] = text.encode()
+    replace_files(path, files, last="campaign.yaml")
 
 
 def save_flight(path: Path | str, flight: Flight) -> None:
-    """Writes one flight_*.csv, nine digits (time: fifteen, for epoch times).
+    """Writes one flight_*.csv."""
+    replace_file(Path(path), lambda file: file.write_bytes(_csv_of(flight)))
+
+
+def _csv_of(flight: Flight) -> bytes:
+    """Returns a flight's table, nine digits (time: fifteen, for epoch times).
 
     An angle that has tumbled beyond a full turn is wrapped into ±π, as motion
     capture logs it.
@@ -57,14 +73,16 @@ def save_flight(path: Path | str, flight: Flight) -> None:
         y, roll, yaw = flight.attitude.T
         names += ATTITUDE_COLUMNS
         columns += [y, _wrap(roll), _wrap(yaw)]
+    buffer = io.BytesIO()
     np.savetxt(
-        path,
+        buffer,
         np.column_stack(columns),
         fmt=["%.15g"] + ["%.9g"] * (len(names) - 1),
         delimiter=",",
         header=",".join(names),
         comments="",
     )
+    return buffer.getvalue()
 
 
 def _wrap(angle: np.ndarray) -> np.ndarray:

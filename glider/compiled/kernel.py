@@ -13,12 +13,10 @@ import hashlib
 import inspect
 import os
 import sys
-import tempfile
 import threading
 import types
 from collections.abc import Callable
 from importlib.machinery import SourceFileLoader
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -27,6 +25,7 @@ from numba.extending import register_jitable
 
 from glider.compiled import constants, runge_kutta, trigonometry
 from glider.errors import InputError
+from glider.paths import cache_folder
 from glider.physics import (
     aerodynamics,
     chain,
@@ -175,21 +174,6 @@ class Family:
             [text, self._module, *called, *files, *_SOURCES.values(), *versions]
         )
         return hashlib.sha256(seed.encode()).hexdigest()[:16]
-
-
-def cache_folder() -> Path:
-    """Returns a folder for compiled kernels that this user can write."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base) / "drake-glider"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    folder = Path(tempfile.gettempdir()) / f"drake-glider-{os.getuid()}"
-    folder.mkdir(exist_ok=True)
-    return folder
 
 
 def check_compiles(formula: Callable, arguments: tuple) -> object:

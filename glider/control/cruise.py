@@ -13,7 +13,7 @@ from pydrake.systems.framework import OutputPortSelection
 from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation
 from scipy.optimize import least_squares
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.systems.plant import GliderPlant
 
@@ -55,12 +55,12 @@ class CruiseWeights:
         values = np.asarray(self.state, dtype=float)
         if values.shape != (6,) or not np.all(np.isfinite(values) & (values >= 0.0)):
             raise InputError(
-                f"CruiseWeights: 'state' is {self.state}; 6 finite numbers, none "
+                f"CruiseWeights: 'state' is {show(self.state)}; 6 finite numbers, none "
                 "negative, are needed."
             )
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise InputError(
-                f"CruiseWeights: 'rate' is {self.rate}; a positive number is needed."
+                f"CruiseWeights: 'rate' is {show(self.rate)}; a positive number is needed."
             )
 
 
@@ -76,7 +76,9 @@ def find_trim(model: GliderModel, speed: float | None = None) -> Trim:
         InputError: no such flight is found within the elevator's travel.
     """
     if speed is not None and not (math.isfinite(speed) and speed > 0.0):
-        raise InputError(f"The speed is {speed} m/s; a positive number is needed.")
+        raise InputError(
+            f"The speed is {show(speed)} m/s; a positive number is needed."
+        )
     p = model.parameters
     v = 7.0 if speed is None else speed
     alpha = min(p.mass * p.gravity / (p.air_density * p.wing_area * v * v), 0.6)
@@ -104,13 +106,13 @@ def find_trim(model: GliderModel, speed: float | None = None) -> Trim:
     )
     state = state_of(found.x)
     worst = float(np.max(np.abs(accelerations(found.x))))
-    travel = p.elevator_limits
-    if worst > _LARGEST_ACCELERATION or not travel[0] <= state[3] <= travel[1]:
+    down, up, _ = p.servo
+    if worst > _LARGEST_ACCELERATION or not down <= state[3] <= up:
         what = "level flight" if speed is None else f"flight at {speed:g} m/s"
         raise InputError(
             f"No steady {what} was found: the best has an acceleration of "
             f"{worst:.2g} at an elevator of {state[3]:.3f} rad; its travel is "
-            f"{travel[0]:.3f} to {travel[1]:.3f}."
+            f"{down:.3f} to {up:.3f}."
         )
     return Trim(state=state)
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
@@ -37,12 +37,12 @@ class TrackingWeights:
             bad = values.shape != (NUM_STATES,) or not np.all(np.isfinite(values))
             if bad or np.any(values < 0.0):
                 raise InputError(
-                    f"TrackingWeights: '{name}' is {getattr(self, name)}; "
+                    f"TrackingWeights: '{name}' is {show(getattr(self, name))}; "
                     f"{NUM_STATES} finite numbers, none negative, are needed."
                 )
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise InputError(
-                f"TrackingWeights: 'rate' is {self.rate}; a positive number is needed."
+                f"TrackingWeights: 'rate' is {show(self.rate)}; a positive number is needed."
             )
 
 
@@ -180,6 +180,6 @@ def aligned_count(plan: Plan, step: float) -> int:
     plan has kinks there.
     """
     if not (math.isfinite(step) and step > 0.0):
-        raise InputError(f"The step is {step} s; a positive number is needed.")
+        raise InputError(f"The step is {show(step)} s; a positive number is needed.")
     intervals = len(plan.times) - 1
     return intervals * math.ceil(plan.duration / (intervals * step) - 1e-9)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from glider.compiled.ekf import Estimated, SampleClock
 from glider.compiled.jacobian import stacked
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
@@ -130,7 +130,7 @@ def make_ekf(
     for name, value in (("rate", rate), ("step", step)):
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(
-                f"make_ekf: '{name}' is {value}; a positive number is needed."
+                f"make_ekf: '{name}' is {show(value)}; a positive number is needed."
             )
     n = model.num_states
     process = _checked_process(process, n)
@@ -152,8 +152,8 @@ def make_ekf(
         numbers = (s.std, s.walk, s.decay, 0.0 if s.mean is None else s.mean)
         if not all(map(math.isfinite, numbers)) or min(numbers[:2]) < 0.0:
             raise InputError(
-                f"make_ekf: slow state '{s.name}' has std {s.std}, walk {s.walk}, "
-                f"decay {s.decay}, mean {s.mean}; finite numbers are needed, and "
+                f"make_ekf: slow state '{s.name}' has std {show(s.std)}, walk {show(s.walk)}, "
+                f"decay {show(s.decay)}, mean {show(s.mean)}; finite numbers are needed, and "
                 "none of the first two negative."
             )
 
@@ -223,7 +223,7 @@ def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
     good = values.ndim == 1 and len(values) in (NUM_STATES, n)
     if not good or not np.all(np.isfinite(values) & (values >= 0.0)):
         raise InputError(
-            f"make_ekf: 'process' is {process!r}; {n} finite numbers, none negative, "
+            f"make_ekf: 'process' is {show(process)}; {n} finite numbers, none negative, "
             "are needed."
         )
     return np.append(values, np.zeros(n - len(values)))
@@ -242,7 +242,7 @@ def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
     )
     if not positive:
         raise InputError(
-            f"make_ekf: 'noise' is {noise!r}; variances (M,) or a symmetric "
+            f"make_ekf: 'noise' is {show(noise)}; variances (M,) or a symmetric "
             f"covariance (M, M), positive, with M from 3 to {n} are needed."
         )
     return values

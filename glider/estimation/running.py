@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.compiled.ekf import SampleClock, filter_flights, predict_estimate
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.estimation.ekf import Ekf
 from glider.physics.state import NUM_STATES
 
@@ -72,7 +72,7 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     spread[ekf.num_states :] = [s.std for s in ekf.slow]
     if not np.all(np.isfinite(spread) & (spread >= 0.0)):
         raise InputError(
-            f"make_prior: the standard deviations are {spread}; finite numbers, "
+            f"make_prior: the standard deviations are {show(spread)}; finite numbers, "
             "none negative, are needed."
         )
     places = ekf.estimated.places[ekf.num_states :]

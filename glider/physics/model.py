@@ -4,6 +4,7 @@ parameters: {mass: 0.08, ...}
 effects:
   - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
 field: {kind: unexplained, variables: [x], ...}      # optional
+origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
 """
 
 import dataclasses
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glider.errors import InputError
+from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.effects import (
     KINDS,
@@ -35,10 +37,7 @@ from glider.physics.parameters import (
     check_parameters,
 )
 from glider.physics.state import NUM_STATES, STATE_NAMES
-from glider.physics.typed_yaml import (
-    load_typed,
-    save_typed,
-)
+from glider.physics.typed_yaml import dump_typed, load_typed
 
 _IN_MOTION = (-1.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
 """A state of STATE_NAMES in which nothing is divided by zero."""
@@ -161,14 +160,42 @@ class _EffectFile:
 
 
 @dataclasses.dataclass(kw_only=True)
+class Origin:
+    """Where a model comes from, for people: it does not change how it flies."""
+
+    source: str = ""
+    """What it was made of: a campaign's folder."""
+
+    date: str = ""
+    """When, as ISO 8601."""
+
+    version: str = ""
+    """Of this package."""
+
+    standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Of what was fitted: "kind.coefficient" or a parameter's name, in its unit."""
+
+    notes: list[str] = dataclasses.field(default_factory=list)
+    """What was assumed, as sentences."""
+
+
+@dataclasses.dataclass(kw_only=True)
 class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
     field: FieldData | None = None
+    origin: Origin | None = None
 
 
-def save_model(path: Path | str, model: GliderModel) -> None:
+def save_model(
+    path: Path | str, model: GliderModel, origin: Origin | None = None
+) -> None:
     """Writes a model; `load_model` gives it back unchanged."""
+    write_text(Path(path), model_text(model, origin))
+
+
+def model_text(model: GliderModel, origin: Origin | None = None) -> str:
+    """Returns the text of a model's file."""
     data = _ModelFile(
         parameters=model.parameters,
         effects=[
@@ -176,8 +203,9 @@ def save_model(path: Path | str, model: GliderModel) -> None:
             for e in model.effects
         ],
         field=model.field,
+        origin=origin,
     )
-    save_typed(_ModelFile, path, data)
+    return dump_typed(data)
 
 
 def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> GliderModel:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import yaml
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.servo import Servo
 from glider.physics.typed_yaml import load_typed
 
@@ -67,13 +67,13 @@ class GliderParameters:
     gravity: float = 9.81
     """Acceleration of gravity [m/s²]."""
 
-    elevator_limits: list[float] = dataclasses.field(
+    elevator_limits: list[float] | None = dataclasses.field(
         default_factory=lambda: [-0.4463, 0.9473]
     )
-    """Travel of the elevator: trailing edge down, up [rad]."""
+    """Travel of the elevator: trailing edge down, up [rad]; None where nobody told."""
 
-    elevator_rate_limit: float = 13.0
-    """Largest rate of the servo, either way [rad/s]."""
+    elevator_rate_limit: float | None = 13.0
+    """Largest rate of the servo, either way [rad/s]; None where nobody told."""
 
     def __post_init__(self):
         """Raises InputError where a value is not physical."""
@@ -86,7 +86,13 @@ class GliderParameters:
 
     @property
     def servo(self) -> Servo:
-        """The limits of the elevator's servo."""
+        """The limits of the elevator's servo; InputError where nobody told them."""
+        if self.elevator_limits is None or self.elevator_rate_limit is None:
+            raise InputError(
+                "this glider's model tells no limits of a servo; to plan or to fly "
+                "with one, elevator_limits and elevator_rate_limit are needed in its "
+                "parameters."
+            )
         low, high = map(float, self.elevator_limits)
         return Servo(low, high, float(self.elevator_rate_limit))
 
@@ -105,17 +111,19 @@ def check_parameters(values: dict, source: str) -> None:
     """Raises InputError unless every given value is physical.
 
     Args:
-        values: field name to value; fields may be absent (unknown).
+        values: field name to value; fields may be absent (unknown), the servo's None.
         source: what to name in the message, a file or a class.
     """
     for name, value in values.items():
+        if value is None and name in ("elevator_limits", "elevator_rate_limit"):
+            continue
         if name == "elevator_limits":
             _check_limits(value, source)
             continue
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and math.isfinite(value)):
             raise InputError(
-                f"{source}: field '{name}' is {value!r}; a finite number is needed."
+                f"{source}: field '{name}' is {show(value)}; a finite number is needed."
             )
         if name in _POSITIVE and value <= 0:
             raise InputError(
@@ -133,7 +141,7 @@ def _check_limits(value: object, source: str) -> None:
         if numbers and value[0] < value[1]:
             return
     raise InputError(
-        f"{source}: field 'elevator_limits' is {value!r}; "
+        f"{source}: field 'elevator_limits' is {show(value)}; "
         "[lower, upper] in radians with lower < upper is needed."
     )
 

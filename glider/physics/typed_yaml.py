@@ -1,12 +1,13 @@
 """Typed YAML files: a dataclass filled from a file, or one sentence why it cannot be.
 
-Drake reads and writes them. It is imported here when a file is read or written, not
-before: whoever needs only the names and the checks of a vehicle, as the reader of
-campaigns does, does not wait for it.
+Drake reads them. It is imported here when a file is read, not before: whoever needs
+only the names and the checks of a vehicle, as the reader of campaigns does, does not
+wait for it.
 """
 
+import dataclasses
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -42,11 +43,31 @@ def load_typed(schema: type[T], path: Path | str, what: str) -> T:
         raise InputError(f"{path}: not {what}: {_reason(error)}.") from None
 
 
-def save_typed(schema: type[T], path: Path | str, data: T) -> None:
-    """Writes a dataclass; `load_typed` gives it back unchanged."""
-    from pydrake.common.yaml import yaml_dump_typed
+def dump_typed(data: Any) -> str:
+    """Returns the text of a file of a dataclass; `load_typed` gives it back unchanged.
 
-    yaml_dump_typed(data, filename=str(path), schema=schema)
+    Drake's own writer leaves None out everywhere, which its reader takes for the
+    default; here only a field of the whole file is left out, where None is the default.
+    """
+    fields = dataclasses.asdict(data)
+    return yaml.dump(
+        {name: value for name, value in fields.items() if value is not None},
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None,
+        width=88,
+    )
+
+
+class _Dumper(yaml.SafeDumper):
+    """Takes NumPy's floats for what they are, and lists again where they are met."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+_Dumper.add_multi_representer(float, lambda dumper, x: dumper.represent_float(float(x)))
 
 
 def _reason(error: Exception) -> str:

@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from glider.compiled.ilqr import GoalCosts, improve_policy, linearize_steps, roll
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
 from glider.physics.state import NUM_STATES
@@ -83,18 +83,18 @@ class IlqrSettings:
         good = values.shape == (NUM_STATES,) and np.all(np.isfinite(values))
         if not good or np.any(values < 0.0):
             raise InputError(
-                f"IlqrSettings: 'state_weights' is {self.state_weights}; {NUM_STATES} "
+                f"IlqrSettings: 'state_weights' is {show(self.state_weights)}; {NUM_STATES} "
                 "finite numbers, none negative, are needed."
             )
         for name in ("hold_state", "hold_rate"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(
-                    f"IlqrSettings: '{name}' is {value}; weights must not be negative."
+                    f"IlqrSettings: '{name}' is {show(value)}; weights must not be negative."
                 )
         if not (math.isfinite(self.step) and self.step > 0.0) or self.steps < 1:
             raise InputError(
-                f"IlqrSettings: {self.steps} steps of {self.step} s; at least one, of "
+                f"IlqrSettings: {self.steps} steps of {show(self.step)} s; at least one, of "
                 "a positive duration, is needed."
             )
         if self.order not in (1, 4):
@@ -142,7 +142,7 @@ def ilqr(
         )
     if not tolerance > 0.0 or iterations < 1:
         raise InputError(
-            f"ilqr: the tolerance is {tolerance} and {iterations} iterations are "
+            f"ilqr: the tolerance is {show(tolerance)} and {iterations} iterations are "
             "allowed; a positive number and at least one are needed."
         )
     if problem.rate_cost + settings.hold_rate <= 0.0:

@@ -4,7 +4,6 @@ import dataclasses
 import functools
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.errors import InputError
+from glider.files.writing import write_text
 from glider.physics.model import GliderModel
 
 
@@ -151,9 +151,7 @@ def save_plan(path: Path | str, plan: Plan) -> None:
     for name in (*_ARRAYS, "gains"):
         data[name] = None if data[name] is None else data[name].tolist()
     data["attempts"] = [dataclasses.asdict(attempt) for attempt in plan.attempts]
-    part = Path(f"{path}.{os.getpid()}.part")
-    part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_text(Path(path), json.dumps(data, indent=1) + "\n")
 
 
 def load_plan(path: Path | str) -> Plan:

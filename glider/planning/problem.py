@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
@@ -103,23 +103,25 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
             needed = "a finite number" if size == 1 else f"{size} finite numbers"
             if name in _STATES:
                 needed += f" ({', '.join(STATE_NAMES)})"
-            raise InputError(f"{source}: field '{name}' is {value!r}; {needed} needed.")
+            raise InputError(
+                f"{source}: field '{name}' is {show(value)}; {needed} needed."
+            )
         if name in _INTERVALS and not value[0] < value[1]:
             raise InputError(
-                f"{source}: field '{name}' is {value!r}; [lower, upper] with "
+                f"{source}: field '{name}' is {show(value)}; [lower, upper] with "
                 "lower < upper is needed."
             )
         if name in ("goal_weights", "rate_cost") and min(numbers) < 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {value!r}; weights must not be negative."
+                f"{source}: field '{name}' is {show(value)}; weights must not be negative."
             )
         if name in _POSITIVE and value <= 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {value!r}; a positive number is needed."
+                f"{source}: field '{name}' is {show(value)}; a positive number is needed."
             )
     if problem.duration_limits[0] <= 0.0:
         raise InputError(
-            f"{source}: field 'duration_limits' is {problem.duration_limits}; a flight "
+            f"{source}: field 'duration_limits' is {show(problem.duration_limits)}; a flight "
             "takes more than 0 s."
         )
     if not any(problem.launch[4:6]):
@@ -131,8 +133,8 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
         low, high = getattr(problem, name)
         if not low <= place <= high:
             raise InputError(
-                f"{source}: field 'wire' is {problem.wire}, outside '{name}', "
-                f"{[low, high]}."
+                f"{source}: field 'wire' is {show(problem.wire)}, outside '{name}', "
+                f"{show([low, high])}."
             )
 
 

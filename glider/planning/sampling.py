@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from glider.compiled.sampling import FlightCost, cost_sequences
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, rate_bounds
 from glider.physics.state import ELEVATOR
@@ -85,7 +85,7 @@ def _check_positive(settings: CemSettings | MppiSettings) -> None:
     for name, value in dataclasses.asdict(settings).items():
         if not isinstance(value, bool) and not (math.isfinite(value) and value > 0):
             raise InputError(
-                f"{type(settings).__name__}: '{name}' is {value}; a positive number "
+                f"{type(settings).__name__}: '{name}' is {show(value)}; a positive number "
                 "is needed."
             )
 
@@ -137,7 +137,7 @@ class SequenceCost:
         """
         if not (math.isfinite(step) and step > 0.0) or steps < 1:
             raise InputError(
-                f"SequenceCost: {steps} steps of {step} s; at least one, of a "
+                f"SequenceCost: {steps} steps of {show(step)} s; at least one, of a "
                 "positive duration, is needed."
             )
         if order not in (1, 4):

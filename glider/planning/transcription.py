@@ -167,12 +167,12 @@ def _bound(dc, variables, low, high, name):
 
 
 def _add_limits(dc, knots, model, problem):
-    vehicle = model.parameters
+    servo = model.parameters.servo
     limits = {
         "x": problem.x_limits,
         "z": problem.z_limits,
         "pitch": problem.pitch_limits,
-        "elevator": vehicle.elevator_limits,
+        "elevator": (servo.low, servo.high),
     }
     for i, (name, (low, high)) in enumerate(limits.items()):
         if not low <= problem.launch[i] <= high:
@@ -183,8 +183,7 @@ def _add_limits(dc, knots, model, problem):
         path = np.array([dc.state(k)[i] for k in range(knots)])
         _bound(dc, path, low, high, f"{name} limits")
     inputs = np.array([dc.input(k)[0] for k in range(knots)])
-    rate = vehicle.elevator_rate_limit
-    _bound(dc, inputs, -rate, rate, "elevator rate limit")
+    _bound(dc, inputs, -servo.rate, servo.rate, "elevator rate limit")
 
 
 def _arrival(dc, problem):

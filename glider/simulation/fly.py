@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
@@ -90,7 +90,9 @@ def make_clock(
 def check_command_rate(rate: float) -> None:
     """Raises InputError unless commands can be given at a rate [Hz]."""
     if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"The command rate is {rate} Hz; a positive number is needed.")
+        raise InputError(
+            f"The command rate is {show(rate)} Hz; a positive number is needed."
+        )
 
 
 def fly(

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import joblib
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.physics.state import (
     NUM_STATES,
@@ -55,7 +55,7 @@ class LaunchSpread:
         for name, value in dataclasses.asdict(self).items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(
-                    f"LaunchSpread: '{name}' is {value}; a finite number, not "
+                    f"LaunchSpread: '{name}' is {show(value)}; a finite number, not "
                     "negative, is needed."
                 )
 

@@ -38,7 +38,7 @@ def level_flight(parameters: GliderParameters, speed: float) -> np.ndarray:
         full_output=True,
         xtol=1e-12,
     )
-    low, high = parameters.elevator_limits
+    low, high, _ = parameters.servo
     if status != 1 or not low <= found[1] <= high:
         raise InputError(f"No level flight at {speed:g} m/s was found.")
     return point(found)

@@ -5,6 +5,7 @@ examples only call it. It reads and checks its input before it imports what take
 a second, so that a fault in the input is told at once.
 """
 
+import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -94,6 +95,10 @@ def close_the_loop(
         "own_effects": [e.kind for e in own],
     }
     names = tuple(f.name for f in fitted), tuple(f.name for f in unseen)
+    if effects is not None:
+        inspection = dataclasses.replace(
+            inspection, warnings=(*inspection.warnings, _left_out(effects, vehicle))
+        )
 
     from glider.sysid.analysis import Analysis
 
@@ -125,6 +130,16 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
         raise InputError(
             f"unknown effect '{unknown[0]}'; known are {', '.join(known)}."
         )
+
+
+def _left_out(effects: Sequence[str], vehicle: "Vehicle") -> str:
+    """Returns a warning that effects are not found which were not asked for."""
+    count = len(set(vehicle.kinds) - set(effects))
+    return (
+        f"only {', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried; "
+        f"{count} other effects were left out and cannot be found, and what they do "
+        "may be laid to those that were tried."
+    )
 
 
 def _kinds_to_try(vehicle: "Vehicle", effects: Sequence[str] | None) -> tuple[str, ...]:

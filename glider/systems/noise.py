@@ -7,7 +7,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 
 @TemplateSystem.define("SampledNoise_", T_list=[float, AutoDiffXd])
@@ -35,7 +35,7 @@ def SampledNoise_(T):
             LeafSystem_[T].__init__(self, converter)
             if not (math.isfinite(rate) and rate > 0.0) or rows < 1:
                 raise InputError(
-                    f"SampledNoise: rate is {rate} Hz and rows is {rows}; a "
+                    f"SampledNoise: rate is {show(rate)} Hz and rows is {rows}; a "
                     "positive rate and at least one row are needed."
                 )
             self.size, self.rate, self.rows = size, float(rate), rows

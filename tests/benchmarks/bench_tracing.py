@@ -2,42 +2,29 @@
 
     python -m tests.benchmarks.bench_tracing [practice|alarms|planted|all]
 
-practice: verdict, coefficients, time and held-out error of the practice campaigns,
-    beside the error of a fit that knows the truth.
+practice: verdict, coefficients, time and held-out error of the samples, beside the
+    error of a fit that knows the truth.
 alarms: twenty campaigns of our own simulator without any effect; noise halved and
     doubled, 10 to 40 flights.
 planted: one and two effects of the library planted in our own simulator.
 """
 
 import argparse
-import dataclasses
 import time
 
 import numpy as np
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.campaign.reader import load_campaign
+from glider.campaign.samples import sample_names
 from glider.physics.effects import KINDS
-from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.fit.folds import flown_by
-from glider.sysid.fit.prediction import measure_errors
+from glider.studies.known_truth import HEADING, line_of, trace_samples
 from glider.sysid.fit.simulate import (
     CampaignPlan,
     simulate_campaign,
 )
-from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
-from tests.helpers.campaigns import PRACTICE, campaign_path
-from tests.helpers.tasks import begin, fly, task_of, typical
-
-TRUTH = {
-    "still_air": None,
-    "head_wind": "wind",
-    "attached_lift": "attached_lift",
-    "slow_servo": "servo_lag",
-    "floor_vent": "vent",
-}
+from tests.helpers.tasks import fly, typical
 
 PAIRS = (
     ("wind", "attached_lift"),
@@ -55,51 +42,11 @@ PAIRS = (
 )
 
 
-VENT = FieldData(
-    kind="unexplained",
-    variables=["x"],
-    centers=[[-1.8]],
-    widths=[0.4],
-    weights={"wind_z": [1.0]},
-)
-"""The truth of floor_vent: 1 m/s upward at x = -1.8 m, width 0.4 m."""
-
-
-def floor_of(name: str, held_out: tuple[str, ...]) -> float:
-    """Returns the held-out position error of a fit that knows the truth [m]."""
-    whole, noise = task_of(load_campaign(campaign_path(name)))
-    truth = TRUTH[name]
-    task = whole.on([r for r in whole.records if r.name not in held_out])
-    unseen = [r for r in whole.records if r.name in held_out]
-    kinds = [] if truth in (None, "vent") else [truth]
-    start = begin(task, noise, kinds)
-    if truth == "vent":
-        start = dataclasses.replace(start, extra=VENT)
-    model = fit_model(task, start)
-    return measure_errors(flown_by(task, model, model.scales), unseen)[0].position_rms_m
-
-
 def practice() -> None:
-    """Prints the practice campaigns' table."""
-    print("campaign        verdict       s nominal  corrected  floor [mm]  effects")
-    for name in PRACTICE:
-        begin = time.perf_counter()
-        result = close_the_loop(campaign_path(name))
-        seconds = time.perf_counter() - begin
-        nominal, corrected = (
-            1e3 * result.errors[m].position_rms_m for m in ("as_drawn", "corrected")
-        )
-        floor = 1e3 * floor_of(name, result.held_out_flights)
-        found = ", ".join(
-            f"{n}={c.value:.4g}"
-            for e in result.effects
-            for n, c in e.coefficients.items()
-        )
-        found = f"{'+'.join(e.kind for e in result.effects)} {found}"
-        print(
-            f"{name:14s}  {result.verdict:12s} {seconds:4.1f} {nominal:7.2f} "
-            f"{corrected:8.2f} {floor:8.2f}      {found}"
-        )
+    """Prints the samples' table, as python -m glider samples --tables does."""
+    print(HEADING)
+    for row in trace_samples(sample_names()):
+        print(line_of(row), flush=True)
 
 
 def alarms(count: int = 20) -> None:

@@ -9,9 +9,10 @@ import pytest
 
 from glider.compiled import jacobian, kernel, riccati, rollouts
 from glider.compiled.constants import BLOCK
-from glider.compiled.kernel import Family, cache_folder
+from glider.compiled.kernel import Family
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
+from glider.paths import cache_folder
 from glider.physics.effects import (
     NO_FIELD,
     PROFILE_DRAG,

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from diagrams import showing
-from glider.paths import models_path
 from tests.helpers.examples import known_story, story_name
 
 FOLDER = Path(__file__).parents[2] / "examples"
@@ -17,7 +16,7 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.py"))
 LEAST, MOST = 40, 80
 """Lines of an example."""
 
-GIVEN = {"watch_log": [str(models_path("campaigns", "attached_lift")), "flight_003"]}
+GIVEN = {"watch_log": ["attached_lift", "flight_003"]}
 """What must be on the command line."""
 
 SHOWN = {"--json", "--html", "--figure"}

@@ -5,12 +5,11 @@ import pytest
 from diagrams.showing import run
 from examples import watch_log
 from glider.campaign.reader import load_campaign
-from glider.paths import models_path
 from glider.physics.model import save_model
 from tests.helpers.examples import tell
 from tests.sysid.test_refly import CORRECTED
 
-CAMPAIGN = str(models_path("campaigns", "attached_lift"))
+CAMPAIGN = "attached_lift"
 
 
 @pytest.fixture(scope="module")
@@ -87,5 +86,5 @@ def test_help_teaches(capsys):
         watch_log.main(["--help"])
     assert end.value.code == 0
     text = capsys.readouterr().out
-    assert "examples/watch_log.py models/campaigns/attached_lift flight_003" in text
+    assert "examples/watch_log.py attached_lift flight_003" in text
     assert "ghosts" in text

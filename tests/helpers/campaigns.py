@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from glider.paths import models_path
+from glider.campaign.samples import campaign_folder, sample_names
 
 _DATA = Path(__file__).parents[1] / "data" / "campaigns"
 
@@ -17,9 +17,9 @@ BLIND = ("a", "b", "c", "d", "e", "f")
 
 
 def campaign_path(name: str) -> Path:
-    """Returns the folder of a campaign; the sample campaign is among the models."""
-    if name == "attached_lift":
-        return models_path("campaigns", name)
+    """Returns the folder of a campaign; the samples are those that ship."""
+    if name in sample_names():
+        return campaign_folder(name)
     groups = {"practice": PRACTICE, "lifelike": LIFELIKE, "blind": BLIND}
     for group, names in groups.items():
         if name in names:

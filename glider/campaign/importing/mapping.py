@@ -8,10 +8,9 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from glider.campaign.csv_table import show
 from glider.campaign.fields import check_fields
 from glider.campaign.importing import units
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 MAPPING_FIELDS = ("columns", "units", "frame", "clock", "join")
 """Fields that make a mapping."""
@@ -166,7 +165,7 @@ def _parse_frame(fields: object, source: str) -> Frame:
     for one, other in (("up", "forward"), ("nose", "top")):
         if fields.get(one, "?")[-1] == fields.get(other, "??")[-1]:
             raise InputError(
-                f"{source}: '{one}' is {fields[one]} and '{other}' is {fields[other]}; "
+                f"{source}: '{one}' is {show(fields[one])} and '{other}' is {show(fields[other])}; "
                 "two different axes are needed."
             )
     point = fields.pop("tracked_point", [0.0, 0.0])

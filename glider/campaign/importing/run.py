@@ -73,8 +73,7 @@ def import_campaign(
     """
     imported = read_flights(files, mapping)
     out = Path(out)
-    save_campaign(out, imported.campaign)
-    (out / RECORD).write_text(imported.describe() + "\n", encoding="utf-8")
+    save_campaign(out, imported.campaign, {RECORD: imported.describe() + "\n"})
     return imported
 
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.formulas import scalar
 
 STAGES = {
@@ -218,7 +218,7 @@ class EffectKind:
             value = values.get(c.name, c.default)
             if not (isinstance(value, (int, float)) and math.isfinite(value)):
                 raise InputError(
-                    f"effect '{self.kind}': coefficient '{c.name}' is {value!r}; "
+                    f"effect '{self.kind}': coefficient '{c.name}' is {show(value)}; "
                     f"a finite number in {c.unit} is needed."
                 )
             if not c.lower <= value <= c.upper:

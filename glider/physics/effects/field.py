@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.formulas import scalar
 
@@ -169,7 +169,7 @@ def make_field(data: FieldData) -> Field:
             )
     if len(data.widths) != len(data.variables) or min(data.widths, default=1.0) <= 0:
         raise InputError(
-            f"field '{data.kind}': widths is {data.widths}; one width > 0 for "
+            f"field '{data.kind}': widths is {show(data.widths)}; one width > 0 for "
             f"each of {', '.join(data.variables)} is needed."
         )
     count = len(data.centers) + data.constant

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.state import (
     NUM_STATES,
     STATE_NAMES,
@@ -80,12 +80,12 @@ def check_recipe(recipe: Recipe, source: str) -> None:
         if not is_right:
             found = getattr(recipe, name)
             raise InputError(
-                f"{source}: field '{name}' is missing or {found!r}; {needed} needed."
+                f"{source}: field '{name}' is missing or {show(found)}; {needed} needed."
             )
     for name, channels in recipe.configurations.items():
         if len(channels) != _CHANNELS or not all(channels):
             raise InputError(
-                f"{source}: configuration '{name}' is {channels!r}; a list of "
+                f"{source}: configuration '{name}' is {show(channels)}; a list of "
                 f"features for each of {_CHANNELS} channels is needed."
             )
         for number in (number for channel in channels for number in channel):

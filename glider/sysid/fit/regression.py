@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 RANK_TOLERANCE = 1e-10
 """Singular values of columns of unit length below this count as zero, relative to the
@@ -70,7 +70,7 @@ def least_squares(
     _check(columns, targets, "least_squares")
     if not 0.0 <= ridge < np.inf:
         raise InputError(
-            f"least_squares: the ridge is {ridge}; a finite ridge >= 0 is needed."
+            f"least_squares: the ridge is {show(ridge)}; a finite ridge >= 0 is needed."
         )
     lengths = _lengths(columns)
     left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)

@@ -116,7 +116,7 @@ def _fly(
     model: GliderModel, plan: CampaignPlan, rng: np.random.Generator, name: str
 ) -> Flight:
     layout, theta = layout_for(model), theta_of(model)
-    low, high = model.parameters.elevator_limits
+    low, high, rate_limit = model.parameters.servo
     rows = round(plan.duration * plan.capture.rate) + 1
     time = np.arange(rows) / plan.capture.rate
     switches = np.arange(int(plan.duration * plan.command_rate) + 1) / plan.command_rate
@@ -124,7 +124,7 @@ def _fly(
         len(switches),
         1.0 / plan.command_rate,
         (low, high),
-        model.parameters.elevator_rate_limit,
+        rate_limit,
         rng,
     )
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.compiled.kernel import check_compiles
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.physics.compose import compose
 from glider.physics.effects import (
     KINDS,
@@ -130,7 +130,7 @@ def _tried(
     shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count
     if not shaped or not all(math.isfinite(x) for x in np.ravel(numbers)):
         raise InputError(
-            f"{where} returns {result}; {count} finite number"
+            f"{where} returns {show(result)}; {count} finite number"
             f"{'s, as a tuple, are' if count > 1 else ' is'} needed."
         )
     return tuple(float(x) for x in numbers)

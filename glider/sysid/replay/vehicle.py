@@ -171,10 +171,9 @@ def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
 
 
 def _servo_of(campaign: Campaign) -> dict[str, Any]:
-    """Returns the limits of the servo that the campaign tells, as parameters."""
-    limits: dict[str, Any] = {}
-    if campaign.elevator_limits is not None:
-        limits["elevator_limits"] = list(campaign.elevator_limits)
-    if campaign.elevator_rate_limit is not None:
-        limits["elevator_rate_limit"] = campaign.elevator_rate_limit
-    return limits
+    """Returns the servo's limits as parameters, None where nobody told them."""
+    limits = campaign.elevator_limits
+    return {
+        "elevator_limits": None if limits is None else list(limits),
+        "elevator_rate_limit": campaign.elevator_rate_limit,
+    }

@@ -29,7 +29,6 @@ and `notes`, a JSON text with
 import dataclasses
 import io
 import json
-import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -38,6 +37,8 @@ from typing import Any
 import numpy as np
 
 from glider.errors import InputError
+from glider.files.recognition import describe_file
+from glider.files.writing import replace_file
 
 _FORMAT = "drake-glider funnel 1"
 
@@ -101,21 +102,20 @@ def write_file(path: Path | str, file: FunnelFile) -> None:
     text = json.dumps({"format": _FORMAT, **notes})
     buffer = io.BytesIO()
     np.savez_compressed(buffer, notes=np.array(text), **arrays)
-    part = Path(f"{path}.{os.getpid()}.part")
-    part.write_bytes(buffer.getvalue())
-    part.replace(path)
+    replace_file(Path(path), lambda file: file.write_bytes(buffer.getvalue()))
 
 
 def read_file(path: Path | str) -> FunnelFile:
-    """Reads a file; one that is no funnel's is an InputError."""
+    """Reads a file; one that is no funnel's is an InputError, which says what it is."""
     try:
-        with open(path, "rb") as stream:
-            if not zipfile.is_zipfile(stream):
-                raise ValueError("it is no .npz file")
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as data:
-                notes = json.loads(str(data["notes"]))
-                arrays = {name: data[name] for name in _shapes(0, 0)}
+        if not _may_be_a_funnel(path):
+            raise InputError(
+                f"{path}: is {describe_file(path)}, not a funnel; a file that "
+                "examples/perching_funnel.py --save wrote (.npz) is needed."
+            )
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
+            notes = json.loads(str(data["notes"]))
+            arrays = {name: data[name] for name in _shapes(0, 0)}
         if notes["format"] != _FORMAT:
             raise ValueError(f"its format is {notes['format']!r}, not {_FORMAT!r}")
         file = FunnelFile(
@@ -130,11 +130,23 @@ def read_file(path: Path | str) -> FunnelFile:
             arrays=arrays,
         )
         _check_shapes(arrays, len(file.state_names))
+    except InputError:
+        raise
     except _FAULTS as error:
         reason = error.strerror if isinstance(error, OSError) else None
         reason = " ".join(str(reason or error).split()).rstrip(".")
-        raise InputError(f"{path}: not a funnel: {reason}.") from None
+        what = "cannot be read" if isinstance(error, OSError) else "is a spoilt funnel"
+        raise InputError(f"{path}: {what}: {reason}.") from None
     return file
+
+
+def _may_be_a_funnel(path: Path | str) -> bool:
+    """Returns whether a file is an archive with the notes that a funnel has."""
+    with open(path, "rb") as stream:
+        if not zipfile.is_zipfile(stream):
+            return False
+        with zipfile.ZipFile(stream) as archive:
+            return "notes.npy" in archive.namelist()
 
 
 def _check_shapes(arrays: dict[str, np.ndarray], n: int) -> None:

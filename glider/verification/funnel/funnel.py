@@ -12,7 +12,7 @@ from glider.errors import InputError
 from glider.physics.model import (
     GliderModel,
     load_model,
-    save_model,
+    model_text,
 )
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.dynamics.nominal_path import nominal_path
@@ -114,7 +114,7 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
         FunnelFile(
             state_names=tuple(funnel.nominal.state_names),
             settings=dataclasses.asdict(funnel.settings),
-            model=_write_model(funnel.nominal.model),
+            model=model_text(funnel.nominal.model),
             solver=funnel.solver,
             seconds=funnel.seconds,
             arrays=arrays,
@@ -158,13 +158,6 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
         seconds=file.seconds,
         **{name: file.arrays[name] for name in _OWN_ARRAYS},
     )
-
-
-def _write_model(model: GliderModel) -> str:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "model.yaml"
-        save_model(path, model)
-        return path.read_text(encoding="utf-8")
 
 
 def _read_model(text: str) -> GliderModel:

@@ -26,15 +26,14 @@ def servo_bounds(
         nominal: the flight.
         shrink: factor on b.
     """
-    parameters = nominal.model.parameters
-    low, high = parameters.elevator_limits
+    low, high, rate = nominal.model.parameters.servo
     ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
     travel = -STOPPING_TIME * nominal.gains
     travel[:, ELEVATOR] += 1.0
     directions = np.stack([nominal.gains, travel], axis=1)
     bounds = np.stack(
         [
-            parameters.elevator_rate_limit - np.abs(nominal.inputs),
+            rate - np.abs(nominal.inputs),
             np.minimum(high - ahead, ahead - low),
         ],
         axis=1,

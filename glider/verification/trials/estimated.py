@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.compiled.ekf import filter_flights
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.estimation.ekf import (
     Ekf,
     make_ekf,
@@ -157,7 +157,7 @@ def fly_estimated(
     """
     if not (math.isfinite(noise) and noise > 0.0 and 0.0 <= unknown <= 1.0):
         raise InputError(
-            f"fly_estimated: the noise is {noise} m and the unknown share {unknown}; "
+            f"fly_estimated: the noise is {show(noise)} m and the unknown share {show(unknown)}; "
             "a positive number and one from 0 to 1 are needed."
         )
     std = CAPTURE.std * (noise / CAPTURE.position)

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.csv_table import show
 from glider.campaign.importing import units
 from glider.campaign.importing.raw import Column, Group, RawTable
-from glider.errors import InputError
+from glider.errors import InputError, show
 
 _BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?$")

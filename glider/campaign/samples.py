@@ -1,0 +1,130 @@
+"""The campaigns that ship with the package, and campaigns packed as .zip.
+
+A packed campaign is unpacked into the user's cache folder, once for each content.
+"""
+
+import dataclasses
+import hashlib
+import os
+import shutil
+import zipfile
+import zlib
+from pathlib import Path
+
+import yaml
+
+from glider.errors import InputError
+from glider.paths import cache_folder, models_path
+
+_ROOM = "campaigns"
+_LIST = "samples.yaml"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Sample:
+    """A campaign that ships with the package.
+
+    Attributes:
+        name: that `load_campaign` and the command line take.
+        holds: what its logs hold that a flat plate in still air lacks.
+        flights: number of them.
+    """
+
+    name: str
+    holds: str
+    flights: int
+
+
+def sample_names() -> tuple[str, ...]:
+    """Returns the names of the samples."""
+    return tuple(_read_list())
+
+
+def _read_list() -> dict[str, str]:
+    text = models_path(_ROOM, _LIST).read_text(encoding="utf-8")
+    return yaml.safe_load(text)
+
+
+def list_samples() -> tuple[Sample, ...]:
+    """Returns the samples; nothing is unpacked."""
+    found = []
+    for name, holds in _read_list().items():
+        with zipfile.ZipFile(_archive(name)) as archive:
+            flights = sum(file.endswith(".csv") for file in archive.namelist())
+        found.append(Sample(name=name, holds=holds, flights=flights))
+    return tuple(found)
+
+
+def campaign_folder(campaign: Path | str) -> Path:
+    """Returns the folder of a campaign, unpacked if need be.
+
+    Args:
+        campaign: its folder; or its .zip, with or without that suffix; or the name of
+            a sample.
+
+    Raises:
+        InputError: it is none of these.
+    """
+    path = Path(campaign)
+    if path.is_dir():
+        return path
+    for archive in (path, path.with_name(f"{path.name}.zip")):
+        if archive.suffix == ".zip" and archive.is_file():
+            return _unpacked(archive)
+    if str(path) in sample_names():
+        return _unpacked(_archive(str(path)))
+    found = "is not a folder" if path.exists() else "does not exist"
+    raise InputError(
+        f"{path}: {found}; a campaign folder is needed, or the name of a sample "
+        f"({', '.join(sample_names())})."
+    )
+
+
+def copy_sample(name: str, out: Path) -> None:
+    """Writes a sample as a folder of CSV files, to look at or to start from.
+
+    Raises:
+        InputError: something is in the way.
+    """
+    if out.exists():
+        raise InputError(f"{out}: exists; the name of a new folder is needed.")
+    source = campaign_folder(name)
+    part = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(source, part)
+        part.rename(out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _archive(name: str) -> Path:
+    return models_path(_ROOM, f"{name}.zip")
+
+
+def _unpacked(archive: Path) -> Path:
+    """Returns the folder of a packed campaign, which has the archive's name."""
+    content = archive.read_bytes()
+    digest = hashlib.sha256(content).hexdigest()[:12]
+    place = cache_folder() / _ROOM / digest / archive.stem
+    if place.is_dir():
+        return place
+    part = place.with_name(f".{os.getpid()}")
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            packed.extractall(part)
+        inner = [p.parent for p in part.rglob("campaign.yaml")]
+        if len(inner) != 1:
+            raise InputError(
+                f"{archive}: holds {len(inner)} files campaign.yaml; one is needed."
+            )
+        try:
+            inner[0].rename(place)
+        except OSError:
+            if not place.is_dir():  # Another process may have done the same.
+                raise
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+        raise InputError(f"{archive}: cannot be unpacked: {error}.") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return place
