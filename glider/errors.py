@@ -40,7 +40,7 @@ def _written(value: object) -> str:
     if callable(to_list):
         value = to_list()
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return repr(float(f"{value:.6g}"))
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k}: {_written(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):

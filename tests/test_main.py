@@ -1,7 +1,13 @@
 """The command line: what it writes, prints and returns."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -79,3 +85,68 @@ def test_help_teaches(capsys):
     text = capsys.readouterr().out
     for word in ("campaign.yaml", "--held-out", "examples", "exit code"):
         assert word in text
+
+
+# -------------------------------------------------------------------- failing well
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_work(capsys, monkeypatch):
+    def never(*arguments, **options):
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr("glider.sysid.pipeline.close_the_loop", never)
+    out = "/proc/report" if Path("/proc").exists() else "/dev/null/report"
+    assert main(["close-the-loop", "head_wind", "--out", out]) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert out in message
+
+
+def test_what_was_found_is_told_even_where_it_cannot_be_kept(
+    done, tmp_path, monkeypatch, capsys
+):
+    """A full disk costs the report, not the result."""
+    del done  # It has compiled the dynamics.
+
+    def fill_the_disk(folder, files, last):
+        raise OSError(28, "No space left on device", str(folder))
+
+    monkeypatch.setattr("glider.report.folder.replace_files", fill_the_disk)
+    flights = ",".join(f"flight_{i:03d}" for i in range(6))
+    out = tmp_path / "out"
+    options = ["--flights", flights, "--effects", "wind", "--out", str(out)]
+    assert main(["close-the-loop", "head_wind", *options]) == 2
+    said = capsys.readouterr()
+    assert "a steady wind" in said.out
+    assert "Report:" not in said.out
+    [error] = [line for line in said.err.splitlines() if line.startswith("error")]
+    assert error.startswith(f"error: {out}: No space left on device")
+    words = " ".join(said.out.split())
+    assert "only wind was tried" in words
+    assert "cannot be found" in words
+
+
+def test_an_interrupt_is_one_sentence_and_130(tmp_path):
+    """By Ctrl-C while the campaign is read or traced."""
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "glider",
+            *f"close-the-loop slow_servo --out {out}".split(),
+        ],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[1],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+    )
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    said, error = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert said == ""
+    assert "Traceback" not in error
+    assert error.strip().splitlines()[-1].startswith("interrupted: ")
+    assert not out.exists()

@@ -42,7 +42,8 @@ class MotionCapture:
             fits = value > 0.0 if name == "rate" else value >= 0.0
             if not (math.isfinite(value) and fits):
                 raise InputError(
-                    f"MotionCapture: '{name}' is {show(value)}; a finite number, {least}, "
+                    f"MotionCapture: '{name}' is {show(value)}; a finite number, "
+                    f"{least}, "
                     "is needed."
                 )
 

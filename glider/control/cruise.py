@@ -60,7 +60,8 @@ class CruiseWeights:
             )
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise InputError(
-                f"CruiseWeights: 'rate' is {show(self.rate)}; a positive number is needed."
+                f"CruiseWeights: 'rate' is {show(self.rate)}; a positive number is "
+                "needed."
             )
 
 

@@ -42,7 +42,8 @@ class TrackingWeights:
                 )
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise InputError(
-                f"TrackingWeights: 'rate' is {show(self.rate)}; a positive number is needed."
+                f"TrackingWeights: 'rate' is {show(self.rate)}; a positive number is "
+                "needed."
             )
 
 

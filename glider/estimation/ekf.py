@@ -152,8 +152,10 @@ def make_ekf(
         numbers = (s.std, s.walk, s.decay, 0.0 if s.mean is None else s.mean)
         if not all(map(math.isfinite, numbers)) or min(numbers[:2]) < 0.0:
             raise InputError(
-                f"make_ekf: slow state '{s.name}' has std {show(s.std)}, walk {show(s.walk)}, "
-                f"decay {show(s.decay)}, mean {show(s.mean)}; finite numbers are needed, and "
+                f"make_ekf: slow state '{s.name}' has std {show(s.std)}, walk "
+                f"{show(s.walk)}, "
+                f"decay {show(s.decay)}, mean {show(s.mean)}; finite numbers are "
+                "needed, and "
                 "none of the first two negative."
             )
 
@@ -223,7 +225,8 @@ def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
     good = values.ndim == 1 and len(values) in (NUM_STATES, n)
     if not good or not np.all(np.isfinite(values) & (values >= 0.0)):
         raise InputError(
-            f"make_ekf: 'process' is {show(process)}; {n} finite numbers, none negative, "
+            f"make_ekf: 'process' is {show(process)}; {n} finite numbers, none "
+            "negative, "
             "are needed."
         )
     return np.append(values, np.zeros(n - len(values)))

@@ -46,7 +46,7 @@ def describe_file(path: Path | str) -> str:
     try:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:  # Not just a letter that the end cuts.
+        if len(head) < _HEAD or error.reason != "unexpected end of data":
             return "a binary file of a kind that is not known"
         text = head[: error.start].decode("utf-8-sig")
     if "\0" in text:

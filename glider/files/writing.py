@@ -87,14 +87,16 @@ def replace_files(
             for name, content in files.items():
                 if content is not None:
                     _put(new / name, content)
+            before = {name for name in files if (folder / name).exists()}
             try:
                 for name in order:
                     _move(folder / name, old / name)
                 for name in reversed(order):
                     _move(new / name, folder / name)
             except BaseException:
-                for name in reversed(order):
-                    _move(folder / name, new / name)
+                for name in order:
+                    if (old / name).exists() or name not in before:
+                        _move(folder / name, new / name)
                     _move(old / name, folder / name)
                 raise
     except OSError as error:

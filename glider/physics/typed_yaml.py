@@ -55,7 +55,6 @@ def dump_typed(data: Any) -> str:
         Dumper=_Dumper,
         sort_keys=False,
         allow_unicode=True,
-        default_flow_style=None,
         width=88,
     )
 
@@ -67,6 +66,13 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
+def _represent_list(dumper: _Dumper, values: list) -> yaml.Node:
+    """Returns numbers in a line, and everything else one below the other."""
+    numbers = all(isinstance(value, (int, float)) for value in values)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, numbers)
+
+
+_Dumper.add_representer(list, _represent_list)
 _Dumper.add_multi_representer(float, lambda dumper, x: dumper.represent_float(float(x)))
 
 

@@ -83,18 +83,21 @@ class IlqrSettings:
         good = values.shape == (NUM_STATES,) and np.all(np.isfinite(values))
         if not good or np.any(values < 0.0):
             raise InputError(
-                f"IlqrSettings: 'state_weights' is {show(self.state_weights)}; {NUM_STATES} "
+                f"IlqrSettings: 'state_weights' is {show(self.state_weights)}; "
+                f"{NUM_STATES} "
                 "finite numbers, none negative, are needed."
             )
         for name in ("hold_state", "hold_rate"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(
-                    f"IlqrSettings: '{name}' is {show(value)}; weights must not be negative."
+                    f"IlqrSettings: '{name}' is {show(value)}; weights must not be "
+                    "negative."
                 )
         if not (math.isfinite(self.step) and self.step > 0.0) or self.steps < 1:
             raise InputError(
-                f"IlqrSettings: {self.steps} steps of {show(self.step)} s; at least one, of "
+                f"IlqrSettings: {self.steps} steps of {show(self.step)} s; at least "
+                "one, of "
                 "a positive duration, is needed."
             )
         if self.order not in (1, 4):

@@ -113,15 +113,18 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
             )
         if name in ("goal_weights", "rate_cost") and min(numbers) < 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; weights must not be negative."
+                f"{source}: field '{name}' is {show(value)}; weights must not be "
+                "negative."
             )
         if name in _POSITIVE and value <= 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; a positive number is needed."
+                f"{source}: field '{name}' is {show(value)}; a positive number is "
+                "needed."
             )
     if problem.duration_limits[0] <= 0.0:
         raise InputError(
-            f"{source}: field 'duration_limits' is {show(problem.duration_limits)}; a flight "
+            f"{source}: field 'duration_limits' is {show(problem.duration_limits)}; "
+            "a flight "
             "takes more than 0 s."
         )
     if not any(problem.launch[4:6]):

@@ -85,7 +85,8 @@ def _check_positive(settings: CemSettings | MppiSettings) -> None:
     for name, value in dataclasses.asdict(settings).items():
         if not isinstance(value, bool) and not (math.isfinite(value) and value > 0):
             raise InputError(
-                f"{type(settings).__name__}: '{name}' is {show(value)}; a positive number "
+                f"{type(settings).__name__}: '{name}' is {show(value)}; a positive "
+                "number "
                 "is needed."
             )
 

@@ -1,8 +1,14 @@
 """The recorded campaigns are complete, and nothing in them tells the answer."""
 
+import zipfile
+
 import pytest
 import yaml
 
+from glider.__main__ import main
+from glider.campaign.reader import load_campaign
+from glider.campaign.samples import campaign_folder, list_samples, sample_names
+from glider.errors import InputError
 from glider.paths import models_path
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -26,3 +32,83 @@ def test_no_folder_of_data_holds_the_truth():
 def test_an_unknown_campaign_is_refused_by_name():
     with pytest.raises(FileNotFoundError, match="No campaign 'still_water'"):
         campaign_path("still_water")
+
+
+# ------------------------------------------------------------ those that ship
+
+
+@pytest.fixture
+def fresh_cache(monkeypatch, tmp_path):
+    """An empty cache folder."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "drake-glider"
+
+
+def test_the_samples_are_small_and_every_archive_is_listed():
+    archives = list(models_path("campaigns").glob("*.zip"))
+    assert {path.stem for path in archives} == set(sample_names())
+    assert set(PRACTICE) < set(sample_names())
+    assert sum(path.stat().st_size for path in archives) < 1e6
+
+
+def test_a_sample_goes_by_name_by_path_and_by_the_path_of_its_folder(fresh_cache):
+    archive = models_path("campaigns", "four_at_once.zip")
+    folder = campaign_folder("four_at_once")
+    assert fresh_cache in folder.parents
+    assert campaign_folder(archive) == folder
+    assert campaign_folder(archive.with_suffix("")) == folder
+    assert load_campaign("four_at_once").name == "four_at_once"
+    assert len(load_campaign(archive).flights) == 25
+    assert [p.name for p in folder.parent.iterdir()] == ["four_at_once"]
+
+
+def test_a_folder_comes_before_a_sample_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "head_wind").mkdir()
+    with pytest.raises(InputError, match=r"head_wind: no campaign\.yaml"):
+        load_campaign("head_wind")
+
+
+def test_what_is_no_campaign_names_the_samples(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere: does not exist.*still_air"):
+        campaign_folder("nowhere")
+    path = tmp_path / "throws.zip"
+    path.write_text("no archive")
+    with pytest.raises(InputError, match=r"throws\.zip: cannot be unpacked"):
+        campaign_folder(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("notes.txt", "hello")
+    with pytest.raises(InputError, match=r"holds 0 files campaign\.yaml"):
+        campaign_folder(path)
+
+
+def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
+    assert main(["samples"]) == 0
+    text = capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 80
+    assert "python -m glider close-the-loop" in text
+    for sample in list_samples():
+        assert f"{sample.name:14s} {sample.flights:7d}  {sample.holds}" in text
+    assert not fresh_cache.exists()
+    out = tmp_path / "mine"
+    assert main(["samples", "four_at_once", "--out", str(out)]) == 0
+    assert len(load_campaign(out).flights) == 25
+    capsys.readouterr()
+    assert main(["samples", "four_at_once", "--out", str(out)]) == 2
+    assert "exists" in capsys.readouterr().err
+    assert main(["samples", "--out", str(out)]) == 2
+    assert main(["samples", "lunar_air"]) == 2
+
+
+@pytest.mark.slow
+def test_the_readmes_table_is_made_again(capsys):
+    assert main(["samples", "head_wind", "--tables"]) == 0
+    [row] = [
+        line.split()
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("head_wind")
+    ]
+    assert row[1] == "effect_found"
+    drawn, corrected, floor = map(float, row[2:5])
+    assert drawn > 100.0
+    assert floor <= corrected <= 1.1 * floor

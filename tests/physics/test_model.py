@@ -15,6 +15,7 @@ from glider.physics.effects import (
 from glider.physics.effects.field import FieldData, make_field
 from glider.physics.model import (
     GliderModel,
+    Origin,
     as_model,
     load_model,
     save_model,
@@ -151,3 +152,21 @@ def test_a_field_that_is_no_number_is_refused(name):
     data = FieldData(variables=["alpha"], **{**parts, name: wrong[name]})
     with pytest.raises(InputError, match="finite numbers"):
         make_field(data)
+
+
+def test_a_servo_that_nobody_told_is_not_invented(tmp_path):
+    """Its limits are none in the file, and none when it is read again."""
+    parameters = GliderParameters(elevator_limits=None, elevator_rate_limit=None)
+    save_model(tmp_path / "model.yaml", GliderModel(parameters=parameters))
+    model = load_model(tmp_path / "model.yaml")
+    assert model.parameters == parameters
+    with pytest.raises(InputError, match="tells no limits of a servo"):
+        _ = model.parameters.servo
+
+
+def test_where_a_model_comes_from_does_not_change_it(tmp_path):
+    path, model = tmp_path / "model.yaml", GliderModel(effects=(WIND(x=-0.6, z=0.1),))
+    origin = Origin(source="throws", date="2026-01-01", standard_errors={"wind.x": 0.1})
+    save_model(path, model, origin)
+    assert "standard_errors" in path.read_text()
+    assert load_model(path) == model

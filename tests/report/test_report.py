@@ -1,6 +1,8 @@
 """The report says what was found, to programs and to people, whatever it was."""
 
 import dataclasses
+import datetime
+import errno
 import io
 import json
 import math
@@ -12,6 +14,7 @@ import matplotlib.image
 import matplotlib.pyplot
 import numpy as np
 import pytest
+import yaml
 from rich.console import Console
 
 from glider.errors import InputError
@@ -367,21 +370,39 @@ def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
 
 
-def test_a_failed_write_leaves_no_half_file(tmp_path, monkeypatch, quick):
+@pytest.mark.parametrize("file", ["model.yaml", "report.html", "report.json"])
+def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
     write_report(make_result(), tmp_path)
-    before = (tmp_path / "model.yaml").read_bytes()
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    write = Path.write_bytes
 
-    def fill_the_disk(path, model):
-        path.write_text("half")
-        raise OSError("disk full")
+    def fill_the_disk(path, data):
+        if path.name == file:
+            write(path, data[: len(data) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, data)
 
-    monkeypatch.setattr("glider.report.folder.save_model", fill_the_disk)
-    with pytest.raises(OSError, match="disk full"):
-        write_report(make_result(), tmp_path)
-    assert (tmp_path / "model.yaml").read_bytes() == before
-    assert {p.name for p in tmp_path.iterdir()} == {
-        *("report.json", "report.html", "model.yaml", "figures")
-    }
+    monkeypatch.setattr(Path, "write_bytes", fill_the_disk)
+    with pytest.raises(OSError, match="No space left") as error:
+        write_report(VARIANTS["no effect"], tmp_path)
+    assert error.value.filename == str(tmp_path)
+    assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+
+
+def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, quick):
+    result = make_result()
+    write_report(result, tmp_path)
+    origin = yaml.safe_load((tmp_path / "model.yaml").read_text())["origin"]
+    assert origin["source"] == str(result.path)
+    assert origin["version"] == f"drake-glider {result.version}"
+    age = datetime.datetime.now().astimezone() - datetime.datetime.fromisoformat(
+        origin["date"]
+    )
+    assert 0.0 <= age.total_seconds() < 60.0
+    for effect in result.effects:
+        for name, estimate in effect.coefficients.items():
+            found = origin["standard_errors"].get(f"{effect.kind}.{name}")
+            assert found == (estimate.std if math.isfinite(estimate.std) else None)
 
 
 def test_a_file_in_the_folders_place_is_an_input_error(tmp_path, quick):

@@ -165,7 +165,8 @@ def _parse_frame(fields: object, source: str) -> Frame:
     for one, other in (("up", "forward"), ("nose", "top")):
         if fields.get(one, "?")[-1] == fields.get(other, "??")[-1]:
             raise InputError(
-                f"{source}: '{one}' is {show(fields[one])} and '{other}' is {show(fields[other])}; "
+                f"{source}: '{one}' is {show(fields[one])} and '{other}' is "
+                f"{show(fields[other])}; "
                 "two different axes are needed."
             )
     point = fields.pop("tracked_point", [0.0, 0.0])

@@ -82,7 +82,8 @@ def scale_of(unit: object, kind: str, source: str) -> Scale:
     spelled = spell(unit) if isinstance(unit, str) else None
     if spelled is None or spelled not in _FACTORS[kind]:
         raise InputError(
-            f"{source}: found {show(unit)}; one of {', '.join(_FACTORS[kind])} is needed, "
+            f"{source}: found {show(unit)}; one of {', '.join(_FACTORS[kind])} is "
+            "needed, "
             "or {gain: ..., zero: ...} for gain * (logged - zero)."
         )
     return Scale(gain=_FACTORS[kind][spelled])

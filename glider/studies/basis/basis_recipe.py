@@ -80,7 +80,8 @@ def check_recipe(recipe: Recipe, source: str) -> None:
         if not is_right:
             found = getattr(recipe, name)
             raise InputError(
-                f"{source}: field '{name}' is missing or {show(found)}; {needed} needed."
+                f"{source}: field '{name}' is missing or {show(found)}; {needed} "
+                "needed."
             )
     for name, channels in recipe.configurations.items():
         if len(channels) != _CHANNELS or not all(channels):

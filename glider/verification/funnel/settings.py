@@ -58,18 +58,21 @@ class FunnelSettings:
             good = values.shape == (NUM_STATES,) and np.all(np.isfinite(values))
             if not (good and np.all(values > 0.0)):
                 raise InputError(
-                    f"FunnelSettings: '{name}' is {show(getattr(self, name))}; {NUM_STATES} "
+                    f"FunnelSettings: '{name}' is {show(getattr(self, name))}; "
+                    f"{NUM_STATES} "
                     f"positive numbers ({', '.join(STATE_NAMES)}) are needed."
                 )
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"FunnelSettings: '{name}' is {show(value)}; a positive number is needed."
+                    f"FunnelSettings: '{name}' is {show(value)}; a positive number "
+                    "is needed."
                 )
         if not (math.isfinite(self.remainder) and self.remainder >= 0.0):
             raise InputError(
-                f"FunnelSettings: 'remainder' is {show(self.remainder)}; a number that is "
+                f"FunnelSettings: 'remainder' is {show(self.remainder)}; a number "
+                "that is "
                 "not negative is needed."
             )
 

@@ -157,7 +157,8 @@ def fly_estimated(
     """
     if not (math.isfinite(noise) and noise > 0.0 and 0.0 <= unknown <= 1.0):
         raise InputError(
-            f"fly_estimated: the noise is {show(noise)} m and the unknown share {show(unknown)}; "
+            f"fly_estimated: the noise is {show(noise)} m and the unknown share "
+            f"{show(unknown)}; "
             "a positive number and one from 0 to 1 are needed."
         )
     std = CAPTURE.std * (noise / CAPTURE.position)

@@ -14,7 +14,7 @@ from glider.sysid.fit.simulate import (
     simulate_campaign,
 )
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 
@@ -173,3 +173,12 @@ def test_effects_that_these_logs_cannot_show_are_refused(campaign):
     fixed = without_servo(campaign, "fixed")
     with pytest.raises(InputError, match="servo_lag"):
         close_the_loop(fixed, effects=["servo_lag"])
+
+
+def test_a_servo_that_nobody_told_is_not_invented(campaign):
+    theta = make_vehicle(campaign).theta
+    fixed = dataclasses.replace(campaign, elevator_limits=None)
+    assert parameters_of(theta, fixed).elevator_limits is None
+    assert parameters_of(theta, campaign).elevator_limits is not None
+    fixed = dataclasses.replace(campaign, elevator_rate_limit=None)
+    assert parameters_of(theta, fixed).elevator_rate_limit is None

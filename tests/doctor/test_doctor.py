@@ -1,0 +1,117 @@
+"""The doctor tells what works and what to do, and works where the rest does not."""
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from glider.__main__ import main
+from glider.doctor import checks, examine
+from glider.doctor.finding import STATES, fails, look, works
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_healthy_installation(capsys):
+    """All checks of the machine on which the tests run."""
+    assert main(["doctor"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert {line.split()[0] for line in lines if line[:1].strip()} <= {*STATES, "All"}
+    for name in ("Python", "libraries", "Drake", "solvers", "threads", "memory"):
+        assert any(line.startswith(f"works {name} ") for line in lines), name
+    for name in ("cache", "output", "Meshcat", "browser", "extra [import]"):
+        assert any(line[6:].startswith(name) for line in lines), name
+    assert lines[-1].startswith("All")
+
+
+def test_a_missing_library_fails_and_a_missing_extra_needs_a_look(monkeypatch):
+    lines = ["numpy", "gremlin>=2; python_version>'3'", 'elf[x]; extra == "import"']
+    monkeypatch.setattr(importlib.metadata, "requires", lambda name: lines)
+    found = {f.name: f for f in checks.check_requirements()}
+    assert found["libraries"].state == "fails"
+    assert "gremlin" in found["libraries"].found
+    assert found["extra [import]"].state == "look"
+    assert "pip install 'drake-glider[import]'" in found["extra [import]"].advice
+
+
+def test_an_old_python_fails(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 9, 1))
+    assert checks.check_python().state == "fails"
+
+
+def test_an_uninstalled_package_fails(monkeypatch):
+    def not_there(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", not_there)
+    monkeypatch.setattr(importlib.metadata, "requires", not_there)
+    assert checks.check_package().state == "fails"
+    assert list(checks.check_requirements()) == []
+
+
+def test_code_that_is_not_compiled_needs_a_look(monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert checks.check_threads().state == "look"
+
+
+def test_a_cache_that_does_not_last_needs_a_look(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert checks.check_cache().state == "look"
+
+
+def test_no_screen_is_told_with_a_way_round(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert "ssh -L" in checks.check_browser().advice
+
+
+def test_what_fails_is_the_exit_code_and_advice_stands_under_it(monkeypatch, capsys):
+    found = [works("a", "b"), look("c", "d", "e"), fails("f", "g", "h " * 50)]
+    monkeypatch.setattr(examine, "examine", lambda: iter(found))
+    assert main(["doctor"]) == 1
+    out = capsys.readouterr().out
+    assert "1 of 3 fail" in out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "-> e" in out
+
+
+NOTHING = """
+import sys
+
+class Nothing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("numpy", "pydrake", "numba", "yaml", "rich"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Nothing())
+from glider.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["doctor"], 1, "fails Drake"),
+        (["close-the-loop", "head_wind"], 2, "is not installed for"),
+        (["samples"], 2, "use the Python of the environment"),
+        (["--help"], 0, "doctor"),
+    ],
+)
+def test_a_python_without_the_libraries_is_told_so(arguments, code, words):
+    """As where the environment is not activated: a sentence, no traceback."""
+    done = subprocess.run(
+        [sys.executable, "-c", NOTHING, *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stderr
+    assert words in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
