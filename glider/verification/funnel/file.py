@@ -142,6 +142,8 @@ def read_file(path: Path | str) -> FunnelFile:
 
 def _may_be_a_funnel(path: Path | str) -> bool:
     """Returns whether a file is an archive with the notes that a funnel has."""
+    if Path(path).is_dir():
+        return False
     with open(path, "rb") as stream:
         if not zipfile.is_zipfile(stream):
             return False
