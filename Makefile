@@ -2,6 +2,7 @@
 # make test        sets up .venv and runs all tests
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
+# make tables      the README's tables, from what ships; takes half an hour
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
 # make distclean   ... and every environment that make or .ci/run has set up
@@ -26,7 +27,7 @@ else ifneq ($(shell $(PYTHON) -V 2>&1),$(shell $(BIN)/python -V 2>&1))
 $(READY): FORCE
 endif
 
-.PHONY: demo test quick lint benchmark setup clean distclean FORCE
+.PHONY: demo test quick lint tables benchmark setup clean distclean FORCE
 
 demo: setup
 	$(BIN)/python -m glider close-the-loop attached_lift --out out/demo
@@ -42,6 +43,17 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+TRUTHS := head_wind slow_servo attached_flow rough_skin set_wing wing_wash floor_vent
+LEARNED := attached_flow head_wind rough_skin slow_servo low_reynolds
+tables: setup
+	$(BIN)/python -m glider samples --tables
+	for truth in $(TRUTHS); do \
+		$(BIN)/python examples/perch_corrected.py --truth $$truth --headless || exit 1; done
+	for truth in $(LEARNED); do \
+		$(BIN)/python examples/learn_residual.py --truth $$truth --headless || exit 1; done
+	for bound in 0 1 1.1; do \
+		$(BIN)/python examples/perching_funnel.py --remainder $$bound --headless || exit 1; done
 
 benchmark: setup
 	@for script in tests/benchmarks/bench_*.py; do \

@@ -485,7 +485,7 @@ def _samples(args: argparse.Namespace) -> int:
         if sample.name in names:
             print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
     print(f"\nTo run one:        python -m glider close-the-loop {names[0]}")
-    print(f"To see its files:  python -m glider samples {names[0]} --out my_campaign")
+    print(f"To see its files:  python -m glider samples {names[0]} --out mine")
     return 0
 
 

@@ -129,13 +129,9 @@ def test_what_was_found_is_told_even_where_it_cannot_be_kept(
 def test_an_interrupt_is_one_sentence_and_130(tmp_path):
     """By Ctrl-C while the campaign is read or traced."""
     out = tmp_path / "out"
+    arguments = ["close-the-loop", "slow_servo", "--out", str(out)]
     process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "glider",
-            *f"close-the-loop slow_servo --out {out}".split(),
-        ],
+        [sys.executable, "-m", "glider", *arguments],
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -10,6 +10,7 @@ from diagrams.studies.perch_study import PerchStudy
 from diagrams.studies.rehearsal import Rehearsal
 from diagrams.studies.sampled import Comparison
 from glider.physics.state import ELEVATOR
+from glider.report.plots.axes import legend_beside
 from glider.report.plots.style import STYLE
 from glider.simulation.flights import FlownFlight
 from glider.studies.basis.basis_report import scores_of
@@ -64,7 +65,7 @@ def save_rehearsals_figure(path: Path, before: Rehearsal, after: Rehearsal) -> N
             plot_perches(ax, rehearsal.plan.states, paths, color=color)
             ax.set_title(f"planned with the {name} model", loc="left")
             plot_misses(axes[2], rehearsal.flights.misses, f"planned {name}", color)
-        axes[2].legend(loc="best")
+        legend_beside(axes[2])
         figure.savefig(path, dpi=150)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from glider.report.plots.axes import legend_beside
 from glider.report.plots.style import BLUE, GREEN, ORANGE, RED, STYLE
 from glider.verification.trials.estimated import EstimatedFlights
 
@@ -78,7 +79,7 @@ def save_estimate_figure(path: Path, found: Sequence[EstimatedFlights]) -> None:
             ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
             ax.set_xlabel("noise of a measured position [mm]")
             ax.set_ylim(bottom=0.0)
-        right.legend(loc="best")
+        legend_beside(right)
         figure.savefig(path, dpi=120)
 
 

@@ -15,8 +15,9 @@ from diagrams.studies.funnel_study import (
     FunnelComparison,
     FunnelStudy,
 )
-from glider.report.plots.axes import few_ticks
+from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import STYLE
+from glider.report.wording import counted
 from glider.studies.plots.perching import (
     AFTER,
     BEFORE,
@@ -66,10 +67,10 @@ def save_funnel_figure(path: Path, studies: Mapping[str, FunnelStudy]) -> None:
             _draw_band(ax, funnel, colors[name])
             flights = studies[name].flights
             for k, flown in enumerate(flights):
-                label = f"{len(flights)} flights" if k == 0 else None
+                label = counted(flights, "flight") if k == 0 else None
                 ax.plot(*flown[:, :2].T, color="k", lw=0.5, alpha=0.35, label=label)
             ax.set_title(name, loc="left")
-            ax.legend(loc="best")
+            legend_beside(ax)
         for column, (state, (index, factor, unit)) in enumerate(_STATES.items()):
             ax = figure.add_subplot(grid[-1, column])
             for name, funnel in funnels.items():
@@ -78,7 +79,7 @@ def save_funnel_figure(path: Path, studies: Mapping[str, FunnelStudy]) -> None:
                 ax.plot(times, widths, color=colors[name], label=name)
             ax.set_ylim(bottom=0.0)
             ax.set_xlabel("time [s]")
-            ax.set_ylabel(f"± {state} [{unit}]")
+            ax.set_ylabel(f"± {state} alone, a slice [{unit}]")
             few_ticks(ax, 4)
         figure.savefig(path, dpi=120)
 
@@ -90,7 +91,7 @@ def _draw_band(ax: Axes, funnel: Funnel, color: str) -> None:
     centers = funnel.center(times)[:, :2]
     above, below = (centers + sign * radii[:, None] * normals for sign in (1.0, -1.0))
     outline = np.concatenate([above, below[::-1]])
-    ax.fill(*outline.T, color=color, alpha=0.25, lw=0.0, label="funnel")
+    ax.fill(*outline.T, color=color, alpha=0.25, lw=0.0, label="funnel, projected")
     ax.plot(*centers.T, color=color, lw=1.5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x [m]")

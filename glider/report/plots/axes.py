@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 _POINTS = 1500
@@ -60,6 +61,14 @@ def legend(figure: Figure, *axes: Axes) -> None:
     figure.legend(
         shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown)
     )
+
+
+def legend_beside(ax: Axes) -> Legend:
+    """Adds a legend to the right of the axes, where it covers nothing, and returns it.
+
+    The figure's layout must be constrained, which makes room.
+    """
+    return ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
 
 
 def few_ticks(ax, count=5):

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from glider.report.plots.axes import (
     few_ticks,
+    legend_beside,
     limit,
 )
 from glider.report.plots.style import (
@@ -46,7 +47,7 @@ def plot_scores(
     ax.set_xlabel("configuration")
     ax.set_ylabel("squared error of accelerations")
     ax.grid(visible=False, axis="x")
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    legend_beside(ax)
 
 
 def plot_held_out(
@@ -77,7 +78,7 @@ def plot_held_out(
     limit(pitch.set_ylim, np.degrees(measured[:, 2]), margin=0.3, quantile=0.0)
     path.set_xlabel("x [m]")
     path.set_ylabel("z [m]")
-    path.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    legend_beside(path)
     pitch.set_xlabel("time [s]")
     pitch.set_ylabel("pitch θ, nose down > 0 [°]")
     few_ticks(path)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glider.report.plots.axes import (
+    legend_beside,
     log_scale,
     ticks,
 )
@@ -75,7 +76,7 @@ def save_knowledge_figure(
             for known, color in zip(constant, COLORS, strict=False):
                 plot_deviation(axes[2, column], known, column, color, bound=True)
             axes[2, column].set_xlabel("time [s]")
-        axes[0, 0].legend(loc="best")
+        legend_beside(axes[0, 0])
         figure.savefig(path, dpi=150)
 
 

@@ -13,6 +13,7 @@ from matplotlib.ticker import LogLocator
 from glider.planning.hook import Hook
 from glider.report.plots.axes import (
     few_ticks,
+    legend_beside,
     limit,
 )
 from glider.report.plots.style import (
@@ -44,9 +45,10 @@ def plot_rounds(ax: Axes, paths: Sequence[np.ndarray], wire: Sequence[float]) ->
     ring = np.array(wire)[:, None] + REACH * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*ring, color="k", lw=1.0, label=f"{100 * REACH:.0f} cm of the wire")
     limit(ax.set_ylim, np.concatenate(paths)[:, 1], margin=0.15)
+    ax.set_aspect("equal", adjustable="box")  # A ring is round.
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")
-    ax.legend(loc="best")
+    legend_beside(ax)
     few_ticks(ax)
 
 
@@ -100,13 +102,13 @@ def save_learning_figure(
     both = {"weights": figures["rbf"], "traced": figures["traced"]}
     oracle = 1000.0 * figures["oracle_miss_m"]
     with rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 6.6), layout="constrained")
+        figure = Figure(figsize=(13.0, 6.6), layout="constrained")
         ((flights, cost), (change, miss)) = figure.subplots(2, 2)
         plot_rounds(flights, paths, wire)
         flights.set_title("flights while the weights are learned", loc="left")
         costs = {name: values["terminal_cost"] for name, values in both.items()}
         plot_progress(cost, costs, "terminal cost", launches)
-        cost.legend(loc="best")
+        legend_beside(cost)
         learned = launches * np.arange(1, len(changes) + 1)
         change.plot(learned, changes, "o-", color=WEIGHTS, ms=3.5, lw=1.4)
         _log_scale(change)
@@ -117,5 +119,5 @@ def save_learning_figure(
         miss.axhspan(0.0, ORACLE_RATIO * oracle, color="k", alpha=0.08, lw=0.0)
         miss.axhline(oracle, color="k", ls=(0, (4, 2)), label="the truth is known")
         miss.axhline(1000.0 * REACH, color="#888888", lw=0.8)
-        miss.legend(loc="best")
+        legend_beside(miss)
         figure.savefig(file, dpi=150)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from glider.planning.hook import Hook
-from glider.report.plots.axes import few_ticks
+from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import COLORS, RED
 
 REPLAYED = RED
@@ -45,7 +45,7 @@ def plot_perches(
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")
-    ax.legend(loc="best")
+    legend_beside(ax)
     few_ticks(ax)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from glider.report.plots.axes import few_ticks
+from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import BLUE, GREEN, ORANGE, STYLE
 
 _COLORS = (ORANGE, GREEN, BLUE)
@@ -24,7 +24,7 @@ def save_regions_figure(
         proved: label to (2, K).
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=(6.5, 6.5), layout="constrained")
+        figure = Figure(figsize=(8.5, 6.5), layout="constrained")
         ax = figure.subplots()
         ax.fill(*truth, color="#EDEDED", lw=0)
         ax.plot(*_closed(truth), color="k", lw=1.8, label="limit cycle, simulated")
@@ -33,7 +33,7 @@ def save_regions_figure(
         ax.set_aspect("equal", adjustable="datalim")
         ax.set_xlabel("x₁")
         ax.set_ylabel("x₂")
-        ax.legend(loc="upper right")
+        legend_beside(ax)
         few_ticks(ax)
         figure.savefig(path, dpi=150)
 

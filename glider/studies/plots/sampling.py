@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from glider.report.plots.axes import (
     few_ticks,
+    legend_beside,
     log_scale,
 )
 from glider.report.plots.style import BLUE, GREEN, RED, STYLE
@@ -35,7 +36,7 @@ def plot_costs(ax: Axes, costs: Mapping[str, np.ndarray]) -> None:
     log_scale(ax)
     ax.set_xlabel("iteration")
     ax.set_ylabel("cost of the mean")
-    ax.legend(loc="best")
+    legend_beside(ax)
 
 
 def plot_samples(ax: Axes, drawn: Mapping[int, np.ndarray], found: np.ndarray) -> None:
@@ -56,7 +57,7 @@ def plot_samples(ax: Axes, drawn: Mapping[int, np.ndarray], found: np.ndarray) -
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")
-    for handle in ax.legend(loc="best").get_lines():
+    for handle in legend_beside(ax).get_lines():
         handle.set_linewidth(2.0)
     few_ticks(ax)
 
