@@ -232,8 +232,10 @@ def accelerations(flow, terms, x, c):
     mass_change, inertia_change, added_mass, added_inertia = inertia_terms(flow, x, c)
     mass = flow.mass * (1.0 + mass_change)
     inertia = flow.pitch_inertia * (1.0 + inertia_change) + added_inertia
-    turning = added_mass * flow.pitchdot * flow.speed
-    along, across = turning * flow.sin_alpha, -turning * flow.cos_alpha
+    turning = added_mass * flow.pitchdot
+    # Not by the angle of attack, whose sine is a quotient by an airspeed.
+    along = -turning * (flow.air_x * flow.sin_pitch + flow.air_z * flow.cos_pitch)
+    across = -turning * (flow.air_x * flow.cos_pitch - flow.air_z * flow.sin_pitch)
     force_x = force_x + along * flow.cos_pitch + across * flow.sin_pitch
     force_z = force_z - along * flow.sin_pitch + across * flow.cos_pitch
     x = force_x / mass
