@@ -47,13 +47,15 @@ exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
 """
 
 _CHECK_DESCRIPTION = """\
-Checks the certificate of a funnel: at each of its times, in exact arithmetic, that no
-deviation leaves it, that the servo stays within its limits, and that it ends in the
-goal. Needs no solver and no plan: all is in the file, the glider too.
+Checks the certificate of a funnel: that it is of a flight from a problem's launch to
+its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
+that the servo stays within its limits; and that it ends in the goal. Needs no solver
+and no plan: all is in the file, the glider too. Whether that is your glider, --model
+tells; --problem names another problem than the article's.
 
 The certificate is of the third-order Taylor polynomials of the dynamics, with a bound
 of their remainder. With --prove, the remainder is proven to be within that bound, at
-the same times.
+the same times. Between them V is looked at in floating point only.
 
 exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
@@ -254,6 +256,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     check.add_argument("funnel", type=Path, help="file of a funnel (.npz)")
     check.add_argument(
+        "--model",
+        metavar="YAML",
+        type=Path,
+        help="model or vehicle that it has to be a funnel of (default: any)",
+    )
+    check.add_argument(
+        "--problem",
+        metavar="YAML",
+        type=Path,
+        help="problem that it has to solve (default: the article's)",
+    )
+    check.add_argument(
         "--every",
         metavar="N",
         type=int,
@@ -400,8 +414,6 @@ def _import(args: argparse.Namespace) -> int:
 
 
 def _check_funnel(args: argparse.Namespace) -> int:
-    import dataclasses
-
     from glider.verification.funnel.file import read_file
 
     if args.every < 1:
@@ -412,15 +424,16 @@ def _check_funnel(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
+    from glider.physics.model import load_glider
+    from glider.planning.problem import PerchingProblem, load_problem
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
-    from glider.verification.proof.remainder_proof import (
-        describe_proof,
-        prove_remainder,
-        remainder_status,
-    )
+    from glider.verification.proof.remainder_proof import prove_remainder
+    from glider.verification.proof.words import check_report, describe_check
 
     funnel = funnel_of(file, args.funnel)
+    model = load_glider(args.model) if args.model else None
+    problem = load_problem(args.problem) if args.problem else PerchingProblem()
     proof = None
     with Progress(transient=True, console=Console(stderr=True)) as bar:
 
@@ -428,34 +441,17 @@ def _check_funnel(args: argparse.Namespace) -> int:
             task = bar.add_task(words, total=1.0)
             return lambda share: bar.update(task, completed=share)
 
-        verdict = check_funnel(funnel, args.every, follow("certificate"))
+        verdict = check_funnel(
+            funnel, args.every, follow("certificate"), problem=problem, model=model
+        )
         if args.prove and verdict.holds:
             proof = prove_remainder(funnel, args.every, progress=follow("remainder"))
     good = verdict.holds and (proof is None or proof.complete)
     if args.json:
-        report = dataclasses.asdict(verdict) | {"holds": verdict.holds}
-        report["remainder"] = remainder_status(funnel, proof)
-        if proof:
-            report |= {
-                "remainder_until": proof.until,
-                "remainder_proven": proof.complete,
-                "remainder_times": len(proof.times),
-                "boxes": proof.boxes,
-            }
-        print(json.dumps(report, indent=2))
-        return 0 if good else 1
-    for fault in verdict.faults:
-        print(fault)
-    if verdict.holds:
-        print(
-            f"The certificate holds: on the boundary, at all {verdict.times} times, "
-            f"exactly, V̇/V <= {-verdict.slack:.2g} 1/s; between them, in floating "
-            f"point, V̇/V <= {verdict.between:.2g} 1/s."
-        )
+        report = check_report(funnel, verdict, proof, problem)
+        print(json.dumps(report | {"model_compared": model is not None}, indent=2))
     else:
-        print(f"The certificate does not hold: {len(verdict.faults)} faults.")
-    if proof:
-        print(describe_proof(funnel, proof))
+        print(describe_check(funnel, verdict, proof, problem, args.model))
     return 0 if good else 1
 
 

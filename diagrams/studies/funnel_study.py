@@ -139,7 +139,7 @@ def study_funnel(
     else:
         funnel = certify_perch(source, trials.settings, progress)
     progress("checking the certificate in whole numbers")
-    verdict = check_funnel(funnel, trials.every)
+    verdict = check_funnel(funnel, trials.every, problem=PerchingProblem())
     progress("trying to falsify the funnel by flights")
     falsification = falsify_funnel(funnel, trials.samples, rng)
     proof = None

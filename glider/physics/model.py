@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import yaml
 from numpy.typing import ArrayLike
 
 from glider.errors import InputError
@@ -35,6 +36,7 @@ from glider.physics.numbers import Theta
 from glider.physics.parameters import (
     GliderParameters,
     check_parameters,
+    load_parameters,
 )
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.physics.typed_yaml import dump_typed, load_typed
@@ -237,6 +239,22 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def load_glider(path: Path | str) -> GliderModel:
+    """Loads a model, or the glider of a vehicle's file, which has no effects.
+
+    Raises:
+        InputError: the file is neither.
+    """
+    try:
+        names = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        names = None  # `load_model` says what is wrong.
+    fields = {field.name for field in dataclasses.fields(GliderParameters)}
+    if isinstance(names, dict) and fields & set(names):
+        return GliderModel(parameters=load_parameters(Path(path)))
+    return load_model(path)
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

@@ -37,6 +37,8 @@ from tests.verification.points import sphere_points
 EVERY = 50
 """Number of times from one that tests check exactly to the next."""
 
+NO_DEFECT = np.zeros(201)
+
 
 def test_the_forms_are_the_growth_of_v_on_the_boundary(funnel, coefficients):
     k, z = 120, sphere_points(20, 7)
@@ -122,14 +124,20 @@ CORRUPTIONS = {
 def test_a_corrupted_funnel_fails_the_check(name, funnel):
     change, words = CORRUPTIONS[name]
     changed = dataclasses.replace(funnel, **change(funnel))
-    faults, _ = exact_faults(changed, [100])
+    faults, _ = exact_faults(changed, [100], NO_DEFECT)
     assert words in " ".join(faults)
 
 
 def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     changed = dataclasses.replace(funnel, nominal=lighter(funnel))
     assert "no flight" in " ".join(check_funnel(changed, every=1000).faults)
-    assert largest_between(dataclasses.replace(funnel, S=0.8 * funnel.S), 20) > 0.0
+    wider = dataclasses.replace(funnel, S=0.8 * funnel.S)
+    assert largest_between(wider, NO_DEFECT, 20) > 0.0
+    assert largest_between(funnel, NO_DEFECT, 20) < 0.0
+    assert largest_between(funnel, NO_DEFECT + 2.0, 20) > 0.0
+    unknown = NO_DEFECT.copy()
+    unknown[100] = np.nan  # Not the first that is looked at.
+    assert np.isnan(largest_between(funnel, unknown, 20))
 
 
 def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel, coefficients):

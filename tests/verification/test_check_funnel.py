@@ -44,4 +44,4 @@ def test_the_command_line_proves_the_remainder(tmp_path, capsys):
     assert main(few) == 1
     words = capsys.readouterr().out
     assert "The certificate holds" in words
-    assert "proven until 0.0000 s, and at 1 of 2 times" in words
+    assert "proven until 0.0000 s, and at 1 of the 2 times" in words

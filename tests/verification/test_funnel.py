@@ -92,7 +92,7 @@ def short(article_plan):
     arrays = {name: getattr(plan, name)[36:] for name in ("states", "slopes", "inputs")}
     plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
     policy = compiled_policy(GliderModel(), plan)
-    settings = FunnelSettings(step=0.011, hold=0.044, remainder=0.5, margin=0.1)
+    settings = FunnelSettings(step=0.011, hold=0.044, remainder=1.1, margin=0.1)
     return make_funnel(GliderModel(), policy, settings)
 
 

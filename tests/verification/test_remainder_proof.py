@@ -155,9 +155,10 @@ def test_a_proof_ends_where_the_first_time_fails(funnel):
     proof = RemainderProof(times=np.array([0.0, 0.5, 0.8]), at_times=(good, good, bad))
     assert proof.until == 0.5
     assert proof.boxes == 9
-    assert "until 0.5000 s, and at 2 of 3 times" in describe_proof(funnel, proof)
+    words = describe_proof(funnel, proof)
+    assert "until 0.5000 s, and at 2 of the 3 times that were tried, of 201" in words
     proof = RemainderProof(times=np.array([0.0, 0.5]), at_times=(good, good))
-    assert "is proven: at all 2 times" in describe_proof(funnel, proof)
+    assert "is proven: at 2 of 201 times" in describe_proof(funnel, proof)
     bare = dataclasses.replace(funnel, beta=0.0 * funnel.beta)
     assert "bears no remainder" in describe_proof(bare, proof)
 

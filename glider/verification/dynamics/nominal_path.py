@@ -36,15 +36,3 @@ def nominal_between(nominal: Nominal, share: float) -> Nominal:
         inputs=np.interp(times, nominal.times, nominal.inputs),
         gains=CubicSpline(nominal.times, nominal.gains)(times),
     )
-
-
-def nominal_drift(nominal: Nominal) -> float:
-    """Returns how far the nominal is from a flight over one step, by Simpson's rule.
-
-    The largest of all states [m, rad, m/s, rad/s].
-    """
-    slopes, step = nominal_slopes(nominal), np.diff(nominal.times)[:, None]
-    x = nominal.states
-    middle = nominal_slopes(nominal_between(nominal, 0.5))
-    rise = step / 6.0 * (slopes[1:] + 4.0 * middle + slopes[:-1])
-    return float(np.abs(x[1:] - x[:-1] - rise).max())

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.control.policy import TrackingPolicy
 from glider.physics.model import GliderModel
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
@@ -100,6 +101,10 @@ def make_funnel(
 
     say("funnel: its size")
     gauge = _Gauge(nominal, coefficients, settings, directions)
+    if not gauge.is_bounded:
+        raise SolverError(
+            "The plan's flight cannot be enclosed; a shorter step may do."
+        )
     try:
         S = scale_funnel(nominal.times, S, gauge.growth, gauge.room, settings.margin)
     except np.linalg.LinAlgError:
@@ -154,6 +159,12 @@ class _Gauge:
         self._settings, self._directions = settings, directions
         self._sizes = settings.size_axes(nominal.states.shape[1])
         self._between = [GrowthBetween(nominal, share) for share in SHARES]
+        self._defect = defect_bounds(nominal)
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the nominal's defect is."""
+        return bool(np.all(np.isfinite(self._defect)))
 
     def sets(self, S: np.ndarray) -> _Sets:
         """Returns the sets with their slopes, remainders and forms."""
@@ -162,6 +173,7 @@ class _Gauge:
         beta = self._beta(S)
         weights = remainder_weights(S, beta, self._sizes)
         disturbance = remainder_form(S, beta, weights)
+        disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
         forms = boundary_forms(S, slopes, self._coefficients, disturbance)
         return _Sets(slopes=slopes, beta=beta, weights=weights, forms=forms)
 
@@ -169,9 +181,12 @@ class _Gauge:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
         sets, starts = self.sets(S), self._directions[:STARTS]
         growth = largest_growth(sets.forms, starts)
+        drift = self._drift(S)
+        drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
         for between in self._between if growth.max() < 0.0 else ():
             found = between.largest(S, sets.slopes, sets.beta, sets.weights, starts)
+            found = found + drift
             growth[1:] = np.maximum(growth[1:], found)
             growth[:-1] = np.maximum(growth[:-1], found)
         return growth
@@ -179,6 +194,9 @@ class _Gauge:
     def room(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest ρ (T,) that the servo allows."""
         return room(S, *servo_bounds(self._nominal))
+
+    def _drift(self, S):
+        return defect_growth(S, self._defect)
 
     def _beta(self, S):
         if self._settings.remainder == 0.0:

@@ -2,14 +2,16 @@
 
 NumPy is all that this needs, so that a file that is no funnel is refused at once.
 
-A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`,
+A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`
+(float32 is read too, and nothing else),
 
     times   (T,)       times, increasing from 0 [s]
     states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
     inputs  (T,)       u₀, the elevator's rate [rad/s]
     gains   (T, n)     K of the feedback u = u₀ - K (x - x₀)
-    S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1
-    slopes  (T, n, n)  Ṡ [1/s]; between the times S is the cubic Hermite polynomial
+    S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1; symmetric
+    slopes  (T, n, n)  Ṡ [1/s], symmetric; between the times S is the cubic Hermite
+                       polynomial
     beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
     grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, for they are a
@@ -27,6 +29,7 @@ and `notes`, a JSON text with
 """
 
 import dataclasses
+import hashlib
 import io
 import json
 import zipfile
@@ -76,7 +79,10 @@ class FunnelFile:
     """Duration of the computation [s]."""
 
     arrays: dict[str, np.ndarray]
-    """Name to numbers, of the shapes in `_shapes`."""
+    """Name to finite doubles, of the shapes in `_shapes`."""
+
+    sha256: str = ""
+    """Hash of the file that was read, in hexadecimal."""
 
 
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
@@ -99,6 +105,7 @@ def write_file(path: Path | str, file: FunnelFile) -> None:
     """Writes a file at once; `read_file` gives it back unchanged."""
     notes = {f.name: getattr(file, f.name) for f in dataclasses.fields(file)}
     arrays = notes.pop("arrays")
+    del notes["sha256"]
     text = json.dumps({"format": _FORMAT, **notes})
     buffer = io.BytesIO()
     np.savez_compressed(buffer, notes=np.array(text), **arrays)
@@ -113,7 +120,8 @@ def read_file(path: Path | str) -> FunnelFile:
                 f"{path}: is {describe_file(path)}, not a funnel; a file that "
                 "examples/perching_funnel.py --save wrote (.npz) is needed."
             )
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
+        content = Path(path).read_bytes()
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
             notes = json.loads(str(data["notes"]))
             arrays = {name: data[name] for name in _shapes(0, 0)}
         if notes["format"] != _FORMAT:
@@ -127,9 +135,9 @@ def read_file(path: Path | str) -> FunnelFile:
             model=str(notes["model"]),
             solver=str(notes["solver"]),
             seconds=float(notes["seconds"]),
-            arrays=arrays,
+            arrays=_checked(arrays, len(notes["state_names"])),
+            sha256=hashlib.sha256(content).hexdigest(),
         )
-        _check_shapes(arrays, len(file.state_names))
     except InputError:
         raise
     except _FAULTS as error:
@@ -151,14 +159,29 @@ def _may_be_a_funnel(path: Path | str) -> bool:
             return "notes.npy" in archive.namelist()
 
 
-def _check_shapes(arrays: dict[str, np.ndarray], n: int) -> None:
-    for name, shape in _shapes(len(arrays["times"]), n).items():
+def _checked(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
+    """Returns the arrays as doubles; what a check relies on, it may rely on from here.
+
+    Whole, complex and other numbers are refused: arithmetic on them is another.
+    """
+    times, checked = arrays["times"], {}
+    for name, shape in _shapes(np.size(times), n).items():
         array = arrays[name]
+        if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
+            raise ValueError(f"'{name}' is of type {array.dtype}; float64 is needed")
         if array.shape != shape or not np.all(np.isfinite(array)):
             raise ValueError(
                 f"'{name}' has shape {array.shape}; finite numbers of shape {shape} "
                 "are needed"
             )
-    times = arrays["times"]
-    if len(times) < 2 or not np.all(np.diff(times) > 0.0):
-        raise ValueError("'times' must increase")
+        checked[name] = array.astype(np.float64)
+    if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) > 0.0):
+        raise ValueError("'times' must increase from 0")
+    for name in ("S", "slopes"):
+        array = checked[name]
+        if not np.array_equal(array, np.swapaxes(array, 1, 2)):
+            raise ValueError(f"'{name}' is not symmetric")
+    for name in ("beta", "weights"):
+        if np.any(checked[name] < 0.0):
+            raise ValueError(f"'{name}' is negative somewhere")
+    return checked

@@ -55,6 +55,9 @@ class Funnel:
     seconds: float
     """Duration of the computation [s]."""
 
+    sha256: str = ""
+    """Hash of the file that it was loaded from, in hexadecimal."""
+
     @property
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
@@ -125,7 +128,8 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
 def load_funnel(path: Path | str) -> Funnel:
     """Loads a funnel.
 
-    Nothing is taken on trust but that the numbers fit together; whether they are a
+    Its numbers are finite doubles of the right shapes, S and Ṡ are symmetric, and its
+    states are those of its glider. Nothing else is taken on trust; whether they are a
     certificate is for `glider.verification.proof.check`.
 
     Raises:
@@ -142,11 +146,18 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
     """
     try:
         settings = FunnelSettings(**file.settings)
-    except TypeError as error:
-        raise InputError(f"{path}: not a funnel: {error}.") from None
-    model = _read_model(file.model)
+    except (TypeError, InputError) as error:
+        reason = str(error).rstrip(".")
+        raise InputError(f"{path}: not a funnel: {reason}.") from None
+    model = _read_model(file.model, path)
     if model.is_time_varying:
         raise InputError(f"{path}: not a funnel: its glider's dynamics vary with time.")
+    names = ", ".join(map(str, file.state_names))
+    if file.state_names != model.state_names:
+        raise InputError(
+            f"{path}: not a funnel: its states are {names}; its "
+            f"glider's are {', '.join(model.state_names)}."
+        )
     return Funnel(
         nominal=Nominal(
             model=model,
@@ -156,12 +167,17 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
         settings=settings,
         solver=file.solver,
         seconds=file.seconds,
+        sha256=file.sha256,
         **{name: file.arrays[name] for name in _OWN_ARRAYS},
     )
 
 
-def _read_model(text: str) -> GliderModel:
+def _read_model(text: str, source: Path | str) -> GliderModel:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.yaml"
         path.write_text(text, encoding="utf-8")
-        return load_model(path)
+        try:
+            return load_model(path)
+        except InputError as error:
+            reason = str(error).removeprefix(f"{path}: ")
+            raise InputError(f"{source}: not a funnel: its glider: {reason}") from None

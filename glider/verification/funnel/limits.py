@@ -6,6 +6,8 @@ u = u₀ - K e and the elevator φ = φ₀ + e_φ keep
 Inside the funnel both hold, so that its dynamics need no saturation.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
@@ -18,27 +20,29 @@ the shipped funnels come to 0.9942 of the bounds there."""
 
 
 def servo_bounds(
-    nominal: Nominal, shrink: float = SHRINK
+    nominal: Nominal,
+    shrink: float = SHRINK,
+    number: Callable[..., np.ndarray] = np.asarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
     Args:
         nominal: the flight.
         shrink: factor on b.
+        number: makes arrays of what is computed with: of doubles, or by
+            `glider.verification.sos.exact.fractions` without rounding.
     """
-    low, high, rate = nominal.model.parameters.servo
-    ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
-    travel = -STOPPING_TIME * nominal.gains
-    travel[:, ELEVATOR] += 1.0
-    directions = np.stack([nominal.gains, travel], axis=1)
+    servo = nominal.model.parameters.servo
+    low, high, rate, ahead_by, factor = number([*servo, STOPPING_TIME, shrink])
+    inputs, gains = number(nominal.inputs), number(nominal.gains)
+    ahead = number(nominal.states[:, ELEVATOR]) + ahead_by * inputs
+    travel = -ahead_by * gains
+    travel[:, ELEVATOR] += 1
+    directions = np.stack([gains, travel], axis=1)
     bounds = np.stack(
-        [
-            rate - np.abs(nominal.inputs),
-            np.minimum(high - ahead, ahead - low),
-        ],
-        axis=1,
+        [rate - np.abs(inputs), np.minimum(high - ahead, ahead - low)], axis=1
     )
-    return directions, shrink * bounds
+    return directions, factor * bounds
 
 
 def keep_bounds(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import numbers
 
 import numpy as np
 
@@ -54,9 +55,9 @@ class FunnelSettings:
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""
         for name in ("goal", "sizes"):
-            values = np.asarray(getattr(self, name), dtype=float)
-            good = values.shape == (NUM_STATES,) and np.all(np.isfinite(values))
-            if not (good and np.all(values > 0.0)):
+            values = getattr(self, name)
+            is_list = isinstance(values, (tuple, list)) and len(values) == NUM_STATES
+            if not (is_list and all(map(_is_positive, values))):
                 raise InputError(
                     f"FunnelSettings: '{name}' is {show(getattr(self, name))}; "
                     f"{NUM_STATES} "
@@ -64,12 +65,12 @@ class FunnelSettings:
                 )
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
+            if not _is_positive(value):
                 raise InputError(
                     f"FunnelSettings: '{name}' is {show(value)}; a positive number "
                     "is needed."
                 )
-        if not (math.isfinite(self.remainder) and self.remainder >= 0.0):
+        if self.remainder != 0.0 and not _is_positive(self.remainder):
             raise InputError(
                 f"FunnelSettings: 'remainder' is {show(self.remainder)}; a number "
                 "that is "
@@ -83,3 +84,7 @@ class FunnelSettings:
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
+
+
+def _is_positive(value: object) -> bool:
+    return isinstance(value, numbers.Real) and 0.0 < float(value) < math.inf

@@ -1,9 +1,11 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
-`glider.verification.proof.exact_check` proves in whole numbers that V falls on the
-boundary at each time. Beside that, here, with floating point: the nominal is a flight,
-and V̇ is negative between the times too. That the true remainder is within β_k is for
-`glider.verification.proof.remainder_proof`.
+`purpose`: the funnel is one of the problem and the glider that are meant.
+`glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
+`exact_check`: V falls on the boundary at each time, in whole numbers. Then, in floating
+point: no remainder larger than β_k is seen, and V falls between the times too. That the
+remainder is within β_k everywhere is for `remainder_proof`. What follows from it all is
+a theorem in `glider.verification.proof`.
 """
 
 import dataclasses
@@ -12,21 +14,23 @@ from collections.abc import Callable
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.verification.dynamics.nominal_path import nominal_drift
+from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
+from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
     GrowthBetween,
 )
+from glider.verification.funnel.remainder import LEAST_REMAINDER
+from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.exact_check import (
     exact_faults,
     proven_slack,
 )
+from glider.verification.proof.purpose import model_faults, problem_faults
 from glider.verification.sos.sphere import normalized
-
-LARGEST_DRIFT = 1e-4
-"""Drift that the nominal of a funnel may have [m, rad, m/s, rad/s]. That of the shipped
-ones is below 1e-8."""
 
 STARTS = 8
 """Points where the ascent to the largest growth starts, besides the axes of its
@@ -40,26 +44,39 @@ class Verdict:
     times: int
     """Number of times that were checked exactly."""
 
+    of_times: int
+    """Number of times that the funnel has."""
+
     faults: tuple[str, ...]
-    """Faults of the certificate, a sentence each; empty where it holds."""
+    """Faults of the certificate, a sentence each; empty where it holds. Where the
+    funnel is not the one that is meant, or no flight, nothing else is looked at."""
 
     slack: float
     """Slack of V̇ <= -slack V, which is proven at these times [1/s]."""
 
+    defect: float
+    """Largest V̇/V that the nominal's defect may make, which is counted [1/s]."""
+
     rounding: float
     """Largest change of an eigenvalue by what rounding and solver left over [1/s]."""
+
+    remainder_seen: float
+    """Largest |R_k| / β_k seen at these times, in floating point; infinite where β_k is
+    zero and R_k is not; zero where the certificate bears no remainder at all."""
 
     between: float
     """Largest V̇/V found between the times, in floating point [1/s]; infinite where
     something else is wrong already."""
 
-    drift: float
-    """Largest error of the nominal over a step [m, rad, m/s, rad/s]."""
-
     @property
     def holds(self) -> bool:
         """Whether nothing is wrong."""
         return not self.faults
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all times were checked."""
+        return self.times == self.of_times
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -67,6 +84,9 @@ def check_funnel(
     funnel: Funnel,
     every: int = 1,
     progress: Callable[[float], None] | None = None,
+    *,
+    problem: PerchingProblem | None = None,
+    model: GliderModel | None = None,
 ) -> Verdict:
     """Checks a funnel.
 
@@ -74,40 +94,86 @@ def check_funnel(
         funnel: the funnel.
         every: check every so many times only, the first and last included.
         progress: called with the share that is done.
+        problem: the problem that it has to be a funnel of; any if None.
+        model: the glider that it has to be a funnel of; any if None.
     """
     at = funnel.some_times(every)
-    faults, rounding = exact_faults(funnel, at, progress)
-    drift, between = nominal_drift(funnel.nominal), np.inf
-    if not drift < LARGEST_DRIFT:
-        faults.append(f"The nominal is no flight: it drifts by {drift:.2g} in a step.")
+    growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
+    faults = model_faults(funnel, model) if model else []
+    faults += problem_faults(funnel, problem) if problem else []
+    faults += _defect_faults(funnel, growth)
+    rounding = seen = 0.0
+    between = np.inf
     if not faults:
-        between = largest_between(funnel, every)
+        faults, rounding = exact_faults(funnel, at, growth, progress)
+    if not faults and funnel.beta.any():
+        seen = remainder_seen(funnel, at)
+        if not seen <= 1.0:
+            faults.append(f"The remainder is {seen:.3g} times as large as it bears.")
+    if not faults:
+        between = largest_between(funnel, growth, every)
         if not between < 0.0:
             faults.append(f"Between the times V̇/V reaches {between:.2g} 1/s.")
     return Verdict(
         times=len(at),
+        of_times=len(funnel.nominal.times),
         faults=tuple(faults),
         slack=proven_slack(funnel),
+        defect=float(growth.max()),
         rounding=rounding,
+        remainder_seen=seen,
         between=between,
-        drift=drift,
     )
 
 
-def largest_between(funnel: Funnel, every: int = 1) -> float:
-    """Returns the largest V̇/V found between the times, by ascent [1/s].
+def _defect_faults(funnel, growth):
+    """Returns a fault where the nominal's defect alone takes all of the margin."""
+    worst = int(np.argmax(growth))
+    if growth[worst] <= funnel.settings.margin:
+        return []
+    return [
+        "The nominal is no flight: what it lacks makes V̇/V as large as "
+        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s, where "
+        f"{funnel.settings.margin:.2g} 1/s is the margin."
+    ]
+
+
+def remainder_seen(funnel: Funnel, at: list[int]) -> float:
+    """Returns the largest |R_k| / β_k at random points of the boundary at some times.
 
     Args:
         funnel: the funnel.
+        at: indices of the times.
+    """
+    coefficients, ratios = expand(funnel.nominal), [0.0]
+    for k in at:
+        remainder = make_remainder(funnel.nominal, k, coefficients, funnel.S[k])
+        counts = ~(remainder.largest <= LEAST_REMAINDER)  # What is no number counts.
+        with np.errstate(divide="ignore"):
+            ratios.extend((remainder.largest / funnel.beta[k, remainder.rows])[counts])
+    return float(np.max(ratios))  # np.max keeps a NaN, max does not.
+
+
+def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float:
+    """Returns the largest V̇/V found between the times, by ascent [1/s].
+
+    It is infinite where a set between them is no ellipsoid.
+
+    Args:
+        funnel: the funnel.
+        defect: growth (T,) by the nominal's defect [1/s].
         every: look into every so many intervals only.
     """
     rng = np.random.default_rng(0)
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
-    return max(
-        float(
-            GrowthBetween(funnel.nominal, share, every)
-            .largest(funnel.S, funnel.slopes, funnel.beta, funnel.weights, starts)
-            .max()
-        )
-        for share in SHARES
-    )
+    around = np.maximum(defect[:-1], defect[1:])[::every]
+    try:
+        found = [
+            GrowthBetween(funnel.nominal, share, every).largest(
+                funnel.S, funnel.slopes, funnel.beta, funnel.weights, starts
+            )
+            for share in SHARES
+        ]
+    except np.linalg.LinAlgError:
+        return np.inf
+    return float(np.max(np.array(found) + around))

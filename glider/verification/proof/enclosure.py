@@ -2,7 +2,8 @@
 
 Deviations of the set are e = basis w with |w| <= 1. The rates that are not linear
 depend on a few combinations of e only, so that w has fewer entries than e; the basis is
-turned so that R varies most along w₁, then along w₂, and so on.
+turned so that R varies most along w₁, then along w₂, and so on. What rounding leaves of
+the other entries of w in these combinations is enclosed too.
 """
 
 import dataclasses
@@ -10,6 +11,7 @@ import dataclasses
 import numpy as np
 
 from glider.verification.dynamics.error_dynamics import (
+    ORDER,
     closed_loop_rates,
     nonlinear_parts,
     table_of,
@@ -23,6 +25,7 @@ from glider.verification.funnel.ascent import DIFFERENCE
 from glider.verification.funnel.remainder import remainder_of
 from glider.verification.proof.boxes import (
     BALL_ERROR,
+    RADIUS,
     blame_of,
     bound_in_ball,
     row_on_boxes,
@@ -57,6 +60,10 @@ class TaylorRemainder:
     polynomials: np.ndarray
     """Taylor polynomials (r, M) of these rates' deviations, in w."""
 
+    dropped: np.ndarray
+    """Bounds (n + 1,) of what each deviation and the command may differ by from what w
+    makes of it, where the rates that are not linear depend on it; else zero."""
+
     nominal_rates: np.ndarray
     """These rates (r,) at the nominal."""
 
@@ -82,7 +89,9 @@ class TaylorRemainder:
             w_i is to blame for the bounds, (r, m, B).
         """
         table = table_of(len(center))
-        rates = _rates_on(table, self.nominal, self.at, self.basis, center, half)
+        rates = _rates_on(
+            table, self.nominal, self.at, self.basis, self.dropped, center, half
+        )
         within = np.sum(center**2, axis=0) <= 1.0
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
@@ -118,39 +127,49 @@ def make_remainder(
     basis = L_inv_T @ np.linalg.svd(variables @ L_inv_T)[2].T
     turn, largest = _active(nominal, at, coefficients, basis[:, :m], rows)
     basis[:, :m] = basis[:, :m] @ turn
-    if not np.abs(basis.T @ S @ basis - np.eye(n)).sum() < BALL_ERROR:
+    error = np.abs(basis.T @ S @ basis - np.eye(n)).sum()
+    error += ROUNDING * (np.abs(basis).T @ np.abs(S) @ np.abs(basis)).sum()
+    if not error < BALL_ERROR:
         largest = np.full(len(rows), np.inf)  # S is all but singular.
+    dropped = np.zeros(n + 1)
+    dropped[which] = np.abs(variables @ basis[:, m:]).sum(axis=1)
+    dropped[which] += ROUNDING * (np.abs(variables) @ np.abs(basis)).sum(axis=1)
+    dropped *= RADIUS * WIDER
     polynomials = change_variables(coefficients[at], basis)[rows]
     sizes = change_variables(np.abs(coefficients[at]), np.abs(basis))[rows]
     inside = ~table_of(n).exponents[:, m:].any(axis=1)
     # Exactly, there would be nothing outside.
-    outside = np.abs(polynomials[:, ~inside]).sum(axis=1)
+    outside = np.abs(polynomials[:, ~inside]).sum(axis=1) * RADIUS**ORDER
     point = np.zeros((m, 1))
-    rates = _rates_on(table_of(m), nominal, at, basis[:, :m], point, point)
+    none = np.zeros(n + 1)
+    rates = _rates_on(table_of(m), nominal, at, basis[:, :m], none, point, point)
     at_nominal = [rates[row] for row in rows]
-    rounded = ROUNDING * sizes.sum(axis=1) + [rate.remainder[0] for rate in at_nominal]
+    rounded = ROUNDING * sizes.sum(axis=1) * RADIUS**ORDER
+    rounded += [rate.remainder[0] for rate in at_nominal]
     return TaylorRemainder(
         nominal=nominal,
         at=at,
         rows=rows,
         basis=basis[:, :m],
         polynomials=polynomials[:, inside],
+        dropped=dropped,
         nominal_rates=np.array([rate.coefficients[0, 0] for rate in at_nominal]),
         rounding=(outside + rounded) * WIDER,
         largest=largest,
     )
 
 
-def _rates_on(table, nominal, at, basis, center, half):
+def _rates_on(table, nominal, at, basis, dropped, center, half):
     """Returns ẋ of the closed loop as Taylor models on boxes of w."""
-    x0 = nominal.states[at]
-    states = [
-        row_on_boxes(table, row, center, half).plus(x)
-        for row, x in zip(basis, x0, strict=True)
-    ]
-    return closed_loop_rates(
-        nominal.model, states, nominal.gains[at], x0, nominal.inputs[at]
-    )
+    x0, nothing = nominal.states[at], np.zeros(basis.shape[1])
+    states = []
+    for row, x, missing in zip(basis, x0, dropped[:-1], strict=True):
+        state = row_on_boxes(table, row, center, half).plus(x)
+        state.remainder = state.remainder + missing
+        states.append(state)
+    command = row_on_boxes(table, nothing, center, half).plus(nominal.inputs[at])
+    command.remainder = command.remainder + dropped[-1]
+    return closed_loop_rates(nominal.model, states, nominal.gains[at], x0, command)
 
 
 def _active(nominal, at, coefficients, basis, rows):

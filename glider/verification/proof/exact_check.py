@@ -1,14 +1,17 @@
 """The part of a funnel's check that is in whole numbers.
 
-At each of its times:
+At each time that is looked at:
 1. S is positive definite, and the set keeps the servo within its limits;
 2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
    coefficients are the doubles that `expand` computes from the glider in the file, with
-   any disturbance |R_k| <= β_k: minus V̇ - slack V has a positive definite Gram matrix.
-At the end the set lies in the goal.
+   any disturbance |R_k| <= β_k, and with the nominal's largest defect in the intervals
+   about that time: minus V̇ - slack V has a positive definite Gram matrix.
+At the end the set lies in the goal. What rests on more than whole numbers is told in
+`glider.verification.proof`.
 """
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 import numpy as np
 
@@ -20,7 +23,10 @@ from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.limits import servo_bounds
 from glider.verification.sos.exact import (
     Exact,
+    at_least,
+    dyadic,
     exact,
+    fractions,
     is_positive_definite,
     leaves_definite,
     rounded,
@@ -59,6 +65,7 @@ def proven_slack(funnel: Funnel) -> float:
 def exact_faults(
     funnel: Funnel,
     at: Sequence[int],
+    defect: np.ndarray,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[list[str], float]:
     """Checks a funnel in whole numbers.
@@ -66,6 +73,7 @@ def exact_faults(
     Args:
         funnel: the funnel.
         at: indices of the times.
+        defect: growth (T,) by the nominal's defect, `defect_growth`, finite [1/s].
         progress: called with the share that is done.
 
     Returns:
@@ -74,31 +82,46 @@ def exact_faults(
     """
     nominal = funnel.nominal
     coefficients = expand(nominal)
-    directions, bounds = servo_bounds(nominal, shrink=1.0)
+    directions, bounds = servo_bounds(nominal, shrink=1.0, number=fractions)
     slack = proven_slack(funnel)
-    faults, rounding = [], 0.0
+    found: dict[str, list[float]] = {}
+    rounding = 0.0
     for number, k in enumerate(at):
-        when = f"at {nominal.times[k]:.4f} s"
-        if not is_positive_definite(exact(funnel.S[k])):
-            faults.append(f"The set is no ellipsoid {when}.")
-            continue
-        if not _keeps_bounds(funnel.S[k], directions[k], bounds[k]):
-            faults.append(f"The servo would meet its limits {when}.")
-        holds, change = check_time(funnel, coefficients[k], k, slack)
+        faults, change = [], 0.0
+        if not np.all(np.isfinite(coefficients[k])):
+            faults = ["The glider's dynamics have no Taylor polynomial"]
+        elif not is_positive_definite(exact(funnel.S[k])):
+            faults = ["The set is no ellipsoid"]
+        else:
+            if not _keeps_bounds(funnel.S[k], directions[k], bounds[k]):
+                faults = ["The servo would meet its limits"]
+            holds, change = check_time(funnel, coefficients[k], k, slack + defect[k])
+            faults += [] if holds else ["The Gram matrix proves nothing"]
         rounding = max(rounding, change)
-        if not holds:
-            faults.append(f"The Gram matrix proves nothing {when}.")
+        for fault in faults:
+            found.setdefault(fault, []).append(nominal.times[k])
         if progress:
             progress((number + 1) / len(at))
+    sentences = [f"{fault} {_when(times)}." for fault, times in found.items()]
     if not _within_goal(funnel):
-        faults.append("The last set is not within the goal.")
-    return faults, rounding
+        sentences.append("The last set is not within the goal.")
+    return sentences, rounding
+
+
+def _when(times):
+    """Returns words for some times [s]."""
+    if len(times) == 1:
+        return f"at {times[0]:.4f} s"
+    return f"at {len(times)} times, from {times[0]:.4f} to {times[-1]:.4f} s"
 
 
 def check_time(
     funnel: Funnel, coefficients: np.ndarray, k: int, slack: float
 ) -> tuple[bool, float]:
     """Returns whether V̇ <= -slack V is proven at one time, and what rounding took.
+
+    Numbers too large or sets too flat for the floating point that proposes a Gram
+    matrix prove nothing.
 
     Args:
         funnel: the funnel.
@@ -113,22 +136,26 @@ def check_time(
     if np.any((beta > 0.0) & (weights == 0.0)):
         return False, 0.0
     tables = sphere(len(S))
-    polynomial, metric = growth_polynomial(
-        exact(S),
-        exact(slope),
-        coefficients,
-        rounded(to_ball(S)[1], BALL_BITS),
-        beta,
-        weights,
-        exact(slack),
-    )
-    # In floating point: a Gram matrix for exactly this polynomial, as near as can be.
-    doubles = polynomial.to_float()
-    entries = funnel.grams[k].astype(float)
-    entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
-    gram = tables.matrix(represent(tables, entries, doubles))
-    gram = gram * np.multiply.outer(tables.scales, tables.scales)
-    whole = rounded(gram, GRAM_BITS)
+    try:
+        polynomial, metric = growth_polynomial(
+            exact(S),
+            exact(slope),
+            coefficients,
+            rounded(to_ball(S)[1], BALL_BITS),
+            beta,
+            weights,
+            exact(slack),
+        )
+        # In floating point: a Gram matrix of nearly this polynomial. The one in the
+        # file may or may not have the nominal's defect in it.
+        doubles = polynomial.to_float()
+        entries = funnel.grams[k].astype(float)
+        entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
+        gram = tables.matrix(represent(tables, entries, doubles))
+        gram = gram * np.multiply.outer(tables.scales, tables.scales)
+        whole = rounded(gram, GRAM_BITS)
+    except (np.linalg.LinAlgError, OverflowError, ValueError):
+        return False, 0.0
     left_over = polynomial - gram_polynomial(tables, whole, metric)
     return leaves_definite(whole, sparse_gram(tables, left_over))
 
@@ -170,27 +197,27 @@ def growth_polynomial(
         if w > 0.0:
             across = Exact(np.multiply.outer(column, column), 2 * L_T.exponent)
             quadratic = quadratic + across.times(exact(w))
-            quadratic = quadratic + metric.times(_at_least(b * b / w))
+            ball = at_least(Fraction(b) ** 2 / Fraction(w))
+            quadratic = quadratic + metric.times(ball)
     quadratic = quadratic + metric.times(slack)
     cubic = substituted(L_T @ F2, L_inv_T, 2)
     quartic = substituted(L_T @ F3, L_inv_T, 3) + quadratic_product(quadratic, metric)
     return odd_then_even(cubic, quartic).scaled(-1), metric
 
 
-def _at_least(value):
-    """Returns a double above a quotient that rounding may have lowered."""
-    return exact(np.nextafter(np.nextafter(value, np.inf), np.inf))
-
-
 def _keeps_bounds(S, directions, bounds):
-    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite."""
+    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite.
+
+    Args:
+        S: (n, n).
+        directions: fractions (K, n) a.
+        bounds: fractions (K,) b.
+    """
     for a, bound in zip(directions, bounds, strict=True):
-        if not bound > 0.0:
+        if not bound > 0:
             return False
-        square = exact(bound).times(exact(bound))
-        across = np.multiply.outer(exact(a).numbers, exact(a).numbers)
-        product = Exact(across, 2 * exact(a).exponent)
-        if not is_positive_definite(exact(S).times(square) - product):
+        across = dyadic(np.multiply.outer(a, a))
+        if not is_positive_definite(exact(S).times(dyadic(bound**2)) - across):
             return False
     return True
 

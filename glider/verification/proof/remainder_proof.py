@@ -92,18 +92,20 @@ def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
         return "The certificate bears no remainder: it is of the polynomials alone."
     if proof.complete:
         return (
-            f"The remainder is proven: at all {len(proof.times)} times it is no larger "
-            f"than the certificate bears, on {proof.boxes:,} boxes."
+            f"The remainder is proven: at {len(proof.times)} of "
+            f"{len(funnel.nominal.times)} times it is no larger than the certificate "
+            f"bears, on {proof.boxes:,} boxes."
         )
     count = sum(one.proven for one in proof.at_times)
-    largest = max(one.ratio for one in proof.at_times)
+    largest = np.max([one.ratio for one in proof.at_times])
     until = "at no time" if proof.until is None else f"until {proof.until:.4f} s"
     words = (
-        f"The remainder is proven {until}, and at {count} of {len(proof.times)} times"
+        f"The remainder is proven {until}, and at {count} of the {len(proof.times)} "
+        f"times that were tried, of {len(funnel.nominal.times)}"
     )
     if not np.isfinite(largest):
-        return f"{words} in all; at some, the certificate bears none."
-    return f"{words} in all; up to {largest:.2f} times what it bears was seen."
+        return f"{words}; at some, the certificate bears none."
+    return f"{words}; up to {largest:.2f} times what it bears was seen."
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.

@@ -2,8 +2,11 @@
 
 Every double is such a number, so that nothing needs rounding. A matrix is positive
 definite exactly if its leading minors are positive, and fraction-free elimination
-(Bareiss 1968) has them as its pivots.
+(Bareiss 1968) has them as its pivots. What is no number or infinite is refused.
 """
+
+import math
+from fractions import Fraction
 
 import numpy as np
 
@@ -58,8 +61,12 @@ class Exact:
 
 
 def exact(values: np.ndarray | float) -> Exact:
-    """Returns doubles as they are, without rounding."""
-    array = np.asarray(values, dtype=float)
+    """Returns doubles as they are, without rounding.
+
+    Raises:
+        ValueError: where they are not finite.
+    """
+    array = _finite(values)
     mantissas, exponents = np.frexp(array)
     whole = np.ldexp(mantissas, 53).astype(np.int64).astype(object)
     used = exponents[mantissas != 0.0]
@@ -69,10 +76,41 @@ def exact(values: np.ndarray | float) -> Exact:
 
 
 def rounded(values: np.ndarray, bits: int) -> Exact:
-    """Returns doubles rounded to so many binary places."""
-    whole = np.rint(np.ldexp(np.asarray(values, dtype=float), bits))
+    """Returns doubles rounded to so many binary places.
+
+    Raises:
+        ValueError: where they are not finite, or too large for it.
+    """
+    whole = np.rint(_finite(np.ldexp(np.asarray(values, dtype=float), bits)))
     numbers = np.array([int(v) for v in whole.ravel()], dtype=object)
     return Exact(numbers.reshape(whole.shape), -bits)
+
+
+def fractions(values: np.ndarray | float) -> np.ndarray:
+    """Returns doubles as they are, as an array of fractions."""
+    return np.vectorize(Fraction, otypes=[object])(_finite(values))
+
+
+def dyadic(values: np.ndarray) -> Exact:
+    """Returns fractions whose denominators are powers of 2, without rounding."""
+    array = np.asarray(values, dtype=object)
+    common = max(value.denominator for value in array.ravel())
+    numbers = np.array([int(value * common) for value in array.ravel()], dtype=object)
+    return Exact(numbers.reshape(array.shape), 1 - common.bit_length())
+
+
+def at_least(value: Fraction, bits: int = 60) -> Exact:
+    """Returns a number of so many bits, or one more, that is not below a fraction."""
+    size = value.numerator.bit_length() - value.denominator.bit_length()
+    whole = math.ceil(value * Fraction(2) ** (bits - size))
+    return Exact(np.array(whole, dtype=object), size - bits)
+
+
+def _finite(values):
+    array = np.asarray(values, dtype=float)
+    if not np.all(np.isfinite(array)):
+        raise ValueError("exact arithmetic is of finite numbers")
+    return array
 
 
 def is_positive_definite(matrix: Exact) -> bool:

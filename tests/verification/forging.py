@@ -1,0 +1,226 @@
+"""Forged funnels: files that look like the shipped one and must be refused.
+
+Each takes the arrays and notes of a good file and changes them in place; beside it, the
+words of the sentence that refuses it. A review found the first; the others follow.
+"""
+
+import json
+
+import numpy as np
+
+
+def forge(source, path, change):
+    """Writes a file, changed, as NumPy writes it: nothing of the package looks on."""
+    with np.load(source) as data:
+        arrays = {name: data[name].copy() for name in data.files}
+    notes = json.loads(str(arrays.pop("notes")))
+    change(arrays, notes)
+    np.savez_compressed(path, notes=np.array(json.dumps(notes)), **arrays)
+
+
+def _widened_goal(arrays, notes, factor=10.0):
+    notes["settings"]["goal"] = [factor * axis for axis in notes["settings"]["goal"]]
+
+
+def _shifted(arrays, notes):
+    arrays["states"][:, :2] += 1.0
+
+
+def _cut(arrays, notes):
+    for name in arrays:
+        arrays[name] = arrays[name][:100]
+    _widened_goal(arrays, notes)
+
+
+def _drifting(arrays, notes, step=0.99e-4):
+    rise = np.arange(len(arrays["times"])) * step
+    arrays["states"][:, 0] -= rise - rise[-1]
+    arrays["states"][:, 1] += rise - rise[-1]
+
+
+def _model(old, new):
+    def change(arrays, notes):
+        assert old in notes["model"]
+        notes["model"] = notes["model"].replace(old, new)
+
+    return change
+
+
+def _times(name, factor):
+    def change(arrays, notes):
+        arrays[name] = arrays[name] * factor
+
+    return change
+
+
+def _heavier_weights(arrays, notes):
+    arrays["weights"][:, 4:] *= 3.0
+
+
+def _skew(arrays, notes):
+    turn = np.random.default_rng(0).normal(size=(7, 7))
+    arrays["slopes"] = arrays["slopes"] + 1e3 * (turn - turn.T)
+
+
+def _complex(arrays, notes):
+    arrays["beta"] = arrays["beta"].astype(complex)
+
+
+def _wrapping(arrays, notes):
+    """16 * 16 is 0 in eight bits."""
+    arrays["beta"] = np.zeros(arrays["beta"].shape, dtype=np.uint8)
+    arrays["beta"][:, 4:] = 16
+    arrays["weights"][:, 4:] = 1e-300
+
+
+def _names(arrays, notes):
+    notes["state_names"] = ["a"] * 7
+
+
+def _every_fourth(arrays, notes):
+    for name in arrays:
+        arrays[name] = arrays[name][::4]
+
+
+def _no_grams(arrays, notes):
+    arrays["grams"][:] = 0.0
+
+
+def _scaled(arrays, notes):
+    arrays["S"] *= 0.97
+    arrays["slopes"] *= 0.97
+
+
+REVIEWED = {
+    "a set 3 % wider": (_scaled, "The Gram matrix proves nothing"),
+    "half of the remainder": (_times("beta", 0.5), "The remainder is 1."),
+    "a goal ten times as large": (_widened_goal, "from the wire; the hook reaches"),
+    "a flight 1 m from the wire": (_shifted, "the problem's launch has"),
+    "a flight cut in the middle": (_cut, "from the wire; the hook reaches"),
+    "a nominal that drifts": (_drifting, "The nominal is no flight"),
+    "a heavier glider": (_model("mass: 0.08", "mass: 0.0801"), "another glider"),
+    "gains 2 % higher": (_times("gains", 1.02), "The Gram matrix proves nothing"),
+    "a slower clock": (_times("times", 1.003), "The nominal is no flight"),
+    "a servo of any rate": (
+        _model("elevator_rate_limit: 13.0", "elevator_rate_limit: 1300.0"),
+        "'elevator_rate_limit: 1300.0' where the one that is meant has",
+    ),
+    "heavier weights": (_heavier_weights, "The Gram matrix proves nothing"),
+    "skew slopes": (_skew, "'slopes' is not symmetric"),
+    "complex bounds": (_complex, "'beta' is of type complex128"),
+    "bounds that wrap": (_wrapping, "'beta' is of type uint8"),
+    "states of other names": (_names, "its states are a, a"),
+    "every fourth time": (_every_fourth, "The nominal is no flight"),
+    "a mass that is no number": (
+        _model("mass: 0.08", "mass: .nan"),
+        "its glider: field 'mass' is nan",
+    ),
+    "no Gram matrices": (_no_grams, "The Gram matrix proves nothing"),
+}
+"""Forged files of a review: the change and words of the sentence that refuses it."""
+
+
+def _late_launch(arrays, notes):
+    for name in arrays:
+        arrays[name] = arrays[name][60:]
+    arrays["times"] = arrays["times"] - arrays["times"][0]
+
+
+def _beside_the_wire(arrays, notes):
+    """Launch and wire 4 mm lower, which the dynamics do not see."""
+    arrays["states"][:, 1] -= 0.004
+
+
+def _beside_the_wire_at_the_end(arrays, notes):
+    """From the launch to 1 cm beside the wire, by a drift that a step hardly shows."""
+    share = np.linspace(0.0, 1.0, len(arrays["times"]))
+    arrays["states"][:, 0] -= 0.01 * share**2
+
+
+def _trembling(arrays, notes):
+    """A drift of 1e-5 m a step, to and fro."""
+    arrays["states"][1:-1:2, 1] += 1e-5
+
+
+def _moved_time(arrays, notes):
+    arrays["times"] = arrays["times"] + 1.0
+
+
+def _no_number_between(arrays, notes):
+    arrays["beta"][7, 4] = np.nan
+
+
+def _one_sided(arrays, notes):
+    """Cholesky reads one triangle of S, the growth of V both."""
+    arrays["S"][:, 0, 1] *= 0.5
+
+
+def _no_remainder_in_pitch(arrays, notes):
+    arrays["beta"][:, 6] = arrays["weights"][:, 6] = 0.0
+
+
+def _turned_goal(arrays, notes):
+    notes["settings"]["goal"][2] = 30.0
+
+
+def _worded_goal(arrays, notes):
+    notes["settings"]["goal"] = [str(axis) for axis in notes["settings"]["goal"]]
+
+
+def _swapped_names(arrays, notes):
+    notes["state_names"][:2] = ["z", "x"]
+
+
+def _huge(arrays, notes):
+    arrays["beta"][:, 4:] = 1e200
+
+
+def _flat(arrays, notes):
+    """Definite in whole numbers, singular in floating point."""
+    arrays["S"][:] = arrays["slopes"][:] = np.ones((7, 7))
+    arrays["S"][:, range(7), range(7)] += 2.0**-52
+
+
+def _wild_slope(arrays, notes):
+    """At one time that --every leaves out: no ellipsoid about it."""
+    arrays["slopes"][1] = -1e7 * np.eye(7)
+
+
+def _negative(arrays, notes):
+    arrays["beta"] *= -1.0
+
+
+def _half_precision(arrays, notes):
+    arrays["S"] = arrays["S"].astype(np.float16)
+
+
+INVENTED = {
+    "a launch in mid-flight": (_late_launch, "the problem's launch has"),
+    "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
+    "1 cm beside the wire": (_beside_the_wire_at_the_end, "from the wire"),
+    "a nominal that trembles": (_trembling, "The nominal is no flight"),
+    "times that start at 1 s": (_moved_time, "'times' must increase from 0"),
+    "no number at one time": (_no_number_between, "finite numbers"),
+    "a set of two triangles": (_one_sided, "'S' is not symmetric"),
+    "no remainder in pitch": (_no_remainder_in_pitch, "The remainder is inf times"),
+    "a goal of any pitch": (_turned_goal, "The goal has pitches from"),
+    "a goal in words": (_worded_goal, "positive numbers"),
+    "swapped names": (_swapped_names, "its states are z, x"),
+    "a remainder of 1e200": (_huge, "The Gram matrix proves nothing"),
+    "a set that is flat": (_flat, "The Gram matrix proves nothing"),
+    "wild slopes between": (_wild_slope, "Between the times"),
+    "a servo of wider travel": (
+        _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
+        "'elevator_limits: [-1.5, 1.5]' where",
+    ),
+    "a wind nobody asked for": (
+        _model(
+            "effects: []",
+            "effects:\n- kind: wind\n  coefficients:\n    x: 0.0\n    z: 0.0",
+        ),
+        "another glider",
+    ),
+    "negative bounds": (_negative, "'beta' is negative somewhere"),
+    "sets of half precision": (_half_precision, "'S' is of type float16"),
+}
+"""More of them."""

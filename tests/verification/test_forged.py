@@ -1,0 +1,59 @@
+"""No forged file passes `check-funnel`, and each is refused in a sentence."""
+
+import pytest
+
+from glider.__main__ import main
+from glider.paths import models_path
+from tests.verification.forging import INVENTED, REVIEWED, forge
+
+FORGED = REVIEWED | INVENTED
+FEW = ["--every", "100"]
+
+
+@pytest.fixture(scope="module")
+def source():
+    return models_path("funnels", "proven", "drawn.npz")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return str(models_path("vehicles", "perching.yaml"))
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_file_is_refused_in_a_sentence(
+    name, source, vehicle, tmp_path, capsys
+):
+    change, words = FORGED[name]
+    path = tmp_path / "funnel.npz"
+    forge(source, path, change)
+    code = main(["check-funnel", str(path), *FEW, "--model", vehicle])
+    said = "".join(capsys.readouterr())
+    assert code in (1, 2)
+    sentences = [line for line in said.splitlines() if words in line]
+    assert sentences, said
+    assert len(sentences[0]) < 300
+    assert sentences[0].endswith(".")
+
+
+def test_a_copy_by_the_forger_passes(source, vehicle, tmp_path, capsys):
+    path = tmp_path / "funnel.npz"
+    forge(source, path, lambda arrays, notes: None)
+    assert main(["check-funnel", str(path), *FEW, "--model", vehicle]) == 0
+    said = capsys.readouterr().out
+    assert "holds at 3 of 201 times" in said
+    assert "at 3 points of some intervals" in said
+    assert "5.00 cm of the wire" in said
+
+
+def test_another_problem_and_glider_are_refused(source, tmp_path, capsys):
+    problem = tmp_path / "problem.yaml"
+    problem.write_text("wire: [0.1, 0.0]\n")
+    command = ["check-funnel", str(source), *FEW]
+    assert main([*command, "--problem", str(problem)]) == 1
+    assert "0.15 m from the wire" in capsys.readouterr().out
+    model = str(models_path("truths", "head_wind.yaml"))
+    assert main([*command, "--model", model]) == 1
+    assert "'effects: []' where" in capsys.readouterr().out
+    assert main([*command, "--model", str(problem)]) == 2
+    assert "not a glider model" in capsys.readouterr().err
