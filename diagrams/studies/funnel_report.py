@@ -97,8 +97,8 @@ def _describe(name: str, study: FunnelStudy) -> str:
         f"{np.degrees(widths['pitch']):.1f}° in pitch or {widths['xdot']:.2f} m/s in "
         f"speed ({study.funnel.seconds:.0f} s; remainder: "
         f"{remainder_status(study.funnel, proof)}).\n"
-        f"  Its certificate {checked} at {verdict.times} times; {flown.escapes} of "
-        f"{flown.samples} flights from its boundary leave it."
+        f"  Its certificate {checked} at {verdict.times} of {verdict.of_times} "
+        f"times; {flown.escapes} of {flown.samples} flights from its boundary leave it."
         + (f"\n  {describe_proof(study.funnel, proof)}" if proof else "")
     )
 

@@ -1,6 +1,7 @@
 """A check tells a certificate from what only looks like one."""
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.error_dynamics import evaluate
+from glider.verification.funnel.limits import servo_bounds
 from glider.verification.funnel.remainder import (
     remainder_form,
 )
@@ -23,6 +25,7 @@ from glider.verification.proof.exact_check import (
 )
 from glider.verification.sos.exact import (
     exact,
+    fractions,
     rounded,
 )
 from glider.verification.sos.forms import (
@@ -88,6 +91,14 @@ def test_the_shipped_certificate_holds(funnel):
     assert verdict.rounding < 1e-3
 
 
+def test_the_servos_limits_are_the_same_without_rounding(funnel):
+    exactly = servo_bounds(funnel.nominal, shrink=1.0, number=fractions)
+    for found, whole in zip(servo_bounds(funnel.nominal, 1.0), exactly, strict=True):
+        assert whole.dtype == object
+        assert {type(value) for value in whole.ravel()} == {Fraction}
+        assert whole.astype(float) == pytest.approx(found, rel=1e-12)
+
+
 def lighter(funnel):
     parameters = GliderParameters(mass=0.07)
     return dataclasses.replace(funnel.nominal, model=GliderModel(parameters=parameters))
@@ -138,6 +149,16 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
     assert np.isnan(largest_between(funnel, unknown, 20))
+
+
+def test_the_nominals_defect_is_counted_in_whole_numbers(funnel):
+    assert exact_faults(funnel, [100], NO_DEFECT)[0] == []
+    assert exact_faults(funnel, [100], NO_DEFECT + 0.001)[0] == []
+    assert "proves nothing" in exact_faults(funnel, [100], NO_DEFECT + 1.0)[0][0]
+    two = exact_faults(funnel, [50, 100], NO_DEFECT + np.inf)[0]
+    times = funnel.nominal.times[[50, 100]]
+    words = f"nothing at 2 times, from {times[0]:.4f} to {times[1]:.4f} s."
+    assert two == [f"The Gram matrix proves {words}"]
 
 
 def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel, coefficients):

@@ -8,10 +8,10 @@ import pytest
 from glider.paths import models_path
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.error_dynamics import evaluate, expand
 from glider.verification.dynamics.jets import monomials
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.remainder import remainder_of, true_rates
 from glider.verification.proof.boxes import (
     RADIUS,
     bound_in_ball,
@@ -75,6 +75,30 @@ def test_no_remainder_on_a_box_is_larger_than_its_bound(funnel, coefficients, k,
     if size == 0.03:
         some = largest > 0.3 * largest.max(axis=1, keepdims=True)
         assert np.median((bounds / largest)[some]) < 1.6
+
+
+def test_what_rounding_drops_from_the_coordinates_is_enclosed(funnel, coefficients):
+    k, rng = LATE, np.random.default_rng(6)
+    remainder = make_remainder(funnel.nominal, k, coefficients, funnel.S[k])
+    assert np.all(remainder.dropped[:2] == 0.0)  # No rate depends on the position.
+    assert np.all(remainder.dropped[2:] > 0.0)
+    assert np.all(remainder.dropped < 1e-11)
+    # As if it were a thousandth.
+    missing = np.zeros(8)
+    missing[2:7] = 1e-3
+    wide = dataclasses.replace(remainder, dropped=missing)
+    center, half = random_boxes(remainder.basis.shape[1], 40, 0.001)
+    bounds, _, _ = wide.bounds(center, half)
+    exactly, _, _ = remainder.bounds(center, half)
+    errors = center.T @ remainder.basis.T
+    found = np.zeros_like(bounds)
+    for _ in range(100):
+        moved = errors + missing[:7] * rng.choice([-1.0, 1.0], size=errors.shape)
+        rates = true_rates(funnel.nominal, np.array([k]), moved[None])[0]
+        off = np.abs(rates - evaluate(coefficients[k], errors))[:, remainder.rows].T
+        found = np.maximum(found, off)
+    assert np.all(found <= bounds)
+    assert not np.all(found <= exactly)
 
 
 def test_the_bound_in_the_ball_is_above_all_values_and_not_far():

@@ -1,6 +1,7 @@
 """Sums of squares on the sphere, their solvers, and the exact check of a matrix."""
 
 import os
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,7 +11,10 @@ from hypothesis import strategies as st
 from glider.verification.funnel.ascent import largest_values
 from glider.verification.sos.exact import (
     Exact,
+    at_least,
+    dyadic,
     exact,
+    fractions,
     is_positive_definite,
     leaves_definite,
     rounded,
@@ -121,6 +125,31 @@ def test_doubles_become_whole_numbers_without_rounding(values):
     assert np.array_equal(exact(array).to_float(), array)
     total = exact(array) + exact(0.1 * np.ones(len(array)))
     assert total.to_float() == pytest.approx(array + 0.1)
+
+
+def test_what_is_no_number_has_no_exact_value():
+    for bad in (np.nan, np.inf, -np.inf):
+        for make in (exact, fractions, lambda values: rounded(values, 30)):
+            with pytest.raises(ValueError, match="finite"):
+                make(np.array([1.0, bad]))
+    with pytest.raises(ValueError, match="finite"):
+        rounded(np.array([1e305]), 30)  # It overflows.
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
+def test_fractions_become_whole_numbers_without_rounding(values):
+    whole = dyadic(fractions(np.array(values)) ** 2)
+    assert list(whole.numbers) == [
+        Fraction(value) ** 2 / Fraction(2) ** whole.exponent for value in values
+    ]
+
+
+@given(st.floats(0.0, 1e200), st.floats(1e-200, 1e200))
+def test_a_quotient_is_rounded_up_and_hardly(a, b):
+    value = Fraction(a) ** 2 / Fraction(b)
+    found = at_least(value)
+    above = Fraction(int(found.numbers)) * Fraction(2) ** found.exponent
+    assert value <= above <= value * (1 + Fraction(1, 2**58))
 
 
 @pytest.mark.parametrize("shift", [1e-9, -1e-9])

@@ -14,7 +14,7 @@ import numpy as np
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.dynamics.nominal_path import nominal_path, nominal_slopes
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 
 DEGREE = 5
@@ -25,11 +25,14 @@ PIECES = 4
 large as the defect is there."""
 
 
+@np.errstate(all="ignore")  # What is infinite is bounded by infinity.
 def defect_bounds(nominal: Nominal) -> np.ndarray:
     """Returns δ (T - 1, n), proven bounds of |d| over each interval of time.
 
     They are infinite where nothing is proven.
     """
+    if not np.all(np.isfinite(nominal_slopes(nominal))):
+        return np.full_like(nominal.states[1:], np.inf)
     curve = nominal_path(nominal).c  # (4, T - 1, n), powers of t - t_k, highest first.
     share = (np.arange(PIECES) + 0.5) / PIECES
     steps = np.diff(nominal.times)
@@ -40,24 +43,22 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
         """Returns Σ powers[j] (t - t_k)ʲ, each (T - 1), as one Taylor model."""
         return _on_pieces([power[:, None] for power in powers], center, half)
 
-    with np.errstate(all="ignore"):  # What is infinite is bounded by infinity.
-        states, slopes = [], []
-        for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
-            states.append(model([a0, a1, a2, a3]))
-            slopes.append(model([a1, 2.0 * a2, 3.0 * a3]))
-        u = nominal.inputs
-        rates = open_loop_rates(
-            nominal.model, states, model([u[:-1], np.diff(u) / steps])
-        )
-        sizes = []
-        for rate, slope in zip(rates, slopes, strict=True):
-            defect = slope.times(-1.0).plus(rate)
-            size = np.abs(defect.coefficients[0]) + defect.spread()
-            sizes.append(size.reshape(len(steps), PIECES).max(axis=1) * WIDER)
+    states, slopes = [], []
+    for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
+        states.append(model([a0, a1, a2, a3]))
+        slopes.append(model([a1, 2.0 * a2, 3.0 * a3]))
+    u = nominal.inputs
+    rates = open_loop_rates(nominal.model, states, model([u[:-1], np.diff(u) / steps]))
+    sizes = []
+    for rate, slope in zip(rates, slopes, strict=True):
+        defect = slope.times(-1.0).plus(rate)
+        size = np.abs(defect.coefficients[0]) + defect.spread()
+        sizes.append(size.reshape(len(steps), PIECES).max(axis=1) * WIDER)
     bounds = np.array(sizes).T
     return np.where(np.isfinite(bounds), bounds, np.inf)
 
 
+@np.errstate(all="ignore")
 def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Returns 2 √(δᵀ |S| δ) at each time (T,), rounded up [1/s].
 
@@ -68,9 +69,8 @@ def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     around = np.maximum(
         np.concatenate([bounds[:1], bounds]), np.concatenate([bounds, bounds[-1:]])
     )
-    with np.errstate(all="ignore"):
-        square = np.einsum("ti,tij,tj->t", around, np.abs(S), around)
-        growth = 2.0 * np.sqrt(square) * WIDER
+    square = np.einsum("ti,tij,tj->t", around, np.abs(S), around)
+    growth = 2.0 * np.sqrt(square) * WIDER
     return np.where(np.isfinite(growth), growth, np.inf)
 
 

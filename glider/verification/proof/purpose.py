@@ -30,7 +30,7 @@ _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """States in which flights of a funnel may end, as far as its goal tells."""
+    """What a funnel's goal holds, and with it the last set."""
 
     time: float
     """Time of the end [s]."""

@@ -100,12 +100,12 @@ def _describe_bearing(funnel, verdict):
 
 
 def describe_arrival(reached: Arrival, problem: PerchingProblem) -> str:
-    """Returns a sentence about how flights end, and which of them a hook takes."""
+    """Returns a sentence about the last set, and what of it a hook takes."""
     low, high = np.degrees(reached.pitch)
     words = (
-        f"It ends at {reached.time:.4f} s within {100.0 * reached.miss:.2f} cm of the "
-        f"wire, with a pitch of {low:.0f}° to {high:.0f}° and at most "
-        f"{reached.speed:.2f} m/s"
+        f"The last set, at {reached.time:.4f} s, is within "
+        f"{100.0 * reached.miss:.2f} cm of the wire, with pitches of {low:.0f}° to "
+        f"{high:.0f}° and at most {reached.speed:.2f} m/s"
     )
     hook = problem.hook
     least, most = hook.pitch_limits
@@ -115,5 +115,5 @@ def describe_arrival(reached: Arrival, problem: PerchingProblem) -> str:
     low, high = np.degrees([least, most])
     return (
         f"{words}; the hook takes {low:.0f}° to {high:.0f}° and up to "
-        f"{hook.speed_limit:.2f} m/s only: not every such end is a perch."
+        f"{hook.speed_limit:.2f} m/s only: not all of it is a perch."
     )

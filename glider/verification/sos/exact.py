@@ -81,7 +81,8 @@ def rounded(values: np.ndarray, bits: int) -> Exact:
     Raises:
         ValueError: where they are not finite, or too large for it.
     """
-    whole = np.rint(_finite(np.ldexp(np.asarray(values, dtype=float), bits)))
+    with np.errstate(over="ignore"):
+        whole = np.rint(_finite(np.ldexp(np.asarray(values, dtype=float), bits)))
     numbers = np.array([int(v) for v in whole.ravel()], dtype=object)
     return Exact(numbers.reshape(whole.shape), -bits)
 
