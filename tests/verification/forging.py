@@ -186,6 +186,11 @@ def _wild_slope(arrays, notes):
     arrays["slopes"][1] = -1e7 * np.eye(7)
 
 
+def _sawtooth(arrays, notes):
+    """V falls faster at each time, exactly, and rises between them."""
+    arrays["slopes"] -= 8.0 * arrays["S"]
+
+
 def _negative(arrays, notes):
     arrays["beta"] *= -1.0
 
@@ -209,6 +214,7 @@ INVENTED = {
     "a remainder of 1e200": (_huge, "The Gram matrix proves nothing"),
     "a set that is flat": (_flat, "The Gram matrix proves nothing"),
     "wild slopes between": (_wild_slope, "Between the times"),
+    "slopes as of a saw": (_sawtooth, "Between the times"),
     "a servo of wider travel": (
         _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
         "'elevator_limits: [-1.5, 1.5]' where",
