@@ -8,6 +8,7 @@ from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from tests.helpers.legs import WITHOUT_DRAKE, is_without_drake
 
 matplotlib.use("Agg")  # Tests open no window.
 
@@ -28,8 +29,12 @@ def pytest_collection_modifyitems(
 ) -> None:
     """Runs the quick tests first; in several processes, the files with slow ones.
 
-    There a long file that comes last would keep one process busy and the others idle.
+    A long file that comes last would keep one process busy and the others idle. What
+    Drake has no part in runs with one of the two.
     """
+    for item in items:
+        if is_without_drake(item.path):
+            item.add_marker(WITHOUT_DRAKE)
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     if hasattr(config, "workerinput"):
         items.sort(key=lambda item: item.path not in slow)

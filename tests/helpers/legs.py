@@ -2,12 +2,32 @@
 
 import shutil
 import sys
+from pathlib import Path
 
 import pytest
 
+_TESTS = Path(__file__).parents[1]
+
+FOLDERS = ("campaign", "comparison", "doctor", "files", "helpers", "report", "sysid")
+"""Of tests in which Drake has no part: reading, tracing, reports."""
+
+FILES = (
+    "diagrams/test_browser.py",
+    "verification/test_defect.py",
+    "verification/test_forged.py",
+    "verification/test_remainder_proof.py",
+    "verification/test_taylor_models.py",
+)
+"""The same, of a browser and of proofs that no solver has a part in."""
+
 WITHOUT_DRAKE = pytest.mark.skipif(
     sys.version_info >= (3, 12) and shutil.which("python3.11") is not None,
-    reason="tracing does not touch Drake: it is tested with Python 3.11",
+    reason="Drake has no part in it: it is tested with Python 3.11",
 )
-"""Mark of long tests in which Drake has no part: where there are both interpreters, one
-of them runs these."""
+"""Mark of such tests: where there are both interpreters, one of them runs these."""
+
+
+def is_without_drake(path: Path) -> bool:
+    """Whether a file's tests have nothing to do with Drake."""
+    inside = path.relative_to(_TESTS)
+    return inside.parts[0] in FOLDERS or inside.as_posix() in FILES

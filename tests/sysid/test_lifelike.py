@@ -7,9 +7,8 @@ import pytest
 
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import campaign_path
-from tests.helpers.legs import WITHOUT_DRAKE
 
-pytestmark = [pytest.mark.slow, WITHOUT_DRAKE]
+pytestmark = pytest.mark.slow
 
 
 @functools.cache

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from glider.sysid.pipeline import close_the_loop
-from tests.helpers.legs import WITHOUT_DRAKE
 
 THROWS = Path(__file__).parents[3] / "shared" / "measured" / "motion_studio_v3"
 
 pytestmark = [
     pytest.mark.slow,
-    WITHOUT_DRAKE,
     pytest.mark.skipif(
         not THROWS.is_dir(), reason=f"needs the measured throws in {THROWS}"
     ),

@@ -7,7 +7,6 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import campaign_path
-from tests.helpers.legs import WITHOUT_DRAKE
 from tests.helpers.tasks import fly, typical
 
 
@@ -83,7 +82,6 @@ def test_the_model_file_holds_the_effect(few):
 
 
 @pytest.mark.slow
-@WITHOUT_DRAKE
 @pytest.mark.parametrize(
     ("name", "kind", "truths"),
     [
@@ -153,7 +151,6 @@ def planted(*effects):
     ],
     ids="+".join,
 )
-@WITHOUT_DRAKE
 def test_planted_effects_are_traced(kinds):
     effects = [typical(kind) for kind in kinds]
     result = close_the_loop(planted(*effects))

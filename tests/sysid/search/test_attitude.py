@@ -15,7 +15,6 @@ from glider.sysid.search.attitude import (
     price_of_kind,
     trace_along_attitude,
 )
-from tests.helpers.legs import WITHOUT_DRAKE
 from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
 
@@ -35,7 +34,6 @@ def traced():
 
 
 @pytest.mark.slow
-@WITHOUT_DRAKE
 def test_what_every_throw_has_is_named(traced):
     _, found, truth = traced
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
@@ -45,7 +43,6 @@ def test_what_every_throw_has_is_named(traced):
 
 
 @pytest.mark.slow
-@WITHOUT_DRAKE
 def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
     task, found, _ = traced
     forces, model = found.forces, found.model
