@@ -50,7 +50,7 @@ def test_it_is_told_as_it_is(told, found):
 
 
 def test_it_is_drawn_and_animated(told):
-    assert told.size == (1500, 990)
+    assert told.size == (1950, 990)
     assert told.ink > 0.05
     assert ">Learning: head_wind<" in told.page
     for words in ("traced - last round", "weights - last round"):

@@ -155,7 +155,7 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
         (["--json", "{folder}/none/f.json"], "does not exist"),
         (["--save", "{folder}/none"], "does not exist"),
         (["--remainder", "-1"], "remainder"),
-        (["--load", "{folder}"], "not a funnel"),
+        (["--load", "{folder}"], "cannot be read: No such file"),
         (["--truth", "gremlins"], "gremlins"),
     ],
 )

@@ -51,5 +51,5 @@ def test_it_is_told_as_it_is(told, found):
 
 
 def test_it_is_drawn(told):
-    assert told.size == (975, 975)
+    assert told.size == (1275, 975)
     assert told.ink > 0.2  # The true region is shaded.
