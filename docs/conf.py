@@ -21,6 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "effect_catalogue",
     "front_page",
+    "mathml",
     "plain_docstrings",
 ]
 exclude_patterns = ["conf.py", "extensions"]
@@ -32,13 +33,12 @@ nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_timeout = 300
-nb_execution_raise_on_error = True
+nb_execution_show_tb = True
 nb_merge_streams = True
 suppress_warnings = ["myst-nb.lexer"]  # Of notebooks in a build that runs none.
 
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath", "substitution"]
 myst_heading_anchors = 3
-myst_dmath_double_inline = True
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
@@ -63,6 +63,7 @@ autodoc_default_options = {"members": True, "exclude-members": "__init__, __new_
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"drake-glider {version}"
 html_static_path = ["static"]

@@ -53,7 +53,7 @@ is that of step sizes, of priors and of the pictures. A coefficient without such
 gives an effect its shape, and several starting values are tried.
 
 The pictures are those of the report's *residual*: measured minus modelled acceleration of
-ten flights, along the wing, normal to it and in pitch (positive nose down). Grey is the
+eight flights, along the wing, normal to it and in pitch (positive nose down). Grey is the
 model without the effect, blue the model with it. *0*, *+*, *−* and *±* say what the effect
 at its typical size adds: nothing that shows through the noise, mostly positive, mostly
 negative, or both. What the tracer compares are whole flights, so that an effect may be found

@@ -21,7 +21,7 @@ from glider.sysid.replay.signs import signs_of, turn_campaign
 from glider.sysid.replay.theta import LIBRARY_LAYOUT
 from glider.sysid.result import ResidualTable
 
-FLIGHTS = CampaignPlan(flights=10)
+FLIGHTS = CampaignPlan(flights=8)
 """Flights of each picture."""
 
 HIDDEN = 0.1

@@ -1,3 +1,8 @@
+# ---
+# jupyter:
+#   kernelspec: {name: python3, display_name: Python 3, language: python}
+# ---
+
 # %% [markdown]
 # # Your first campaign
 #
@@ -50,12 +55,10 @@ angles.set(xlabel="time [s]", ylabel="pitch, nose down > 0 [°]");
 # and measures what that buys on flights that were held out.
 
 # %%
-result = close_the_loop(folder)
-
-# %%
 from glider.report.terminal import print_summary
 
-print_summary(result, print_width)
+result = close_the_loop(folder)
+print_summary(result, Console(width=88, force_jupyter=False, force_terminal=False))
 
 # %% [markdown]
 # Read it from the top. The **verdict** is a sentence. The **effect** comes with its

@@ -1,3 +1,8 @@
+# ---
+# jupyter:
+#   kernelspec: {name: python3, display_name: Python 3, language: python}
+# ---
+
 # %% [markdown]
 # # Your own effect and your own logs
 #
@@ -113,7 +118,7 @@ from glider.campaign.importing.run import import_campaign
 
 files = sorted(Path("takes").glob("*.csv"))
 imported = import_campaign(files, "MAP.yaml", "throws")
-print(imported.describe()[:400], "...")
+print(*imported.describe().splitlines()[:3], "...", sep="\n")
 
 # %% [markdown]
 # The import compares the flights with the MAP, and refuses one that they contradict. Had we
