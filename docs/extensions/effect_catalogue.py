@@ -37,30 +37,32 @@ WORDS = {
 _INTRODUCTION = """\
 # Effect catalogue
 
-What a flat-plate glider may lack: {count} effects, each a formula that adds to one link of
-the chain
+What a flat-plate glider may lack: {count} effects, each a formula that adds to one link
+of the chain
 
     command -> [actuator] -> [air] -> [geometry] -> [surface] -> forces -> [wrench]
             -> [inertia] -> acceleration -> state -> [sensor] -> log
 
-These pages are made from the library when the docs are built: the text below each effect,
-its formula as it is computed, and flights that were simulated with it. SI units and radians;
-pitch is positive nose **down**, the elevator positive trailing edge **up**, z up.
+These pages are made from the library when the docs are built: the text below each
+effect, its formula as it is computed, and flights that were simulated with it. SI units
+and radians; pitch is positive nose **down**, the elevator positive trailing edge
+**up**, z up.
 
-A formula gets the flow, its own states if it has any, and its coefficients: the fields of
-the flow are those of [`Flow`](#glider.physics.effects.effect.Flow). The *typical size*
-is that of step sizes, of priors and of the pictures. A coefficient without such a size only
-gives an effect its shape, and several starting values are tried.
+A formula gets the flow, its own states if it has any, and its coefficients: the fields
+of the flow are those of [`Flow`](#glider.physics.effects.effect.Flow). The *typical
+size* is that of step sizes, of priors and of the pictures. A coefficient without such a
+size only gives an effect its shape, and several starting values are tried.
 
-The pictures are those of the report's *residual*: measured minus modelled acceleration of
-eight flights, along the wing, normal to it and in pitch (positive nose down). Grey is the
-model without the effect, blue the model with it. *0*, *+*, *−* and *±* say what the effect
-at its typical size adds: nothing that shows through the noise, mostly positive, mostly
-negative, or both. What the tracer compares are whole flights, so that an effect may be found
-though its picture shows little.
+The pictures are those of the report's *residual*: measured minus modelled acceleration
+of eight flights, along the wing, normal to it and in pitch (positive nose down). Grey
+is the model without the effect, blue the model with it. *0*, *+*, *−* and *±* say what
+the effect at its typical size adds: nothing that shows through the noise, mostly
+positive, mostly negative, or both. What the tracer compares are whole flights, so that
+an effect may be found though its picture shows little.
 
-What has no formula is found as a curve or a field, see [how it works](../how_it_works.md).
-[Your own effect](../tutorials/own_effect.py) needs a formula of a few lines.
+What has no formula is found as a curve or a field, see [how it
+works](../how_it_works.md). [Your own effect](../tutorials/own_effect.py) needs a
+formula of a few lines.
 """
 
 
@@ -78,17 +80,18 @@ def page_of(stage: str, signatures: list[Signature], texts: dict[str, str]) -> s
         directions = ", ".join(
             f"{label} **{signature.direction(k)}**" for k, label in enumerate(RESIDUALS)
         )
+        over = VARIABLES[signature.variable][0].split(" [")[0]
         parts.append(
-            f"(effect-{kind.kind})=\n## {kind.kind}\n\n*{kind.words[0].upper()}{kind.words[1:]}."
-            f"*\n\n{texts[kind.kind]}\n\n"
+            f"(effect-{kind.kind})=\n## {kind.kind}\n\n"
+            f"*{kind.words[0].upper()}{kind.words[1:]}.*\n\n{texts[kind.kind]}\n\n"
             f"```python\n{''.join(_sources(kind))}```\n\n"
             f"{_coefficient_table(kind)}\n\n"
             f"```{{figure}} pictures/{kind.kind}.png\n"
             f":alt: residuals of flights with {kind.kind}\n\n"
-            f"Flights of a glider with {size}: what the model without it (grey) and with "
-            f"it (blue) leaves, over {VARIABLES[signature.variable][0].split(' [')[0]}.\n"
+            f"Flights of a glider with {size}: what the model without it (grey) and "
+            f"with it (blue) leaves, over {over}.\n"
             f"```\n\n"
-            f"So much of it adds to the residual: {directions}."
+            f"What that adds to the residual: {directions}."
             f" It varies with {', '.join(kind.depends_on)}.\n"
         )
     return "\n".join(parts)
@@ -129,7 +132,10 @@ def _short(value: float) -> str:
 
 def index_page(texts: dict[str, str]) -> str:
     """Returns the first page of the catalogue, in Markdown."""
-    rows = ["| effect | stage | what it is | unit | typical size |", "|---|---|---|---|---|"]
+    rows = [
+        "| effect | stage | what it is | unit | typical size |",
+        "|---|---|---|---|---|",
+    ]
     for kind in LIBRARY:
         sizes = sizes_of(kind)
         rows.append(

@@ -14,7 +14,7 @@ from glider.report.plots.flights import plot_paths
 from glider.report.plots.style import STYLE
 from glider.sysid.pipeline import close_the_loop
 
-FLIGHTS = tuple(f"flight_{k:03d}.csv" for k in range(12))
+FLIGHTS = tuple(f"flight_{k:03d}.csv" for k in range(10))
 SUSPECTS = ("attached_lift", "wind", "servo_lag", "profile_drag")
 """Effects that are tried: the tutorial tries the whole library on all flights."""
 

@@ -1,7 +1,8 @@
 """Sphinx extension: docstrings as they are written here, plain text with backticks.
 
 In reST, bars, asterisks and underscores are markup: here they are absolute values,
-products and names. An indented block is a formula or code, as in Markdown, where it is no part of a section.
+products and names. An indented block is a formula or code, as in Markdown, where it is
+no part of a section.
 """
 
 import re

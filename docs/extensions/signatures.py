@@ -11,7 +11,6 @@ from glider.campaign.logs import Campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.figure_data import RESIDUALS
-from glider.report.plots.axes import legend
 from glider.report.plots.residuals import plot_residual
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign, theta_of
 from glider.sysid.replay.noise import Noise, measure_noise
@@ -106,7 +105,8 @@ def _table(records: list[Record], model: GliderModel) -> ResidualTable:
 
 def draw(signature: Signature) -> Figure:
     """Draws the three residuals over the variable that they vary with most."""
-    figure = Figure(figsize=(9.0, 2.7), layout="constrained", dpi=110)
+    figure = Figure(figsize=(9.0, 2.8), dpi=100)
+    figure.subplots_adjust(left=0.06, right=0.985, bottom=0.18, top=0.8, wspace=0.18)
     axes = figure.subplots(1, 3)
     name = signature.variable
     tables = signature.without, signature.known
@@ -121,9 +121,5 @@ def draw(signature: Signature) -> Figure:
             ["as_drawn", "corrected"],
         )
         ax.set_title(f"{label} [{unit.name}]")
-    legend(figure, axes[0])
-    layout = figure.get_layout_engine()
-    assert layout is not None
-    layout.execute(figure)
-    figure.set_layout_engine("none")  # Once is enough, and saves a draw.
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="upper center", ncols=2)
     return figure

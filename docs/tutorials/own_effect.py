@@ -6,18 +6,18 @@
 # %% [markdown]
 # # Your own effect and your own logs
 #
-# The library may lack what your glider has, and your logs will not be in its format. Both
-# go in from outside: an effect as one formula, a log through one MAP file.
+# The library may lack what your glider has, and your logs will not be in its format.
+# Both go in from outside: an effect as one formula, a log through one MAP file.
 #
 # {nb-download}`Download this page as a notebook <own_effect.ipynb>`.
 #
 # ## An effect is a formula
 #
 # Suppose that your glider drags a thread behind it, whose friction grows with airspeed
-# and not with its square. It is a force, so it enters at the stage `wrench`; its formula
-# gets the flow (its fields are those of
-# [`Flow`](#glider.physics.effects.effect.Flow)) and the coefficients, and returns
-# one number for each term of `adds_to`. It is written into a module, not into the notebook:
+# and not with its square. It is a force, so it enters at the stage `wrench`; its
+# formula gets the flow (its fields are those of
+# [`Flow`](#glider.physics.effects.effect.Flow)) and the coefficients, and returns one
+# number for each term of `adds_to`. It is written into a module, not into the notebook:
 # what is compiled from a module is kept for the next session.
 
 # %%
@@ -47,8 +47,8 @@ THREAD_DRAG = EffectKind(
 # %% [markdown]
 # ## Flights whose truth you know
 #
-# Before you believe it on your own flights, simulate a campaign of a glider that has the
-# effect, and see that it is found.
+# Before you believe it on your own flights, simulate a campaign of a glider that has
+# the effect, and see that it is found.
 
 # %%
 import sys
@@ -71,8 +71,8 @@ print(len(campaign.flights), "flights of", round(campaign.flights[0].time[-1], 2
 #
 # Here is a file as another lab may keep it: semicolons, decimal commas, milliseconds,
 # degrees, in north and down, with the nose **up** positive and the elevator positive
-# trailing edge **down**. (We write it ourselves, from the flights above; yours come from
-# your software.)
+# trailing edge **down**. (We write it ourselves, from the flights above; yours come
+# from your software.)
 
 # %%
 from pathlib import Path
@@ -98,11 +98,11 @@ print(*lines[:4], sep="\n")
 
 # %% [markdown]
 # One MAP file says what is what. `python -m glider import takes/*.csv --guess --map
-# MAP.yaml` would propose one, with a reason for each line; here is ours.
-# [Your own logs](../import.md) has maps for Motive, PX4, MATLAB and ROS.
+# MAP.yaml` would propose one, with a reason for each line; here is ours. [Your own
+# logs](../import.md) has maps for Motive, PX4, MATLAB and ROS.
 
 # %%
-# %%writefile MAP.yaml
+MAP = """\
 columns: {time: Zeit, x: north, z: down, pitch: Nick, elevator: de,
           elevator_rate_command: de_cmd}
 units: {time: ms, angle: deg, rate: deg/s}
@@ -112,6 +112,8 @@ vehicle: {mass: 0.08, pitch_inertia: 0.0015, wing_area: 0.0885, elevator_area: 0
           air_density: 1.204, gravity: 9.81, elevator_rate_limit: 13.0,
           elevator_limits: [-0.4463, 0.9473]}
 command_rate: 50
+"""
+Path("MAP.yaml").write_text(MAP)
 
 # %%
 from glider.campaign.importing.run import import_campaign
@@ -121,13 +123,13 @@ imported = import_campaign(files, "MAP.yaml", "throws")
 print(*imported.describe().splitlines()[:3], "...", sep="\n")
 
 # %% [markdown]
-# The import compares the flights with the MAP, and refuses one that they contradict. Had we
-# forgotten that this lab's elevator is positive trailing edge down:
+# The import compares the flights with the MAP, and refuses one that they contradict.
+# Had we forgotten that this lab's elevator is positive trailing edge down:
 
 # %%
 from glider.errors import InputError
 
-wrong = Path("MAP.yaml").read_text().replace("trailing_edge_down", "trailing_edge_up")
+wrong = MAP.replace("trailing_edge_down", "trailing_edge_up")
 Path("WRONG.yaml").write_text(wrong)
 try:
     import_campaign(files, "WRONG.yaml", "wrong")
@@ -139,9 +141,9 @@ else:
 # %% [markdown]
 # ## Is it found?
 #
-# What was imported is a campaign like any other. It is traced with the whole library and
-# your effect beside it; `python -m glider close-the-loop throws` would do the same with the
-# library alone.
+# What was imported is a campaign like any other. It is traced with the whole library
+# and your effect beside it; `python -m glider close-the-loop throws` would do the same
+# with the library alone.
 
 # %%
 result = close_the_loop("throws", own_effects=(THREAD_DRAG,))
@@ -162,5 +164,5 @@ for kind, evidence in ranked[:5]:
     print(f"{kind:16} {evidence:8.0f}")
 
 # %% [markdown]
-# `CONTRIBUTING.md` tells how an effect goes into the library for good; it then has a page
-# in the [catalogue](../effects/index.md) by itself.
+# `CONTRIBUTING.md` tells how an effect goes into the library for good; it then has a
+# page in the [catalogue](../effects/index.md) by itself.

@@ -9,8 +9,9 @@
 # A glider flies in a head wind that its model does not know. We plan a perch with the
 # model, miss the wire, look at the logs of the misses, and plan again.
 #
-# {nb-download}`Download this page as a notebook <perch.ipynb>`; `examples/perch_corrected.py`
-# tells the same story with a hundred launches and in Meshcat.
+# {nb-download}`Download this page as a notebook <perch.ipynb>`;
+# `examples/perch_corrected.py` tells the same story with a hundred launches and in
+# Meshcat.
 
 # %%
 import matplotlib.pyplot as plt
@@ -31,19 +32,20 @@ print("its model:      ", nominal.effects or "no effects")
 # ## Plan and fly with what we believe
 #
 # `rehearse` plans a flight from 3.5 m away to the wire (direct collocation), makes a
-# feedback along it (time-varying LQR), and flies the *true* glider with both. Commands come
-# at 50 Hz. The launches err: 4 cm in height, 0.1 m/s in speed, 0.02 rad in pitch, one
-# standard deviation. Motion capture films the flights.
+# feedback along it (time-varying LQR), and flies the *true* glider with both. Commands
+# come at 50 Hz. The launches err: 4 cm in height, 0.1 m/s in speed, 0.02 rad in pitch,
+# one standard deviation. Motion capture films the flights.
 
 # %%
 rng = np.random.default_rng(0)
-starts = draw_launches(problem, LaunchSpread(), 12, rng)
+starts = draw_launches(problem, LaunchSpread(), 10, rng)
 before = rehearse(truth, nominal, problem, starts, rng)
 print(before.flights.describe())
 
 # %% [markdown]
-# A flight perches where it comes within a hook's reach of the wire, slowly enough and nose
-# up far enough (`models/problems/perching.yaml` has the numbers). None of these does.
+# A flight perches where it comes within a hook's reach of the wire, slowly enough and
+# nose up far enough (`models/problems/perching.yaml` has the numbers). None of these
+# does.
 #
 # ## Find out why
 #
@@ -64,7 +66,7 @@ assert [effect.kind for effect in found.effects] == ["wind"]
 # another command from the start, for the wind acts from the start.
 
 # %%
-starts = draw_launches(problem, LaunchSpread(), 12, rng)
+starts = draw_launches(problem, LaunchSpread(), 10, rng)
 after = rehearse(truth, found.model, problem, starts, rng)
 print("planned nominal:  ", before.flights.describe())
 print("planned corrected:", after.flights.describe())
@@ -81,14 +83,13 @@ for flown, color, label in (
         ax.plot(x, z, color=color, lw=1, label=label if k == 0 else None)
 ax.plot(*problem.wire, "o", ms=9, mfc="none", color="#D55E00", label="wire")
 ax.set(xlabel="x [m]", ylabel="z [m]", aspect="equal")
-ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=3, frameon=False);
-
+ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=3, frameon=False)
 # %% [markdown]
 # ## How far may a launch err?
 #
-# Flying thousands of launches is cheap, for the loops are compiled. Here are five hundred,
-# with feedback at every instant, for the launches above and for launches that err twice as
-# much.
+# Flying thousands of launches is cheap, for the loops are compiled. Here are five
+# hundred, with feedback at every instant, for the launches above and for launches that
+# err twice as much.
 
 # %%
 from glider import fly
@@ -107,5 +108,5 @@ for times in (1.0, 2.0):
     print(f"launches that err {times:.0f} times as much: {flights.perched.mean():.0%}")
 
 # %% [markdown]
-# `examples/perching_funnel.py` goes on from here to a *proof*: a funnel of states
-# from which the feedback brings the glider to the wire, checked in exact arithmetic.
+# `examples/perching_funnel.py` goes on from here to a *proof*: a funnel of states from
+# which the feedback brings the glider to the wire, checked in exact arithmetic.

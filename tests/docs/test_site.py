@@ -1,4 +1,4 @@
-"""The docs build without a warning, their notebooks run, and their links lead somewhere."""
+"""The docs build without a warning, notebooks run, and links lead somewhere."""
 
 import json
 import os
