@@ -6,7 +6,6 @@ import matplotlib
 from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 
-from glider.paths import models_path
 from glider.report.figure_data import shown_flights
 from glider.report.flight_errors import bounded
 from glider.report.plots.axes import legend
@@ -23,8 +22,7 @@ SHOWN = ("as_drawn", "corrected")
 
 def draw_front() -> Figure:
     """Draws held-out flights beside the models before and after."""
-    folder = models_path("campaigns", "attached_lift")
-    result = close_the_loop(folder, flights=FLIGHTS, effects=SUSPECTS)
+    result = close_the_loop("attached_lift", flights=FLIGHTS, effects=SUSPECTS)
     flights = shown_flights(result)
     figure = Figure(figsize=(9.0, 2.8), layout="constrained", dpi=150)
     axes = figure.subplots(1, len(flights), sharey=True, squeeze=False)[0]

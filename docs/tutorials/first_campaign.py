@@ -6,15 +6,15 @@
 # %% [markdown]
 # # Your first campaign
 #
-# A *campaign* is a folder of flight logs of one glider. One ships with the project:
-# forty launches of a glider whose wing flies better than the flat plate of its model,
-# because below stall the flow stays attached. The tool is not told. Let us see whether
-# it finds out.
+# A *campaign* is a folder of flight logs of one glider. Six ship with the project; this
+# one has forty launches of a glider whose wing flies better than the flat plate of its
+# model, because below stall the flow stays attached. The tool is not told. Let us see
+# whether it finds out.
 #
 # Everything on this page was computed when the page was built. Download it as a
 # {nb-download}`notebook <first_campaign.ipynb>`, or run the same from a shell:
 #
-#     python -m glider close-the-loop models/campaigns/attached_lift
+#     python -m glider close-the-loop attached_lift
 
 # %%
 import matplotlib.pyplot as plt
@@ -24,10 +24,8 @@ from rich.console import Console
 
 from glider import close_the_loop
 from glider.campaign.reader import load_campaign
-from glider.paths import models_path
 
-folder = models_path("campaigns", "attached_lift")
-campaign = load_campaign(folder)
+campaign = load_campaign("attached_lift")
 print(len(campaign.flights), "flights at", campaign.pose_rate, "Hz")
 print(campaign.vehicle)
 
@@ -58,7 +56,7 @@ angles.set(xlabel="time [s]", ylabel="pitch, nose down > 0 [°]")
 from glider.report.terminal import print_summary
 
 few = [flight.name for flight in campaign.flights[:20]]
-result = close_the_loop(folder, flights=few)
+result = close_the_loop("attached_lift", flights=few)
 print_summary(result, Console(width=88, force_jupyter=False, force_terminal=False))
 
 # %% [markdown]
