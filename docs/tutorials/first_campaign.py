@@ -44,6 +44,7 @@ for flight in campaign.flights[:10]:
     angles.plot(flight.time - flight.time[0], np.degrees(pitch), lw=1)
 paths.set(xlabel="x [m]", ylabel="z [m]", title="ten flights")
 angles.set(xlabel="time [s]", ylabel="pitch, nose down > 0 [°]")
+plt.show()
 # %% [markdown]
 # ## Close the loop
 #

@@ -113,7 +113,7 @@ vehicle: {mass: 0.08, pitch_inertia: 0.0015, wing_area: 0.0885, elevator_area: 0
           elevator_limits: [-0.4463, 0.9473]}
 command_rate: 50
 """
-Path("MAP.yaml").write_text(MAP)
+written = Path("MAP.yaml").write_text(MAP)
 
 # %%
 from glider.campaign.importing.run import import_campaign

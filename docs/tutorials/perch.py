@@ -83,7 +83,8 @@ for flown, color, label in (
         ax.plot(x, z, color=color, lw=1, label=label if k == 0 else None)
 ax.plot(*problem.wire, "o", ms=9, mfc="none", color="#D55E00", label="wire")
 ax.set(xlabel="x [m]", ylabel="z [m]", aspect="equal")
-ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=3, frameon=False)
+figure.legend(loc="outside lower center", ncols=3, frameon=False)
+plt.show()
 # %% [markdown]
 # ## How far may a launch err?
 #

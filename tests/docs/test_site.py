@@ -13,12 +13,11 @@ import pytest
 
 from glider.physics.effects import LIBRARY
 from tests.helpers.browser import open_browser, visit, why_not
-from tests.helpers.legs import DOCS
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = ("first_campaign", "own_effect", "perch")
 
-pytestmark = [pytest.mark.slow, DOCS]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
