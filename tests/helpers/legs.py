@@ -12,8 +12,8 @@ FOLDERS = (
     *("campaign", "comparison", "docs", "doctor", "files", "helpers", "report"),
     "sysid",
 )
-"""Of tests in which Drake has no part, reading, tracing, reports; and of the docs, which
-are the same with any."""
+"""Of tests in which Drake has no part, reading, tracing, reports; and of the docs,
+which are the same with any."""
 
 FILES = (
     "diagrams/test_browser.py",
