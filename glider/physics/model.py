@@ -1,10 +1,12 @@
 """A glider model as a file: the parameters, the effects, the residual field.
 
-parameters: {mass: 0.08, ...}
-effects:
-  - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
-field: {kind: unexplained, variables: [x], ...}      # optional
-origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
+For example:
+
+    parameters: {mass: 0.08, ...}
+    effects:
+      - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
+    field: {kind: unexplained, variables: [x], ...}      # optional
+    origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
 """
 
 import dataclasses

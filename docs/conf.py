@@ -1,0 +1,71 @@
+"""Settings of the docs: `make docs` builds them, every warning an error."""
+
+import importlib.metadata
+import sys
+from pathlib import Path
+
+from glider.sysid.fit import folds
+from glider.sysid.likelihood import curves
+from glider.sysid.search import signs, subsets, tracing, weighing
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
+project = "drake-glider"
+author = "the drake-glider authors"
+version = release = importlib.metadata.version("drake-glider")
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "effect_catalogue",
+    "front_page",
+    "mathml",
+    "plain_docstrings",
+]
+exclude_patterns = ["conf.py", "extensions"]
+default_role = "literal"  # As Markdown has it: our docstrings are no reST.
+
+# Notebooks are Python files with cells, as jupytext reads them, and run anew in each
+# build, in a folder of their own.
+nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_show_tb = True
+nb_merge_streams = True
+suppress_warnings = ["myst-nb.lexer"]  # Of notebooks in a build that runs none.
+
+myst_enable_extensions = ["amsmath", "deflist", "dollarmath", "substitution"]
+myst_heading_anchors = 3
+# What the pages say of the tracer's numbers is what it has.
+myst_substitutions = {
+    "beam": f"{subsets.BEAM}",
+    "curve_price": f"{tracing.CURVE_PRICE:.0f}",
+    "curves": f"{curves.COUNT}",
+    "field_price": f"{tracing.FIELD_PRICE:.0f}",
+    "folds": f"{folds.FOLDS}",
+    "least_gain": f"{signs.LEAST_GAIN:.0f}",
+    "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
+    "least_t": f"{folds.LEAST_T:.0f}",
+    "most_effects": f"{subsets.MOST_EFFECTS}",
+    "price": f"{tracing.PRICE:.0f}",
+    "price_of_more": f"{tracing.PRICE_OF_MORE:.0f}",
+    "resamples": f"{weighing.RESAMPLES}",
+    "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
+    "worse": f"{folds.WORSE - 1.0:.0%}",
+}
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+
+html_math_renderer = "mathml"
+html_theme = "furo"
+html_title = f"drake-glider {version}"
+html_static_path = ["static"]
+html_css_files = ["custom.css"]
+html_show_copyright = False

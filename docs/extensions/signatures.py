@@ -1,0 +1,125 @@
+"""What an effect leaves in the residual of flights, drawn as a report draws it."""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from glider.campaign.checks.masks import no_masks
+from glider.campaign.logs import Campaign
+from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
+from glider.physics.model import GliderModel
+from glider.report.figure_data import RESIDUALS
+from glider.report.plots.residuals import plot_residual
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign, theta_of
+from glider.sysid.replay.noise import Noise, measure_noise
+from glider.sysid.replay.record import Record, prepare
+from glider.sysid.replay.residual import make_table
+from glider.sysid.replay.signs import signs_of, turn_campaign
+from glider.sysid.replay.theta import LIBRARY_LAYOUT
+from glider.sysid.result import ResidualTable
+
+FLIGHTS = CampaignPlan(flights=8)
+"""Flights of each picture."""
+
+HIDDEN = 0.1
+"""Part of the noise's RMS below which what an effect adds does not show."""
+
+CLEAR = 0.25
+"""Part of its own RMS that the mean of what an effect adds must reach for its sign to
+be told: what goes both ways has none."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Signature:
+    """What an effect leaves in the residual of flights.
+
+    Attributes:
+        effect: of the glider that flew.
+        without: residual of the model that does not know it.
+        known: residual of the model that does.
+    """
+
+    effect: Effect
+    without: ResidualTable
+    known: ResidualTable
+
+    @property
+    def variable(self) -> str:
+        """Name of the variable that the picture is drawn over."""
+        there = [v for v in self.effect.kind.depends_on if v in self.without.variables]
+        return there[0]
+
+    def direction(self, column: int) -> str:
+        """Returns the sign of what the effect adds to a residual, or what else."""
+        added = self.without.residual[:, column] - self.known.residual[:, column]
+        rms = np.sqrt(np.mean(added**2))
+        if rms < HIDDEN * np.sqrt(np.mean(self.known.residual[:, column] ** 2)):
+            return "0"
+        mean = np.mean(added)
+        return "±" if abs(mean) < CLEAR * rms else "+" if mean > 0.0 else "−"
+
+
+def typical(kind: EffectKind) -> Effect:
+    """Returns an effect at its typical size, its shape as it comes."""
+    if kind.stage == "log":
+        return kind(pitch=-1.0)
+    sizes = sizes_of(kind)
+    return kind(**{c.name: c.default + c.scale for c in sizes})
+
+
+def sizes_of(kind: EffectKind) -> tuple[Coefficient, ...]:
+    """Returns the coefficients that tell how large an effect is, not of what shape."""
+    sizes = tuple(c for c in kind.coefficients if not c.is_shape)
+    return sizes or kind.coefficients
+
+
+def signatures() -> Iterator[Signature]:
+    """Flies a glider with each effect, and looks at the logs as a report does."""
+    noise = measure_noise(_flown(GliderModel()))
+    for kind in LIBRARY:
+        effect = typical(kind)
+        truth = GliderModel(effects=(effect,))
+        logged = _flown(truth)
+        records = _records(logged, noise)
+        without = _table(records, GliderModel())
+        if kind.stage == "log":  # It is undone before a model sees it.
+            records = _records(turn_campaign(logged, signs_of(truth)), noise)
+        known = _table(records, truth)
+        yield Signature(effect=effect, without=without, known=known)
+
+
+def _flown(truth: GliderModel) -> Campaign:
+    return simulate_campaign(truth, FLIGHTS, np.random.default_rng(0))
+
+
+def _records(campaign: Campaign, noise: Noise) -> list[Record]:
+    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
+    return prepare(campaign.flights, campaign, noise, LIBRARY_LAYOUT, masks)
+
+
+def _table(records: list[Record], model: GliderModel) -> ResidualTable:
+    return make_table(records, theta_of(model), [0.0] * len(records))
+
+
+def draw(signature: Signature) -> Figure:
+    """Draws the three residuals over the variable that they vary with most."""
+    figure = Figure(figsize=(9.0, 2.8), dpi=100)
+    figure.subplots_adjust(left=0.06, right=0.985, bottom=0.18, top=0.8, wspace=0.18)
+    axes = figure.subplots(1, 3)
+    name = signature.variable
+    tables = signature.without, signature.known
+    for column, (ax, (label, unit)) in enumerate(
+        zip(axes, RESIDUALS.items(), strict=True)
+    ):
+        plot_residual(
+            ax,
+            name,
+            [table.variables[name] for table in tables],
+            [table.residual[:, column] for table in tables],
+            ["as_drawn", "corrected"],
+        )
+        ax.set_title(f"{label} [{unit.name}]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="upper center", ncols=2)
+    return figure

@@ -1,0 +1,168 @@
+# ---
+# jupyter:
+#   kernelspec: {name: python3, display_name: Python 3, language: python}
+# ---
+
+# %% [markdown]
+# # Your own effect and your own logs
+#
+# The library may lack what your glider has, and your logs will not be in its format.
+# Both go in from outside: an effect as one formula, a log through one MAP file.
+#
+# {nb-download}`Download this page as a notebook <own_effect.ipynb>`.
+#
+# ## An effect is a formula
+#
+# Suppose that your glider drags a thread behind it, whose friction grows with airspeed
+# and not with its square. It is a force, so it enters at the stage `wrench`; its
+# formula gets the flow (its fields are those of
+# [`Flow`](#glider.physics.effects.effect.Flow)) and the coefficients, and returns one
+# number for each term of `adds_to`. It is written into a module, not into the notebook:
+# what is compiled from a module is kept for the next session.
+
+# %%
+# %%writefile thread_drag.py
+from glider import EffectKind
+from glider.physics.effects import Coefficient
+from glider.physics.formulas import scalar
+
+
+@scalar
+def _thread_drag(flow, coefficient):
+    return -coefficient * flow.air_x, -coefficient * flow.air_z  # [N]
+
+
+THREAD_DRAG = EffectKind(
+    kind="thread_drag",
+    stage="wrench",
+    adds_to=("force_x", "force_z"),
+    coefficients=(
+        Coefficient(name="coefficient", unit="N s/m", scale=0.02, lower=0.0, upper=1.0),
+    ),
+    formula=_thread_drag,
+    words="a thread that drags, linear in airspeed",
+    depends_on=("V",),
+)
+
+# %% [markdown]
+# ## Flights whose truth you know
+#
+# Before you believe it on your own flights, simulate a campaign of a glider that has
+# the effect, and see that it is found.
+
+# %%
+import sys
+
+import numpy as np
+
+sys.path.insert(0, ".")
+from thread_drag import THREAD_DRAG
+
+from glider import GliderModel, close_the_loop
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+
+truth = GliderModel(effects=(THREAD_DRAG(coefficient=0.03),))
+plan = CampaignPlan(flights=12)
+campaign = simulate_campaign(truth, plan, np.random.default_rng(0), name="thread")
+print(len(campaign.flights), "flights of", round(campaign.flights[0].time[-1], 2), "s")
+
+# %% [markdown]
+# ## Logs are hardly ever in our format
+#
+# Here is a file as another lab may keep it: semicolons, decimal commas, milliseconds,
+# degrees, in north and down, with the nose **up** positive and the elevator positive
+# trailing edge **down**. (We write it ourselves, from the flights above; yours come
+# from your software.)
+
+# %%
+from pathlib import Path
+
+Path("takes").mkdir(exist_ok=True)
+for flight in campaign.flights:
+    x, z, pitch = flight.pose.T
+    columns = {
+        "Zeit": 1000.0 * flight.time,
+        "north": x,
+        "down": -z,
+        "Nick": -np.degrees(pitch),
+        "de": -np.degrees(flight.elevator),
+        "de_cmd": -np.degrees(flight.command),
+    }
+    lines = [";".join(columns), "ms;m;m;deg;deg;deg/s"]
+    lines += [
+        ";".join(f"{value:.6f}".replace(".", ",") for value in row)
+        for row in np.column_stack(list(columns.values()))
+    ]
+    Path("takes", flight.name).write_text("\n".join(lines))
+print(*lines[:4], sep="\n")
+
+# %% [markdown]
+# One MAP file says what is what. `python -m glider import takes/*.csv --guess --map
+# MAP.yaml` would propose one, with a reason for each line; here is ours. [Your own
+# logs](../import.md) has maps for Motive, PX4, MATLAB and ROS.
+
+# %%
+MAP = """\
+columns: {time: Zeit, x: north, z: down, pitch: Nick, elevator: de,
+          elevator_rate_command: de_cmd}
+units: {time: ms, angle: deg, rate: deg/s}
+frame: {axes: NED, elevator: trailing_edge_down}
+vehicle: {mass: 0.08, pitch_inertia: 0.0015, wing_area: 0.0885, elevator_area: 0.0147,
+          wing_offset: 0.0, hinge_offset: 0.27, elevator_offset: 0.022,
+          air_density: 1.204, gravity: 9.81, elevator_rate_limit: 13.0,
+          elevator_limits: [-0.4463, 0.9473]}
+command_rate: 50
+"""
+written = Path("MAP.yaml").write_text(MAP)
+
+# %%
+from glider.campaign.importing.run import import_campaign
+
+files = sorted(Path("takes").glob("*.csv"))
+imported = import_campaign(files, "MAP.yaml", "throws")
+print(*imported.describe().splitlines()[:3], "...", sep="\n")
+
+# %% [markdown]
+# The import compares the flights with the MAP, and refuses one that they contradict.
+# Had we forgotten that this lab's elevator is positive trailing edge down:
+
+# %%
+from glider.errors import InputError
+
+wrong = MAP.replace("trailing_edge_down", "trailing_edge_up")
+Path("WRONG.yaml").write_text(wrong)
+try:
+    import_campaign(files, "WRONG.yaml", "wrong")
+except InputError as error:
+    print(error)
+else:
+    raise AssertionError("a wrong sign was let in")
+
+# %% [markdown]
+# ## Is it found?
+#
+# What was imported is a campaign like any other. It is traced with the whole library
+# and your effect beside it; `python -m glider close-the-loop throws` would do the same
+# with the library alone.
+
+# %%
+result = close_the_loop("throws", own_effects=(THREAD_DRAG,))
+print(result.verdict, "-", result.reason)
+for effect in result.effects:
+    for name, c in effect.coefficients.items():
+        print(f"{effect.kind}.{name} = {c.value:.4f} ± {c.std:.1g} {c.unit}")
+assert [effect.kind for effect in result.effects] == ["thread_drag"]
+
+# %% [markdown]
+# The coefficient is the one that was put in. Beside it, what each effect of the library
+# would gain alone, in nats: the closest comes near, and is told apart all the same. One
+# within a few nats would be listed as *could be confused with*.
+
+# %%
+ranked = sorted(result.candidates.items(), key=lambda item: -item[1])
+for kind, evidence in ranked[:5]:
+    print(f"{kind:16} {evidence:8.0f}")
+
+# %% [markdown]
+# `CONTRIBUTING.md` tells how an effect goes into the library for good; it then has a
+# page in the [catalogue](../effects/index.md) by itself.
