@@ -229,6 +229,9 @@ def fit_field(
         directions = slopes(task.layout, model.theta, model.free)
         flights = linear_flights(task, model, directions)
         gained, change, spread = _gain(flights, task, model, basis)
+        if not np.all(np.isfinite(change)):  # The model blew up: no field for it.
+            model = dataclasses.replace(model, cost=np.inf)
+            break
         evidence += max(gained, 0.0) if round_ == 0 else 0.0
         terms = FORMS[form]
         step = change.reshape(-1, len(terms))
