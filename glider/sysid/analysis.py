@@ -198,7 +198,11 @@ class Analysis:
             air=_air(model),
             curves=curves_of(before_table, named_table),
             vehicle=vehicle_of(vehicle, model, known),
-            warnings=(*inspection.warnings, *_warnings(held_out, verdict)),
+            warnings=(
+                *inspection.warnings,
+                *_past_limits(campaign, records),
+                *_warnings(held_out, verdict),
+            ),
             set_aside=_set_aside(inspection, outlying),
             planarity=_planarity(logged),
             noise_position_m=noise.position,
@@ -333,6 +337,17 @@ def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
         ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
         position_m=corrected.position_rms_m,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
+    )
+
+
+def _past_limits(campaign: Campaign, records: Sequence[Record]) -> tuple[str, ...]:
+    """Returns that the elevator passes its limits, where it does."""
+    told, stops = campaign.elevator_limits, records[0].limits
+    if told is None or stops is None or stops == told:
+        return ()
+    return (
+        f"The elevator passes its limits of {told[0]:.3g} and {told[1]:.3g} rad: "
+        f"it is taken to stop at {stops[0]:.3g} and {stops[1]:.3g}.",
     )
 
 

@@ -6,7 +6,7 @@ the servo lower the correlation; another clock, another flight's commands or an 
 column bring it to nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -36,6 +36,7 @@ _FOLLOWS_ALONE = 0.6
 Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
 fall below, for few rates correlate by chance."""
 _BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
+_NOISES = 6.0  # Noise beyond its limits from which on an elevator passes them [-].
 _WIDE = 0.15  # Travel from which on one flight alone can be judged [rad].
 
 
@@ -99,9 +100,7 @@ def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
     """
     if campaign.elevator != "servo" or campaign.elevator_limits is None:
         return
-    angles = np.concatenate(
-        [np.asarray(f.elevator)[~masks[f.name].elevator] for f in campaign.flights]
-    )
+    angles = _angles(campaign, masks)
     lowest, highest = np.percentile(angles, [1.0, 99.0])
 
     def excess(lower: float, upper: float) -> float:
@@ -115,6 +114,45 @@ def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
             f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
             "the travel that the servo has is needed (trailing edge down, up)."
         )
+
+
+def find_stops(
+    campaign: Campaign, masks: Mapping[str, Masks], noise: float
+) -> tuple[float, float] | None:
+    """Returns where the elevator stops: at its limits, or beyond if it went there.
+
+    A servo that lags slides past the limits that its commands keep to; a model of it
+    that stops there flies another glider.
+
+    Args:
+        campaign: of flights with a servo.
+        masks: rows of the elevator to leave out, by the name of the flight.
+        noise: standard deviation of the measured angles [rad].
+
+    Returns:
+        the lowest and the highest angle [rad], or None where no limits are told.
+    """
+    if campaign.elevator_limits is None:
+        return None
+    angles = _angles(campaign, masks)
+    lower, upper = campaign.elevator_limits
+    lowest, highest = float(np.min(angles)), float(np.max(angles))
+    return (
+        lowest if lowest < lower - _NOISES * noise else lower,
+        highest if highest > upper + _NOISES * noise else upper,
+    )
+
+
+def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
+    """Returns the angles of all elevators, without the rows that are masked."""
+    return np.concatenate(
+        [
+            np.asarray(f.elevator)[~masks[f.name].elevator]
+            if f.name in masks
+            else np.asarray(f.elevator)
+            for f in campaign.flights
+        ]
+    )
 
 
 def find_strangers(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:

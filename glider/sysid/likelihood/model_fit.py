@@ -181,6 +181,7 @@ def fit_model(
         shapes = [k for k, i in enumerate(index) if task.is_shape(i)]
         mean[shapes] = model.theta[[index[k] for k in shapes]]
         value += 0.5 * float(precision @ (own - mean) ** 2)
+        value = value if np.isfinite(value) else np.inf
         current = dataclasses.replace(current, scales=scales, cost=value)
         if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
             halvings += 1
@@ -204,6 +205,9 @@ def fit_model(
             np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
             np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
         )
+        if not np.all(np.isfinite(step)):  # It blows up: no model to go on from.
+            best = dataclasses.replace(best, cost=np.inf)
+            break
         if task.own_trims:
             constants = _constants([f.combined(step) for f in flights], scales)
             current = dataclasses.replace(current, constants=constants)
@@ -244,6 +248,8 @@ def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
     index = list(model.free)
     flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
     gram = np.sum(grams_of(flights, model.scales), axis=0)
+    if not np.all(np.isfinite(gram)):  # It blows up.
+        return dataclasses.replace(model, cost=np.inf)
     strength = model.strength
     for _ in range(rounds):
         trial = dataclasses.replace(model, strength=strength)

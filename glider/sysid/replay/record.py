@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import (
     Campaign,
@@ -43,7 +44,7 @@ class Record:
         acceleration_std: (n, 3) of them, from the measurement noise alone.
         switch_times: (k,) of the commands, on the same clock [s].
         commands: (k,) [rad/s].
-        limits: travel of the elevator [rad], or None.
+        limits: where the elevator stops [rad], or None.
         rest: where the elevator stood before the first command [rad].
         trim_is_moment: whether an elevator trim of the flight's own makes a moment and
             no force, see `glider.sysid.replay.signals.trimmed`.
@@ -121,6 +122,9 @@ def prepare(
         masks: name of a flight to its rows that are set aside; none by default.
     """
     maps: dict[bytes, list[np.ndarray]] = {}
+    stops = None
+    if campaign.elevator == "servo":
+        stops = find_stops(campaign, masks or {}, noise.elevator)
     records = []
     for flight in flights:
         usable = np.ones(len(flight.time), dtype=bool)
@@ -128,19 +132,21 @@ def prepare(
         if masks is not None and flight.name in masks:
             usable = masks[flight.name].usable
             turned = ~masks[flight.name].elevator
-        records.append(_record(flight, usable, turned, maps, campaign, noise, layout))
+        masked = usable, turned
+        records.append(_record(flight, masked, stops, maps, campaign, noise, layout))
     return records
 
 
 def _record(
     flight: Flight,
-    usable: np.ndarray,
-    turned: np.ndarray,
+    masked: tuple[np.ndarray, np.ndarray],
+    stops: tuple[float, float] | None,
     kept: dict[bytes, list[np.ndarray]],
     campaign: Campaign,
     noise: Noise,
     layout: Layout,
 ) -> Record:
+    usable, turned = masked
     good = np.flatnonzero(usable)
     rows = slice(good[0], good[-1] + 1)
     clock = flight.time - flight.time[good[0]]
@@ -196,7 +202,7 @@ def _record(
         acceleration_std=np.stack(deviation, axis=1),
         switch_times=switches,
         commands=commands,
-        limits=campaign.elevator_limits if has_servo else None,
+        limits=stops if has_servo else None,
         rest=rest,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,

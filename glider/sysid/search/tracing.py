@@ -175,8 +175,9 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
             fit_fields(task, nothing, survey(task, nothing)),
             key=lambda o: search.price(o.model),
         )
-        again = by_sets(search, bare.model)
-        options += [bare, dataclasses.replace(bare, model=again)]
+        if np.isfinite(bare.model.cost):
+            again = by_sets(search, bare.model)
+            options += [bare, dataclasses.replace(bare, model=again)]
     best = min(options, key=lambda o: search.price(o.model))
     gained = search.price(model) - search.price(best.model)
     if gained > FIELD_PRICE:
@@ -195,9 +196,10 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         search.progress(f"searching for effects, round {round_ + 1}")
         candidates = gather(task, model)
         scales, _ = saturated_scales(candidates, model.scales, 2 if round_ else 3)
-        score = scoring(
-            candidates, candidates.grams(scales), np.ones(len(task.records))
-        )
+        grams = candidates.grams(scales)
+        if not np.all(np.isfinite(grams)):  # The model blows up: so would its sets.
+            break
+        score = scoring(candidates, grams, np.ones(len(task.records)))
         start = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
         if not search.alone:
             search.alone = score.alone()
@@ -209,7 +211,7 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         begun = begin(candidates, score.evidence, members, scales)
         model = fit_strength(task, search.fit(begun))
         tried[kinds] = model
-    return min(tried.values(), key=search.price)
+    return min(tried.values(), key=search.price, default=model)
 
 
 def price_of(task: Task, model: Fitted) -> float:

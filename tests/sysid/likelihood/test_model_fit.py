@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.model_fit import fit_model, fit_strength
 from glider.sysid.replay.record import Record
 from glider.sysid.search.weighing import uncertainty_of
 from tests.helpers.tasks import begin, fit_kinds, fly, task_of
@@ -142,3 +142,17 @@ def test_standard_errors_cover_over_campaigns():
         (error,), (std,) = errors_of(task, model, "profile_drag", [0.05])
         scores.append(error / std)
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 1.8
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_model_that_blows_up_is_never_the_best(windy):
+    task, noise = task_of(windy)
+    start = begin(task, noise, ["wind"])
+    theta = start.theta.copy()
+    theta[list(task.layout.slots_of("wind"))] = 1e160
+    lost = fit_model(task, dataclasses.replace(start, theta=theta))
+    assert lost.cost == np.inf
+    curved = dataclasses.replace(
+        start, theta=theta, coordinates=np.ones(task.curves.count), cost=0.0
+    )
+    assert fit_strength(task, curved).cost == np.inf

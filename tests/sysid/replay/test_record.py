@@ -110,3 +110,13 @@ def test_frozen_rows_are_set_aside_and_not_taken_for_measured(campaign):
     assert record.seen[:40].all() and record.seen[52:].all()
     whole = records_of(campaign)[0]
     np.testing.assert_allclose(record.nodes[:, :2], whole.nodes[:, :2], atol=0.01)
+
+
+def test_an_elevator_that_passes_a_limit_does_not_stop_there(campaign):
+    highest = max(f.elevator.max() for f in campaign.flights)
+    lower, _ = campaign.elevator_limits
+    passed = dataclasses.replace(campaign, elevator_limits=(lower, highest - 0.1))
+    assert {r.limits for r in records_of(passed)} == {(lower, highest)}
+    # Noise passes no limit.
+    touched = dataclasses.replace(campaign, elevator_limits=(lower, highest - 1e-4))
+    assert {r.limits for r in records_of(touched)} == {touched.elevator_limits}
