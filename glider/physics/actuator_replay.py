@@ -10,6 +10,9 @@ servo rests before the first command, and the elevator stops at its travel.
 import numpy as np
 
 
+_ALIKE = 0.05  # Share of the changes by which two phases of a clock fit alike.
+
+
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Returns the index of the command that is held at each time, (m,).
 
@@ -73,9 +76,11 @@ def command_steps(
 
     A log shows a new command in the first row after it was given: without more
     knowledge, half a row before on the average. Where the commands come from a
-    clock, its phase is found from all the rows that changed, first trying a clock
-    that started with the log. Where its rate is not told, the whole number of Hz
-    next to the rate of changes is tried, and taken if it fits nearly all rows.
+    clock, its phase is the one that fits most of the rows that changed, or that of a
+    clock that started with the log if it fits about as many; it must fit many more
+    than by chance. Not all: a servo that slows down before its stops changes commands
+    between the ticks too. Where the clock's rate is not told, the whole number of Hz
+    next to the rate of changes is tried.
 
     Args:
         time: (n,) of the rows [s].
@@ -95,12 +100,15 @@ def command_steps(
     if command_rate is not None and len(rows):
         period = 1.0 / command_rate
         slack = 1e-3 * period
-        phases = np.concatenate([[time[0]], np.sort(after % period)[::-1]])
-        for phase in phases:
-            ticks = phase + period * np.floor((after - phase + slack) / period)
-            if np.mean(ticks > before - slack) > 0.95:
-                nearest = phase + period * np.round((switches - phase) / period)
-                nearest = np.clip(nearest, before, after)
-                switches = np.where(ticks > before - slack, ticks, nearest)
-                break
+        phases = np.concatenate([[time[0]], np.sort(after % period)[::-1]])[:, None]
+        ticks = phases + period * np.floor((after - phases + slack) / period)
+        fits = ticks > before - slack
+        shares = fits.mean(axis=1)
+        best = int(np.argmax(shares))
+        spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
+        if shares[0] >= shares[best] - max(_ALIKE, 2.0 * spread):
+            best = 0
+        by_chance = min(float(np.median(after - before)) / period, 1.0)
+        if shares[best] > 0.5 * (1.0 + by_chance):
+            switches = np.where(fits[best], ticks[best], switches)
     return np.concatenate([time[:1], switches]), commands

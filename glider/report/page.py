@@ -47,7 +47,6 @@ def to_html(result: Result) -> str:
         models=columns_of(result),
         labels=LABELS,
         baseline=baseline(result),
-        is_known=_is_known(result),
         rows=error_rows(result),
         effects=[effect_view(e, result) for e in result.effects],
         in_page=len(flights_in_page(result)),
@@ -67,12 +66,6 @@ def to_html(result: Result) -> str:
         versions=_versions(result),
         total=sum(s for s in result.seconds.values() if math.isfinite(s)),
     )
-
-
-def _is_known(result: Result) -> bool:
-    """Whether the vehicle's numbers were told; where not, forces alone are traced."""
-    fitted = [name for name in result.vehicle if "." not in name]
-    return baseline(result) == "as_drawn" or not fitted
 
 
 def _versions(result):

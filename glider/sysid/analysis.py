@@ -198,6 +198,7 @@ class Analysis:
             air=_air(model),
             curves=curves_of(before_table, named_table),
             vehicle=vehicle_of(vehicle, model, known),
+            knows_forces=vehicle.knows_forces,
             warnings=(
                 *inspection.warnings,
                 *_past_limits(campaign, records),
@@ -227,12 +228,12 @@ class Analysis:
         inspection: Inspection,
     ) -> Fitted:
         """Returns the flat plate with its own parameters refitted."""
+        if traced.forces is not None:
+            return traced.plate
         if not signs.are_right:  # It meets the log as it is, signs and all.
             names = {record.name for record in task.records}
             records = _records(logged, noise, task.vehicle, inspection)
             task = task.on([r for r in records if r.name in names])
-        if traced.forces is not None:
-            return traced.plate
         bare = dataclasses.replace(
             traced.plate, coordinates=np.zeros(0), free=task.vehicle.own
         )

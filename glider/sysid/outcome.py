@@ -10,7 +10,6 @@ from glider.compiled.parallel import in_parallel
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import Fitted, linear_flights
@@ -359,17 +358,18 @@ def model_of(
 
 def vehicle_of(vehicle: Vehicle, model: Fitted, known: Uncertainty) -> dict:
     """Returns the numbers of the vehicle that nobody told, with standard errors."""
-    units = {"pitch_inertia": "kg m²", "wing_offset": "m", "mass": "kg"}
+    units = {"wing_offset": "m", "mass": "kg", "pitch_inertia": "kg m²"}
+    if vehicle.is_per_mass:
+        units["pitch_inertia"] = "m²"
+    area = "m²/kg" if vehicle.is_per_mass else "m²"
     found = {}
     for slot in vehicle.nuisance:
         kind, name = vehicle.layout.slots[slot]
         label = name if kind == "parameters" else f"{kind}.{name}"
-        unit = units.get(name, "m²")
+        unit = units.get(name, area)
         if kind != "parameters":
             kind_of = vehicle.layout.kinds[kind]
             unit = next(c.unit for c in kind_of.coefficients if c.name == name)
-        elif vehicle.is_per_mass and name in PARAMETER_NAMES and name != "wing_offset":
-            unit += "/kg"
         found[label] = Estimate(
             value=float(model.theta[slot]), std=known.std(slot), unit=unit
         )

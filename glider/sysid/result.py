@@ -261,6 +261,8 @@ class Result:
         air: how it moves.
         curves: what the plate lacks, over the angle of attack.
         vehicle: name of a parameter that was not told to its estimate.
+        knows_forces: whether mass and areas are told: sets of effects are then judged
+            by the fitted flights, else by what they foretell of flights left out.
         warnings: sentences about the campaign and the result.
         set_aside: rows that were not used.
         planarity: name of a flight to a sentence, where the log has roll and yaw.
@@ -294,6 +296,7 @@ class Result:
     air: Air
     curves: tuple[Curve, ...]
     vehicle: dict[str, Estimate]
+    knows_forces: bool
     warnings: tuple[str, ...]
     set_aside: tuple[SetAside, ...]
     planarity: dict[str, str]

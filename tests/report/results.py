@@ -168,6 +168,7 @@ def make_result(**changes):
         air=Air(std_m_s=0.12, correlation_s=0.31),
         curves=(make_curve("c_normal"), make_curve("elevator_factor")),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
+        knows_forces=True,
         warnings=("flight_002.csv: the clock of the pose drifts by 0.3 %.",),
         set_aside=(
             SetAside(file="flight_007.csv", rows="all", why="it stands still."),
@@ -283,6 +284,7 @@ VARIANTS = {
             "corrected": make_errors(0.01),
         },
         held_out=(),
+        knows_forces=False,
     ),
     "diverged": diverged(),
 }

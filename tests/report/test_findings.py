@@ -40,6 +40,7 @@ from glider.sysid.result import (
     VERDICTS,
     Air,
     Combination,
+    Estimate,
     Left,
     Spread,
 )
@@ -508,6 +509,10 @@ def test_evidence_is_told_as_it_was_found():
     known = flat(Page(to_html(make_result())).text)
     assert "log-likelihood of the fitted flights that is lost without" in known
     assert "left out of the fit" not in known
+    # So is that of a glider of which only the tracked point is not told.
+    offset = {"wing_offset": Estimate(value=0.02, std=0.001, unit="m")}
+    partly = make_result(vehicle=offset, errors=VARIANTS["unknown vehicle"].errors)
+    assert "left out of the fit" not in flat(Page(to_html(partly)).text)
     unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
     assert "log-likelihood of flights left out of the fit" in unknown
     assert "judged by flights left out of its fit" in unknown
