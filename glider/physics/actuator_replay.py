@@ -9,7 +9,6 @@ servo rests before the first command, and the elevator stops at its travel.
 
 import numpy as np
 
-
 _ALIKE = 0.05  # Share of the changes by which two phases of a clock fit alike.
 
 
