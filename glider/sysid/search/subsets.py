@@ -49,9 +49,16 @@ class Scorer:
         key = frozenset(members)
         if key not in self._kept:
             columns = [c for _, variant in members for c in variant]
-            value = self.evidence.log_marginal(columns)
-            self._kept[key] = value - sum(self.price(kind) for kind, _ in members)
-        return self._kept[key]
+            self._kept[key] = self.evidence.log_marginal(columns)
+        return self._kept[key] - sum(self.price(kind) for kind, _ in members)
+
+    def at_least(self, price: float) -> "Scorer":
+        """Returns the scorer with each member's price raised to one [nats]."""
+        dear = Scorer(
+            self.evidence, self.variants, lambda kind: max(price, self.price(kind))
+        )
+        dear._kept = self._kept
+        return dear
 
     def alone(self) -> dict[str, float]:
         """Returns what each kind gains alone, its price not taken [nats]."""
@@ -70,7 +77,8 @@ class Scorer:
     def ranked(self) -> list[tuple[tuple[str, ...], float]]:
         """Returns the kinds of all sets that were asked, best first [nats]."""
         best: dict[tuple[str, ...], float] = {}
-        for members, value in self._kept.items():
+        for members in self._kept:
+            value = self(tuple(members))
             kinds = tuple(sorted(kind for kind, _ in members))
             if kinds and value > best.get(kinds, -np.inf):
                 best[kinds] = value
@@ -101,44 +109,54 @@ class Scorer:
                 if frozenset(other) != frozenset(members):
                     yield other
 
+    def merged(self, members: Members) -> Iterable[Members]:
+        """Yields the sets with two members exchanged for another one."""
+        for i, first in enumerate(members):
+            for second in members[i + 1 :]:
+                rest = tuple(m for m in members if m not in (first, second))
+                yield from self.larger(rest)
+
 
 def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
-    """Returns the set that no swap betters, and no drop or addition where it may."""
+    """Returns the set that no swap betters, and no drop or addition where it may.
+
+    Nor one effect in the place of two: a tilted frame is a turned pitch and a thrust.
+    """
     while True:
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
         if not same_size and len(members) < MOST_EFFECTS:
             options += score.larger(members)
-        if not options:
-            return members
-        best = max(options, key=score)
+        best = max(options, key=score, default=members)
+        if not same_size and not score(best) > score(members) + 1e-6:
+            best = max(score.merged(members), key=score, default=members)
         if not score(best) > score(members) + 1e-6:
             return members
         members = best
 
 
-def best_set(score: Scorer, start: Members = ()) -> Members:
-    """Returns the best set found by a beam from nothing and a climb from a start.
+def best_of_sizes(score: Scorer) -> list[Members]:
+    """Returns the best sets of one effect, of two and so on that a beam finds.
 
-    The beam's sets are swapped only: one that dropped members would be back at a size
-    that the beam has left, though two members may hide what a third one shows.
+    Its sets are swapped only: one that dropped members would be back at a size that
+    the beam has left, though two members may hide what a third one shows.
     """
-    found = [climb(score, start)]
     beam: list[Members] = [()]
-    best = max(found, key=score)
-    if score(()) > score(best):
-        best = ()
+    found: list[Members] = []
+    best: Members = ()
     for _ in range(MOST_EFFECTS):
         pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
         ranked = sorted(pool.values(), key=score, reverse=True)[:BEAM]
-        if not ranked:
+        if not ranked or score(ranked[0]) < score(best) - _HOPELESS:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
         beam = list({frozenset(m): m for m in reached}.values())
-        top = max(beam, key=score)
-        if score(top) > score(best) + 1e-6:
-            best = top
-        elif score(ranked[0]) < score(best) - _HOPELESS:
-            break
-    return climb(score, best)
+        found.append(max(beam, key=score))
+        best = max(best, found[-1], key=score)
+    return found
+
+
+def best_set(score: Scorer, start: Members = ()) -> Members:
+    """Returns the best set that a beam from nothing and a climb from a start find."""
+    return climb(score, max([(), climb(score, start), *best_of_sizes(score)], key=score))

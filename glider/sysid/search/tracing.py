@@ -31,7 +31,7 @@ from glider.sysid.search.fields import (
     survey,
 )
 from glider.sysid.search.sets_in_models import begin, plate_of, without
-from glider.sysid.search.subsets import Scorer, best_set
+from glider.sysid.search.subsets import Scorer, best_of_sizes, best_set
 from glider.sysid.search.traced import Traced
 from glider.sysid.search.weighing import uncertainty_of, weakest, weigh
 
@@ -42,7 +42,7 @@ FLIGHTS_OF_PRICE = 40
 """Flights from which on the price grows with them: what making flights linear gets
 wrong in each adds up as evidence does. The price was tried on 12 to 40."""
 
-ROUNDS = 6
+ROUNDS = 8
 """Rounds at most."""
 
 Progress = Callable[[str], None]
@@ -87,6 +87,8 @@ def trace(
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=True)
     model, evidence = prune(search, by_sets(search, start))
+    while (fewer := with_fewer(search, model)) is not None:
+        model, evidence = prune(search, fewer)
     field = None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
@@ -96,7 +98,7 @@ def trace(
     model = without_needless_curves(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
-    while weak := weakest(weighed):
+    while weak := weakest(weighed, evidence):
         model, evidence = prune(search, search.fit(without(task, model, weak)))
         weighed = weigh(task, model, scoring, rng)
     if field is not None:
@@ -204,6 +206,10 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         if not search.alone:
             search.alone = score.alone()
         members = best_set(score, start)
+        dear = score.at_least(HASTE * (score(members) - score(start)))
+        first = best_set(dear, start)
+        if frozenset(kind for kind, _ in first) not in tried:
+            members = first
         kinds = frozenset(kind for kind, _ in members)
         if kinds in tried:
             break
@@ -212,6 +218,44 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
         model = fit_strength(task, search.fit(begun))
         tried[kinds] = model
     return min(tried.values(), key=search.price, default=model)
+
+
+def with_fewer(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model with fewer effects that is worth more, or None.
+
+    To first order about a set that is wrong, several effects may do as well as the few
+    that act: the best set of each smaller size is fitted.
+    """
+    task = search.task
+    if len(model.kinds) < 2:
+        return None
+    candidates = gather(task, model)
+    scales, _ = saturated_scales(candidates, model.scales, 2)
+    grams = candidates.grams(scales)
+    if not np.all(np.isfinite(grams)):
+        return None
+    score = scoring(candidates, grams, np.ones(len(task.records)))
+    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
+    least = score(sizes[-1]) - SLACK * (score(sizes[-1]) - score(()))
+    for members in reversed(sizes):
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds in search.fitted or score(members) < least:
+            continue
+        search.progress(f"fitting {', '.join(sorted(kinds))} instead")
+        begun = begin(candidates, score.evidence, members, scales)
+        fewer = fit_strength(task, search.fit(begun, iterations=4))
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
+
+
+SLACK = 0.1
+"""Share of the evidence of all that a smaller set may lack, to first order."""
+
+
+HASTE = 0.01
+"""Share of what a round gains that each effect must bring to come with it: what making
+flights linear gets wrong is like small effects, which wait for the next round."""
 
 
 def price_of(task: Task, model: Fitted) -> float:

@@ -95,9 +95,20 @@ LEAST_SUPPORT = 0.85
 chosen: one that hangs on a few flights is not claimed."""
 
 
-def weakest(weighed: dict[str, Weighed]) -> str | None:
-    """Returns the effect that fewest resampled flights support, if too few."""
-    kind = min(weighed, key=lambda k: weighed[k].support, default=None)
+DOUBTED = 60.0
+"""Evidence up to which an effect is dropped for want of support [nats]: resampled
+searches are to first order, and what costs more than this to leave out is there."""
+
+
+def weakest(weighed: dict[str, Weighed], evidence: dict[str, float]) -> str | None:
+    """Returns the effect that fewest resampled flights support, if too few.
+
+    Args:
+        weighed: of each effect.
+        evidence: that is lost without it when all else is refitted [nats].
+    """
+    doubted = [kind for kind in weighed if evidence[kind] < DOUBTED]
+    kind = min(doubted, key=lambda k: weighed[k].support, default=None)
     if kind is None or weighed[kind].support >= LEAST_SUPPORT:
         return None
     return kind
