@@ -70,7 +70,7 @@ INLINED = ("advance", "slope")
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 
-OUTLINED = ("log_step",)
+OUTLINED = ("log_step", "block_rates", "block_weighed")
 """Functions that stay calls: they are long and called from many places, which would
 each take the compiler seconds."""
 

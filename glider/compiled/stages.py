@@ -1,0 +1,387 @@
+"""Newton's step of a collocated path, stage by stage.
+
+A stage's state is s = (x, u, h), with the command at its knot and the length of the
+segments, which all stages share; what is chosen there is the command at the next knot.
+"""
+
+import numpy as np
+
+from glider.compiled.kernel import Family
+
+
+def invert(matrix, inverse):
+    """Writes the inverse of a matrix (n, n), which is destroyed; pivots by rows."""
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        if best != k:
+            for j in range(n):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+                inverse[k, j], inverse[best, j] = inverse[best, j], inverse[k, j]
+        scale = 1.0 / matrix[k, k]
+        for j in range(n):
+            matrix[k, j] *= scale
+            inverse[k, j] *= scale
+        for i in range(n):
+            factor = matrix[i, k]
+            if i != k and factor != 0.0:
+                for j in range(n):
+                    matrix[i, j] -= factor * matrix[k, j]
+                    inverse[i, j] -= factor * inverse[k, j]
+
+
+def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
+    """Adds the multipliers' part to the gradient of the Lagrangian.
+
+    Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)) by all knots and by h. With
+    g = (∂f_c)ᵀ μ, its curvature is Σ ∂²(wᵀ f) over knots and middles, beside what h
+    brings in; w is -h/6 μ ∓ h²/12 g at the ends of a segment and -2/3 h μ within.
+
+    Args:
+        knots: (N, n + 1).
+        step: h [s].
+        rates, slopes: as in `Collocation`.
+        multipliers: (N - 1, n) μ.
+        weights: (2 N - 1, n), written: w.
+        back: (N - 1, n + 1), written: g.
+        gradient: (N (n + 1) + 1,), added to.
+    """
+    count, width = knots.shape
+    n = width - 1
+    last = count * width
+    for k in range(count):
+        for i in range(n):
+            weights[k, i] = 0.0
+    for k in range(count - 1):
+        mu, middle = multipliers[k], slopes[count + k]
+        by_step = 0.0
+        for j in range(width):
+            total = 0.0
+            for i in range(n):
+                total += middle[i, j] * mu[i]
+            back[k, j] = total
+            gradient[k * width + j] -= step / 3.0 * total
+            gradient[(k + 1) * width + j] -= step / 3.0 * total
+        for i in range(n):
+            gradient[k * width + i] -= mu[i]
+            gradient[(k + 1) * width + i] += mu[i]
+            inner = step * step / 12.0 * back[k, i]
+            weights[k, i] -= step / 6.0 * mu[i] + inner
+            weights[k + 1, i] += inner - step / 6.0 * mu[i]
+            weights[count + k, i] = -2.0 / 3.0 * step * mu[i]
+            slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
+            by_step -= mu[i] * slope / 6.0
+            by_step -= step / 12.0 * back[k, i] * (rates[k, i] - rates[k + 1, i])
+        gradient[last] += by_step
+    for k in range(count):
+        for j in range(width):
+            total = 0.0
+            for i in range(n):
+                total += slopes[k, i, j] * weights[k, i]
+            gradient[k * width + j] += total
+
+
+def link(step, rates, slopes, defects, k, matrix, inverse, to_end, to_middle):
+    """Writes how a segment's end and its middle follow from its stage.
+
+    Args:
+        step, rates, slopes: as in `weigh`.
+        defects: (N - 1, n).
+        k: counts the segments.
+        matrix: (n, n) scratch.
+        inverse: (n, n), written: of the defect's slopes by the end's states.
+        to_end: (n, n + 4), written: the end's states by x₀, u₀, h, u₁, and what
+            the defect asks.
+        to_middle: (n + 1, n + 4), written: the middle's states and command.
+    """
+    n = matrix.shape[0]
+    width, count = n + 1, defects.shape[0] + 1
+    first, end, middle = slopes[k], slopes[k + 1], slopes[count + k]
+    # The middle by x₀, u₀, h, u₁; and by x₁, where the matrix stands for later.
+    for i in range(n):
+        for j in range(width):
+            own = 0.5 if i == j else 0.0
+            to_middle[i, j] = own + 0.125 * step * first[i, j]
+        to_middle[i, n + 1] = 0.125 * (rates[k, i] - rates[k + 1, i])
+        to_middle[i, n + 2] = -0.125 * step * end[i, n]
+        to_middle[i, n + 3] = 0.0
+    to_middle[n, :] = 0.0
+    to_middle[n, n] = 0.5
+    to_middle[n, n + 2] = 0.5
+    # The defect by the same, with the other sign.
+    share = step / 6.0
+    for i in range(n):
+        for j in range(n + 4):
+            total = 0.0
+            for m in range(width):
+                total += middle[i, m] * to_middle[m, j]
+            to_end[i, j] = 4.0 * share * total
+        for j in range(width):
+            to_end[i, j] += share * first[i, j] + (1.0 if i == j else 0.0)
+        slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
+        to_end[i, n + 1] += slope / 6.0
+        to_end[i, n + 2] += share * end[i, n]
+        to_end[i, n + 3] = -defects[k, i]
+        for j in range(n):
+            own = 1.0 if i == j else 0.0
+            total = 0.5 * middle[i, j]
+            for m in range(n):
+                total -= 0.125 * step * middle[i, m] * end[m, j]
+            matrix[i, j] = own - share * (end[i, j] + 4.0 * total)
+    invert(matrix, inverse)
+    for j in range(n + 4):
+        for i in range(n):
+            total = 0.0
+            for m in range(n):
+                total += inverse[i, m] * to_end[m, j]
+            matrix[i, 0] = total
+        for i in range(n):
+            to_end[i, j] = matrix[i, 0]
+    for i in range(n):
+        for j in range(n + 4):
+            total = to_middle[i, j] + 0.5 * to_end[i, j]
+            for m in range(n):
+                total -= 0.125 * step * end[i, m] * to_end[m, j]
+            to_middle[i, j] = total
+
+
+def own_curvature(k, step, slopes, curvature, multipliers, back, own):
+    """Writes the curvature (n + 2, n + 2) of the defects at a knot, by x, u and h."""
+    n = own.shape[0] - 2
+    width, count = n + 1, multipliers.shape[0] + 1
+    own[:width, :width] = curvature[k]
+    own[width, :] = 0.0
+    for side in range(2):
+        m = k - side  # The segment that begins here, then the one that ends here.
+        if m < 0 or m > count - 2:
+            continue
+        sign = 1.0 - 2.0 * side
+        for j in range(width):
+            total = -back[m, j] / 3.0
+            for i in range(n):
+                weight = multipliers[m, i] / 6.0 + sign * step / 6.0 * back[m, i]
+                total -= slopes[k, i, j] * weight
+            own[width, j] += total
+    for j in range(width):
+        own[j, width] = own[width, j]
+
+
+def newton_step(
+    step,
+    rates,
+    slopes,
+    curvature,
+    defects,
+    multipliers,
+    back,
+    cross,
+    diagonal,
+    gradient,
+    misses,
+    penalty,
+    change,
+    ahead,
+    pull,
+):
+    """Solves for Newton's step of the barrier problem by a Riccati recursion.
+
+    minimize   ½ dᵀ (H + D) d + qᵀ d   subject to the linear defects, x̃₀ = 0 and
+    the place at the end.
+
+    H is the curvature of the Lagrangian. The place at the end enters as a penalty,
+    which changes no solution, and by two multipliers found last.
+
+    Args:
+        step, rates, slopes, multipliers, back: as in `weigh`.
+        curvature: (2 N - 1, n + 1, n + 1) of the defects' weighed rates.
+        defects: (N - 1, n).
+        cross: (N,) curvature of the cost by a command and h.
+        diagonal: (N (n + 1) + 1,) D, with what the cost has on the diagonal.
+        gradient: (N (n + 1) + 1,) q of cost and barrier alone.
+        misses: (2,) by which the end leaves its place.
+        penalty: on them.
+        change: (N (n + 1) + 1,), written: d.
+        ahead: (N - 1, n), written: new multipliers.
+        pull: (2,), written: multipliers of the place at the end.
+
+    Returns:
+        whether the step is a minimum: the curvature is positive wherever the
+        constraints leave freedom.
+    """
+    segments, n = defects.shape
+    count, width, m = segments + 1, n + 1, n + 2
+    to_end = np.empty((segments, n, m + 2))
+    to_middle = np.empty((segments, width, m + 2))
+    inverse, matrix = np.empty((segments, n, n)), np.empty((n, n))
+    gains, feeds = np.empty((segments, m)), np.empty((segments, 3))
+    value, cost = np.zeros((m, m)), np.zeros((m, 3))
+    values, costs = np.empty((count, n, m)), np.empty((count, n, 3))
+    total, own = np.empty((m + 1, m + 1)), np.empty((m, m))
+    slope, bent = np.empty((m + 1, 3)), np.empty((width, m + 2))
+    carried = np.empty((m, m + 2))
+    last = count * width
+
+    own_curvature(segments, step, slopes, curvature, multipliers, back, value)
+    for i in range(width):
+        value[i, i] += diagonal[segments * width + i]
+        cost[i, 0] = gradient[segments * width + i]
+    value[n, width] += cross[segments]
+    value[width, n] += cross[segments]
+    for i in range(2):
+        value[i, i] += penalty
+        cost[i, 0] += penalty * misses[i]
+        cost[i, 1 + i] = 1.0
+    for k in range(segments - 1, -1, -1):
+        values[k + 1], costs[k + 1] = value[:n], cost[:n]
+        end, middle = to_end[k], to_middle[k]
+        link(step, rates, slopes, defects, k, matrix, inverse[k], end, middle)
+        for i in range(m):  # What the next stage's value makes of this stage.
+            carried[i] = 0.0
+            for j in range(n):
+                factor = value[i, j]
+                for c in range(m + 2):
+                    carried[i, c] += factor * end[j, c]
+            carried[i, n + 1] += value[i, width]
+            carried[i, n + 2] += value[i, n]
+        for i in range(width):
+            bent[i] = 0.0
+            for j in range(width):
+                factor = curvature[count + k, i, j]
+                for c in range(m + 2):
+                    bent[i, c] += factor * middle[j, c]
+        for i in range(m + 1):
+            for c in range(m + 1):
+                total[i, c] = 0.0
+            slope[i] = 0.0
+            for j in range(n):
+                factor = end[j, i]
+                for c in range(m + 1):
+                    total[i, c] += factor * carried[j, c]
+                slope[i, 0] += factor * (carried[j, m + 1] + cost[j, 0])
+                slope[i, 1] += factor * cost[j, 1]
+                slope[i, 2] += factor * cost[j, 2]
+            for j in range(width):
+                factor = middle[j, i]
+                for c in range(m + 1):
+                    total[i, c] += factor * bent[j, c]
+                slope[i, 0] += factor * bent[j, m + 1]
+        for i in range(2):  # The next command and h go on as they are.
+            row, at = (n, n + 2) if i == 0 else (n + 1, n + 1)
+            for c in range(m + 1):
+                total[at, c] += carried[row, c]
+            slope[at, 0] += carried[row, m + 1]
+            for r in range(3):
+                slope[at, r] += cost[row, r]
+        own_curvature(k, step, slopes, curvature, multipliers, back, own)
+        for i in range(width):
+            own[i, i] += diagonal[k * width + i]
+            slope[i, 0] += gradient[k * width + i]
+        by_step = 0.0
+        for i in range(n):
+            by_step += back[k, i] * (rates[k, i] - rates[k + 1, i])
+        own[width, width] = -by_step / 6.0
+        own[n, width] += cross[k]
+        own[width, n] += cross[k]
+        for i in range(m):
+            for j in range(m):
+                total[i, j] += own[i, j]
+        if k == 0:
+            total[width, width] += diagonal[last]
+            slope[width, 0] += gradient[last]
+        stiff = total[m, m]
+        if not stiff > 0.0:
+            return False
+        for i in range(m):
+            gains[k, i] = -total[m, i] / stiff
+        for r in range(3):
+            feeds[k, r] = -slope[m, r] / stiff
+        for i in range(m):
+            for j in range(m):
+                value[i, j] = total[i, j] + total[i, m] * gains[k, j]
+            for r in range(3):
+                cost[i, r] = slope[i, r] + total[i, m] * feeds[k, r]
+
+    # The first command and h are free, the launch is not.
+    a, b, d = value[n, n], value[n, width], value[width, width]
+    determinant = a * d - b * b
+    if not (a > 0.0 and determinant > 0.0):
+        return False
+    paths = np.empty((3, count, m))
+    for r in range(3):
+        path = paths[r]
+        path[0] = 0.0
+        path[0, n] = (b * cost[width, r] - d * cost[n, r]) / determinant
+        path[0, width] = (b * cost[n, r] - a * cost[width, r]) / determinant
+        for k in range(segments):
+            push = feeds[k, r]
+            for i in range(m):
+                push += gains[k, i] * path[k, i]
+            for i in range(n):
+                ends = to_end[k, i, n + 2] * push
+                if r == 0:
+                    ends += to_end[k, i, m + 1]
+                for j in range(m):
+                    ends += to_end[k, i, j] * path[k, j]
+                path[k + 1, i] = ends
+            path[k + 1, n] = push
+            path[k + 1, width] = path[k, width]
+    a, b = paths[1, segments, 0], paths[2, segments, 0]
+    c, d = paths[1, segments, 1], paths[2, segments, 1]
+    left = -misses[0] - paths[0, segments, 0]
+    below = -misses[1] - paths[0, segments, 1]
+    determinant = a * d - b * c
+    if not determinant > 0.0:
+        return False
+    pull[0] = (d * left - b * below) / determinant
+    pull[1] = (a * below - c * left) / determinant
+    path = paths[0]
+    for k in range(count):
+        for i in range(m):
+            path[k, i] += pull[0] * paths[1, k, i] + pull[1] * paths[2, k, i]
+        for i in range(width):
+            change[k * width + i] = path[k, i]
+    change[last] = path[0, width]
+
+    # Each segment's multipliers balance what its end's states weigh.
+    state = np.empty(m + 2)
+    for k in range(segments):
+        for i in range(m):
+            state[i] = path[k, i]
+        state[n + 2] = path[k + 1, n]
+        state[n + 3] = 1.0
+        for i in range(width):
+            moved = 0.0
+            for j in range(m + 2):
+                moved += to_middle[k, i, j] * state[j]
+            bent[i, 0] = moved
+        for i in range(width):
+            weight = 0.0
+            for j in range(width):
+                weight += curvature[count + k, i, j] * bent[j, 0]
+            bent[i, 1] = weight
+        for i in range(n):
+            force = costs[k + 1, i, 0] + 0.5 * bent[i, 1]
+            force += pull[0] * costs[k + 1, i, 1] + pull[1] * costs[k + 1, i, 2]
+            for j in range(m):
+                force += values[k + 1, i, j] * path[k + 1, j]
+            for j in range(n):
+                force -= 0.125 * step * slopes[k + 1, j, i] * bent[j, 1]
+            bent[i, 2] = force
+        for i in range(n):
+            weight = 0.0
+            for j in range(n):
+                weight -= inverse[k, j, i] * bent[j, 2]
+            ahead[k, i] = weight
+    return True
+
+
+LOOPS = Family(
+    (invert, weigh, link, own_curvature, newton_step), (weigh, newton_step)
+)
+"""Family of what has no physics in it, so that one serves all gliders."""
