@@ -28,9 +28,10 @@ def block_weighed(work, theta):
         work[0, 1, j] = total
 
 
-def rates_at(points, theta, work, rates):
-    """Writes ẋ (P, n) at points (P, n + 1) of states and command; work as in others."""
+def rates_at(points, theta, rates):
+    """Writes ẋ (P, n) at points (P, n + 1) of states and command."""
     count, width = points.shape
+    work = np.empty((width, 3, BLOCK))
     for first in range(0, count, BLOCK):
         for j in range(BLOCK):
             k = min(first + j, count - 1)
@@ -62,14 +63,13 @@ def collocate(knots, step, theta, rates, middles, defects):
     """
     count, width = knots.shape
     n = width - 1
-    work = np.empty((width, 3, BLOCK))
-    rates_at(knots, theta, work, rates)
+    rates_at(knots, theta, rates)
     for k in range(count - 1):
         for i in range(n):
             middles[k, i] = 0.5 * (knots[k, i] + knots[k + 1, i])
             middles[k, i] += 0.125 * step * (rates[k, i] - rates[k + 1, i])
         middles[k, n] = 0.5 * (knots[k, n] + knots[k + 1, n])
-    rates_at(middles, theta, work, rates[count:])
+    rates_at(middles, theta, rates[count:])
     total = 0.0
     for k in range(count - 1):
         for i in range(n):
@@ -126,7 +126,7 @@ def slopes_along(knots, middles, exact, step, z, theta, slopes):
 def curvature_along(knots, middles, weights, slopes, step, theta, curvature):
     """Writes ∂²(wᵀẋ)/∂(x, u)² at the knots, then in the middles.
 
-    By central second differences, side by side for a block of points. What no slope
+    By second differences, side by side for a block of points. What no slope
     depends on at any point has no curvature either and is not moved.
 
     Args:
@@ -147,9 +147,8 @@ def curvature_along(knots, middles, weights, slopes, step, theta, curvature):
                     moved[j] = True
     work = np.zeros((width, 3, BLOCK))
     middle = np.empty(BLOCK)
-    pair = np.empty((width, 2, BLOCK))
+    pair = np.empty((width, BLOCK))
     curvature[:] = 0.0
-    scale = 0.5 / (step * step)
     for first in range(0, points, BLOCK):
         here = min(BLOCK, points - first)
         for j in range(BLOCK):
@@ -165,30 +164,25 @@ def curvature_along(knots, middles, weights, slopes, step, theta, curvature):
                 continue
             work[i, 0] += step
             block_weighed(work, theta)
-            pair[i, 0] = work[0, 1] - middle
+            pair[i] = work[0, 1] - middle
             work[i, 0] -= 2.0 * step
             block_weighed(work, theta)
-            pair[i, 1] = work[0, 1] - middle
             work[i, 0] += step
             for j in range(here):
-                twice = 2.0 * scale * (pair[i, 0, j] + pair[i, 1, j])
-                curvature[first + j, i, i] = twice
+                twice = pair[i, j] + work[0, 1, j] - middle[j]
+                curvature[first + j, i, i] = twice / (step * step)
         for i in range(width):
             for m in range(i):
                 if not (moved[i] and moved[m]):
                     continue
-                for side in range(2):
-                    ahead = step if side == 0 else -step
-                    work[i, 0] += ahead
-                    work[m, 0] += ahead
-                    block_weighed(work, theta)
-                    work[i, 0] -= ahead
-                    work[m, 0] -= ahead
-                    for j in range(here):
-                        both = work[0, 1, j] - middle[j]
-                        both -= pair[i, side, j] + pair[m, side, j]
-                        curvature[first + j, i, m] += scale * both
+                work[i, 0] += step
+                work[m, 0] += step
+                block_weighed(work, theta)
+                work[i, 0] -= step
+                work[m, 0] -= step
                 for j in range(here):
+                    both = work[0, 1, j] - middle[j] - pair[i, j] - pair[m, j]
+                    curvature[first + j, i, m] = both / (step * step)
                     curvature[first + j, m, i] = curvature[first + j, i, m]
 
 
@@ -201,6 +195,6 @@ LOOPS = Family(
         slopes_along,
         curvature_along,
     ),
-    (collocate, slopes_along, curvature_along),
+    (rates_at, collocate, slopes_along, curvature_along),
     uses=(jacobian.LOOPS,),
 )

@@ -12,7 +12,7 @@ import numpy as np
 from glider.compiled import collocation, stages
 from glider.compiled.collocation import collocate, curvature_along, slopes_along
 from glider.compiled.jacobian import stacked
-from glider.compiled.kernel import Family
+from glider.compiled.kernel import Family, UncompilableError, compile_errors
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
 
@@ -140,8 +140,8 @@ def interior_point(
             first those of the barrier function.
         theta: the glider's numbers.
         z: of `stacked`.
-        progress: (3,), written: iterations, sum of what the constraints are missed by,
-            the largest error of optimality.
+        progress: (4,), written: iterations, sum of what the constraints are missed by,
+            the largest error of optimality, cost.
 
     Returns:
         a place in STATUSES.
@@ -220,6 +220,7 @@ def interior_point(
             exact = True
             slopes_along(knots, middles, exact, limits.slope_step, z, theta, slopes)
         progress[0], progress[1], progress[2] = iteration, missed, error
+        progress[3] = weigh_path(program, w, 0.0)
         if error <= limits.tolerance:
             return 0
         if iteration == limits.iterations:
@@ -382,18 +383,17 @@ def optimize(
         exact: whether slopes are exact from the start, not at the end alone.
 
     Returns:
-        what was found, one of STATUSES, and progress (3,).
+        what was found, one of STATUSES, and progress (4,).
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
     """
     found = Optimum(*(part.copy() for part in guess))
-    progress, theta = np.empty(3), model.numbers
-    status = LOOPS.over(model.kinds, model.has_field).interior_point(
-        program,
-        limits,
-        barrier,
-        exact,
-        *found,
-        theta,
-        stacked(model.num_states, theta),
-        progress,
-    )
+    progress, theta = np.empty(4), model.numbers
+    loop = LOOPS.over(model.kinds, model.has_field).interior_point
+    z = stacked(model.num_states, theta)
+    try:
+        status = loop(program, limits, barrier, exact, *found, theta, z, progress)
+    except compile_errors() as error:
+        raise UncompilableError(str(error)) from None
     return found, STATUSES[status], progress

@@ -70,7 +70,10 @@ INLINED = ("advance", "slope")
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 
-OUTLINED = ("log_step", "block_rates", "block_weighed")
+OUTLINED = {
+    *("log_step", "block_rates", "block_weighed", "weigh_path", "lean_on"),
+    *("invert", "multiply", "add_transposed", "link", "own_curvature"),
+}
 """Functions that stay calls: they are long and called from many places, which would
 each take the compiler seconds."""
 

@@ -36,6 +36,26 @@ def invert(matrix, inverse):
                     inverse[i, j] -= factor * inverse[k, j]
 
 
+def multiply(a, b, product):
+    """Writes a b; the product may overlap with neither."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            product[i, j] = 0.0
+        for m in range(a.shape[1]):
+            factor = a[i, m]
+            for j in range(b.shape[1]):
+                product[i, j] += factor * b[m, j]
+
+
+def add_transposed(a, b, total):
+    """Adds aᵀ b to the total, as far as that has room; a may have more columns."""
+    for m in range(a.shape[0]):
+        for i in range(total.shape[0]):
+            factor = a[m, i]
+            for j in range(total.shape[1]):
+                total[i, j] += factor * b[m, j]
+
+
 def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
     """Adds the multipliers' part to the gradient of the Lagrangian.
 
@@ -87,14 +107,17 @@ def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
             gradient[k * width + j] += total
 
 
-def link(step, rates, slopes, defects, k, matrix, inverse, to_end, to_middle):
+def link(
+    step, rates, slopes, defects, k, matrix, asked, by_end, inverse, to_end, to_middle
+):
     """Writes how a segment's end and its middle follow from its stage.
 
     Args:
         step, rates, slopes: as in `weigh`.
         defects: (N - 1, n).
         k: counts the segments.
-        matrix: (n, n) scratch.
+        matrix, asked: (n, n) and (n, n + 4) scratch.
+        by_end: (n, n), written: the middle's states by the end's.
         inverse: (n, n), written: of the defect's slopes by the end's states.
         to_end: (n, n + 4), written: the end's states by x₀, u₀, h, u₁, and what
             the defect asks.
@@ -103,7 +126,6 @@ def link(step, rates, slopes, defects, k, matrix, inverse, to_end, to_middle):
     n = matrix.shape[0]
     width, count = n + 1, defects.shape[0] + 1
     first, end, middle = slopes[k], slopes[k + 1], slopes[count + k]
-    # The middle by x₀, u₀, h, u₁; and by x₁, where the matrix stands for later.
     for i in range(n):
         for j in range(width):
             own = 0.5 if i == j else 0.0
@@ -116,39 +138,34 @@ def link(step, rates, slopes, defects, k, matrix, inverse, to_end, to_middle):
     to_middle[n, n + 2] = 0.5
     # The defect by the same, with the other sign.
     share = step / 6.0
+    multiply(middle, to_middle, asked)
     for i in range(n):
         for j in range(n + 4):
-            total = 0.0
-            for m in range(width):
-                total += middle[i, m] * to_middle[m, j]
-            to_end[i, j] = 4.0 * share * total
+            asked[i, j] *= 4.0 * share
         for j in range(width):
-            to_end[i, j] += share * first[i, j] + (1.0 if i == j else 0.0)
+            asked[i, j] += share * first[i, j]
+        asked[i, i] += 1.0
         slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
-        to_end[i, n + 1] += slope / 6.0
-        to_end[i, n + 2] += share * end[i, n]
-        to_end[i, n + 3] = -defects[k, i]
+        asked[i, n + 1] += slope / 6.0
+        asked[i, n + 2] += share * end[i, n]
+        asked[i, n + 3] = -defects[k, i]
+    for i in range(n):
         for j in range(n):
-            own = 1.0 if i == j else 0.0
-            total = 0.5 * middle[i, j]
+            by_end[i, j] = -0.125 * step * end[i, j]
+        by_end[i, i] += 0.5
+    for i in range(n):
+        for j in range(n):
+            total = 0.25 * end[i, j]
             for m in range(n):
-                total -= 0.125 * step * middle[i, m] * end[m, j]
-            matrix[i, j] = own - share * (end[i, j] + 4.0 * total)
+                total += middle[i, m] * by_end[m, j]
+            matrix[i, j] = -4.0 * share * total
+        matrix[i, i] += 1.0
     invert(matrix, inverse)
-    for j in range(n + 4):
-        for i in range(n):
-            total = 0.0
-            for m in range(n):
-                total += inverse[i, m] * to_end[m, j]
-            matrix[i, 0] = total
-        for i in range(n):
-            to_end[i, j] = matrix[i, 0]
+    multiply(inverse, asked, to_end)
+    multiply(by_end, to_end, asked)
     for i in range(n):
         for j in range(n + 4):
-            total = to_middle[i, j] + 0.5 * to_end[i, j]
-            for m in range(n):
-                total -= 0.125 * step * end[i, m] * to_end[m, j]
-            to_middle[i, j] = total
+            to_middle[i, j] += asked[i, j]
 
 
 def own_curvature(k, step, slopes, curvature, multipliers, back, own):
@@ -219,10 +236,11 @@ def newton_step(
     to_end = np.empty((segments, n, m + 2))
     to_middle = np.empty((segments, width, m + 2))
     inverse, matrix = np.empty((segments, n, n)), np.empty((n, n))
+    by_end, asked = np.empty((segments, n, n)), np.empty((n, m + 2))
     gains, feeds = np.empty((segments, m)), np.empty((segments, 3))
     value, cost = np.zeros((m, m)), np.zeros((m, 3))
     values, costs = np.empty((count, n, m)), np.empty((count, n, 3))
-    total, own = np.empty((m + 1, m + 1)), np.empty((m, m))
+    total, own = np.empty((m + 1, m + 2)), np.empty((m, m))
     slope, bent = np.empty((m + 1, 3)), np.empty((width, m + 2))
     carried = np.empty((m, m + 2))
     last = count * width
@@ -238,39 +256,41 @@ def newton_step(
         cost[i, 0] += penalty * misses[i]
         cost[i, 1 + i] = 1.0
     for k in range(segments - 1, -1, -1):
-        values[k + 1], costs[k + 1] = value[:n], cost[:n]
         end, middle = to_end[k], to_middle[k]
-        link(step, rates, slopes, defects, k, matrix, inverse[k], end, middle)
-        for i in range(m):  # What the next stage's value makes of this stage.
-            carried[i] = 0.0
-            for j in range(n):
-                factor = value[i, j]
-                for c in range(m + 2):
-                    carried[i, c] += factor * end[j, c]
+        link(
+            step,
+            rates,
+            slopes,
+            defects,
+            k,
+            matrix,
+            asked,
+            by_end[k],
+            inverse[k],
+            end,
+            middle,
+        )
+        for i in range(n):
+            for j in range(m):
+                values[k + 1, i, j] = value[i, j]
+            for r in range(3):
+                costs[k + 1, i, r] = cost[i, r]
+        # What the next stage's value and the middle's curvature make of this stage.
+        multiply(value[:, :n], end, carried)
+        for i in range(m):
             carried[i, n + 1] += value[i, width]
             carried[i, n + 2] += value[i, n]
-        for i in range(width):
-            bent[i] = 0.0
-            for j in range(width):
-                factor = curvature[count + k, i, j]
-                for c in range(m + 2):
-                    bent[i, c] += factor * middle[j, c]
+        multiply(curvature[count + k], middle, bent)
         for i in range(m + 1):
-            for c in range(m + 1):
-                total[i, c] = 0.0
-            slope[i] = 0.0
-            for j in range(n):
-                factor = end[j, i]
-                for c in range(m + 1):
-                    total[i, c] += factor * carried[j, c]
-                slope[i, 0] += factor * (carried[j, m + 1] + cost[j, 0])
-                slope[i, 1] += factor * cost[j, 1]
-                slope[i, 2] += factor * cost[j, 2]
-            for j in range(width):
-                factor = middle[j, i]
-                for c in range(m + 1):
-                    total[i, c] += factor * bent[j, c]
-                slope[i, 0] += factor * bent[j, m + 1]
+            for j in range(m + 2):
+                total[i, j] = 0.0
+            for r in range(3):
+                slope[i, r] = 0.0
+        add_transposed(end, carried, total)
+        add_transposed(middle, bent, total)
+        add_transposed(end, cost, slope)
+        for i in range(m + 1):
+            slope[i, 0] += total[i, m + 1]
         for i in range(2):  # The next command and h go on as they are.
             row, at = (n, n + 2) if i == 0 else (n + 1, n + 1)
             for c in range(m + 1):
@@ -366,12 +386,12 @@ def newton_step(
                 weight += curvature[count + k, i, j] * bent[j, 0]
             bent[i, 1] = weight
         for i in range(n):
-            force = costs[k + 1, i, 0] + 0.5 * bent[i, 1]
+            force = costs[k + 1, i, 0]
             force += pull[0] * costs[k + 1, i, 1] + pull[1] * costs[k + 1, i, 2]
             for j in range(m):
                 force += values[k + 1, i, j] * path[k + 1, j]
             for j in range(n):
-                force -= 0.125 * step * slopes[k + 1, j, i] * bent[j, 1]
+                force += by_end[k, j, i] * bent[j, 1]
             bent[i, 2] = force
         for i in range(n):
             weight = 0.0
@@ -382,6 +402,7 @@ def newton_step(
 
 
 LOOPS = Family(
-    (invert, weigh, link, own_curvature, newton_step), (weigh, newton_step)
+    (invert, multiply, add_transposed, weigh, link, own_curvature, newton_step),
+    (weigh, newton_step),
 )
 """Family of what has no physics in it, so that one serves all gliders."""
