@@ -8,6 +8,7 @@ from glider.compiled.jacobian import directional
 from glider.compiled.kernel import Family
 from glider.physics.chain import derivatives
 
+
 def block_rates(work, theta):
     """Writes into work[:n, 1] the derivatives of the points work[:n + 1, 0]."""
     n = work.shape[0] - 1

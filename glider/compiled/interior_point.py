@@ -63,8 +63,11 @@ class Limits(NamedTuple):
     """Step of second differences. Newton's method needs no exact curvature: its root
     is where the exact slopes say."""
 
-    penalty: float = 1e4
+    penalty: float = 1e6
     """Penalty on the place at the end, see `newton_step`."""
+
+
+DEFAULTS = Limits()
 
 
 def weigh_path(program, w, barrier):
@@ -193,9 +196,7 @@ def interior_point(
         lean_on(program, w, misses, slope, cross, diagonal)
         while True:
             lagrangian[:] = slope
-            weigh(
-                knots, w[last], rates, slopes, multipliers, weights, back, lagrangian
-            )
+            weigh(knots, w[last], rates, slopes, multipliers, weights, back, lagrangian)
             lagrangian[last - width] += pull[0]
             lagrangian[last - width + 1] += pull[1]
             dual, size_of = 0.0, 0.0
@@ -291,6 +292,7 @@ def interior_point(
                     share = longest(gap, step, keep, share)
                     share_of_forces = longest(force, move, keep, share_of_forces)
         merit = weigh_path(program, w, barrier)
+        rounding = 1e-11 * abs(merit)
         accepted = False
         for _ in range(25):
             for i in range(size):
@@ -302,16 +304,17 @@ def interior_point(
             if now < most and after < np.inf:  # And no NaN.
                 fine = True
                 for k in range(filtered):
-                    if now >= filter_misses[k] and after >= filter_costs[k]:
+                    cheap = after < filter_costs[k] + rounding
+                    if now >= filter_misses[k] and not cheap:
                         fine = False
                 falls = expected < 0.0 and share * (-expected) ** 2.3 > missed**1.1
                 if fine and missed <= least and falls:
-                    promised = 1e-4 * share * expected + 1e-11 * abs(merit)
+                    promised = 1e-4 * share * expected + rounding
                     accepted = after <= merit + promised
                 elif fine:
                     less = (1.0 - 1e-5) * missed
                     cheaper = merit - 1e-5 * missed
-                    accepted = now <= less or after <= cheaper
+                    accepted = now <= less or after <= cheaper + rounding
                     if accepted and filtered < filter_misses.shape[0]:
                         filter_misses[filtered] = less
                         filter_costs[filtered] = cheaper
@@ -369,7 +372,7 @@ def optimize(
     program: Program,
     guess: Optimum,
     barrier: float,
-    limits: Limits = Limits(),
+    limits: Limits = DEFAULTS,
     exact: bool = False,
 ) -> tuple[Optimum, str, np.ndarray]:
     """Finds a flight of least cost near a guess, see `interior_point`.

@@ -104,6 +104,7 @@ class Family:
         functions: callees first.
         entries: those of them that are called from Python.
         uses: families whose entries these functions call, shared in machine code.
+        has_physics: whether the chain is called; if not, one serves all gliders.
     """
 
     def __init__(
@@ -111,6 +112,7 @@ class Family:
         functions: tuple[Callable, ...],
         entries: tuple[Callable, ...],
         uses: tuple["Family", ...] = (),
+        has_physics: bool = True,
     ) -> None:
         """Reads the functions' text now: their file may change while this runs."""
         self.text = "\n\n".join(inspect.getsource(f) for f in functions)
@@ -118,6 +120,7 @@ class Family:
         self._module = inspect.getsource(sys.modules[functions[0].__module__])
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
+        self._has_physics = has_physics
         self._made: dict[tuple, types.SimpleNamespace] = {}
         self._last: tuple[Any, bool, Any] = (None, False, None)
 
@@ -130,6 +133,8 @@ class Family:
         compiled is kept on disk when every formula can be imported by name, else (a
         formula typed into a notebook) for this process only.
         """
+        if not self._has_physics:
+            kinds, has_field = (), False
         asked, with_field, entries = self._last
         if asked is kinds and with_field == has_field:  # Spares a hash of many kinds.
             return entries

@@ -404,5 +404,6 @@ def newton_step(
 LOOPS = Family(
     (invert, multiply, add_transposed, weigh, link, own_curvature, newton_step),
     (weigh, newton_step),
+    has_physics=False,
 )
 """Family of what has no physics in it, so that one serves all gliders."""

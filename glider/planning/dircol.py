@@ -367,9 +367,7 @@ def _path_of(found: Found) -> _Path:
     )
 
 
-def _finish(
-    dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]
-) -> Plan:
+def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> Plan:
     path = _path_of(found)
     times, states, inputs = path.times, path.states, path.inputs
     slopes = dynamics.rates(np.column_stack([states, inputs]))

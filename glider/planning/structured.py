@@ -1,4 +1,4 @@
-"""Direct collocation solved stage by stage: the transcription's program in milliseconds.
+"""Direct collocation solved stage by stage, in milliseconds.
 
 The problem is that of `glider.planning.transcription`, knot by knot, and what is found
 is a minimum of Drake's program too (`glider.planning.optimality` looks). The solver is

@@ -138,9 +138,7 @@ def test_a_plan_is_made_again_on_the_way():
     elapsed = 0.2
     names = range(first.num_states)
     state = [float(np.interp(elapsed, first.times, first.knots[:, i])) for i in names]
-    later = dataclasses.replace(
-        PROBLEM, launch=state, duration_limits=[0.1, 2.0]
-    )
+    later = dataclasses.replace(PROBLEM, launch=state, duration_limits=[0.1, 2.0])
     again = solve_structured(MODEL, later, 33, first, elapsed=elapsed)
     assert again.solved
     assert again.times[-1] == pytest.approx(first.times[-1] - elapsed, abs=2e-3)
