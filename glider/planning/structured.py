@@ -88,13 +88,13 @@ class CollocatedFlight:
 
 def make_program(model: GliderModel, problem: PerchingProblem, knots: int) -> Program:
     """Returns the bounds and the cost of a problem on so many knots."""
-    n, vehicle = model.num_states, model.parameters
+    n, servo = model.num_states, model.parameters.servo
     low = np.full((knots, n + 1), -np.inf)
     high = -low
     travel = [problem.x_limits, problem.z_limits, problem.pitch_limits]
-    for i, limits in enumerate([*travel, vehicle.elevator_limits]):
+    for i, limits in enumerate([*travel, (servo.low, servo.high)]):
         low[1:, i], high[1:, i] = limits
-    low[:, n], high[:, n] = -vehicle.elevator_rate_limit, vehicle.elevator_rate_limit
+    low[:, n], high[:, n] = -servo.rate, servo.rate
     low[-1, :2], high[-1, :2] = -np.inf, np.inf  # The wire's place is an equation.
     final = problem.final_pitch_limits
     low[-1, 2], high[-1, 2] = max(low[-1, 2], final[0]), min(high[-1, 2], final[1])
@@ -144,6 +144,7 @@ def solve_structured(
     *,
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
+    iterations: int = 150,
     name: str = "the plan on fewer knots",
 ) -> CollocatedFlight:
     """Plans from a guess, or again from a plan, its multipliers included.
@@ -155,6 +156,7 @@ def solve_structured(
         guess: to start from.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `Limits`.
+        iterations: see `Limits`; fewer bound the time.
         name: of what is found.
 
     Raises:
@@ -169,7 +171,7 @@ def solve_structured(
     start.w[:n] = model.initial_state(problem.launch)
     program = make_program(model, problem, knots)
     found, status, progress = optimize(
-        model, program, start, barrier, Limits(tolerance=tolerance)
+        model, program, start, barrier, Limits(tolerance, iterations)
     )
     return CollocatedFlight(
         name=name,

@@ -84,7 +84,9 @@ def time_replanning(rng: np.random.Generator) -> tuple[np.ndarray, int]:
             )
             knots = max(8, round(KNOTS[-1] * end / first.times[-1]))
             begin = time.perf_counter()
-            found = solve_structured(model, later, knots, flight, elapsed=PERIOD)
+            found = solve_structured(
+                model, later, knots, flight, elapsed=PERIOD, iterations=30
+            )
             times.append(time.perf_counter() - begin)
             solved += found.solved
             if not found.solved:

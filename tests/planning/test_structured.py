@@ -38,7 +38,7 @@ def test_a_plan_is_a_minimum_of_drake_s_own_program(model):
     assert [a.solver for a in found.attempts] == ["interior point"] * 2
     checked = check_optimality(model, PROBLEM, found)
     assert checked.violation < 1e-6
-    assert checked.slope < 1e-6
+    assert checked.slope < 1e-8
     assert checked.cost == pytest.approx(found.cost, rel=1e-9)
 
 
@@ -51,7 +51,7 @@ def test_a_path_that_is_none_is_seen(article_plan):
     dearer = plan(MODEL, dataclasses.replace(PROBLEM, rate_cost=150.0))
     checked = check_optimality(MODEL, PROBLEM, dearer)
     assert checked.violation < 1e-6
-    assert checked.slope > 1e-4
+    assert checked.slope > 1e-5
 
 
 def test_drake_s_solvers_find_the_same_plan(article_plan):
