@@ -1,201 +1,193 @@
-"""Hermite-Simpson collocation of a path: defects, slopes and curvature."""
+"""Hermite-Simpson collocation of a path: defects, slopes and curvature.
+
+None of it knows the dynamics: the derivatives at many points come from
+`glider.compiled.points`, and here is where the points lie and what follows from them.
+The P = 2 N - 1 points of a path are its N knots, then the middles of its segments.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled import jacobian
-from glider.compiled.constants import BLOCK
-from glider.compiled.jacobian import directional
-from glider.compiled.kernel import Family
-from glider.physics.chain import derivatives
+from glider.compiled.kernel import machine_code
 
 
-def block_rates(work, theta):
-    """Writes into work[:n, 1] the derivatives of the points work[:n + 1, 0]."""
-    n = work.shape[0] - 1
-    for j in range(BLOCK):
-        d = derivatives(0.0, work[:, 0, j], work[n, 0, j], 0.0, 0.0, theta)
-        for i in range(len(d)):
-            work[i, 1, j] = d[i]
+class Path(NamedTuple):
+    """The P points of a path on N knots, and what the dynamics make of them."""
+
+    points: np.ndarray
+    """(P, n + 1) states and commands, at the knots and then in the middles."""
+
+    rates: np.ndarray
+    """(P, n) f."""
+
+    slopes: np.ndarray
+    """(P, n, n + 1) ∂f/∂(x, u)."""
+
+    curvature: np.ndarray
+    """(P, n + 1, n + 1) ∂²(wᵀf)/∂(x, u)²."""
+
+    weights: np.ndarray
+    """(P, n) w."""
+
+    defects: np.ndarray
+    """(N - 1, n)."""
 
 
-def block_weighed(work, theta):
-    """Writes into work[0, 1] the sum of weights work[:n, 2] times the derivatives."""
-    n = work.shape[0] - 1
-    for j in range(BLOCK):
-        d = derivatives(0.0, work[:, 0, j], work[n, 0, j], 0.0, 0.0, theta)
-        total = 0.0
-        for i in range(len(d)):
-            total += work[i, 2, j] * d[i]
-        work[0, 1, j] = total
+def empty_path(knots: int, n: int) -> Path:
+    """Returns room for a path."""
+    count = 2 * knots - 1
+    return Path(
+        points=np.empty((count, n + 1)),
+        rates=np.empty((count, n)),
+        slopes=np.empty((count, n, n + 1)),
+        curvature=np.empty((count, n + 1, n + 1)),
+        weights=np.empty((count, n)),
+        defects=np.empty((knots - 1, n)),
+    )
 
 
-def rates_at(points, theta, rates):
-    """Writes ẋ (P, n) at points (P, n + 1) of states and command."""
-    count, width = points.shape
-    work = np.empty((width, 3, BLOCK))
-    for first in range(0, count, BLOCK):
-        for j in range(BLOCK):
-            k = min(first + j, count - 1)
-            for i in range(width):
-                work[i, 0, j] = points[k, i]
-        block_rates(work, theta)
-        for j in range(min(BLOCK, count - first)):
-            for i in range(width - 1):
-                rates[first + j, i] = work[i, 1, j]
+@machine_code
+def place_middles(step, rates, points):
+    """Writes the middles (x_c, u_c) of the cubics between knots.
 
-
-def collocate(knots, step, theta, rates, middles, defects):
-    """Writes what the cubic of each segment makes of its ends.
-
-    With f at the knots and y_c = (x_c, u_c), x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8,
-    u_c = (u₀ + u₁)/2, the defect is x₁ - x₀ - h/6 (f₀ + 4 f(y_c) + f₁): that of
-    `glider.planning.transcription.hermite_simpson` times 2 h/3.
+    x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8 and u_c = (u₀ + u₁)/2.
 
     Args:
-        knots: (N, n + 1) states and commands.
         step: h [s].
-        theta: the glider's numbers.
-        rates: (2 N - 1, n), written: f at the knots, then in the middles.
-        middles: (N - 1, n + 1), written: y_c.
-        defects: (N - 1, n), written.
+        rates: (P, n) f, of which those at the knots are read.
+        points: (P, n + 1) states and commands; the middles are written.
+    """
+    n = rates.shape[1]
+    count = (len(points) + 1) // 2
+    for k in range(count - 1):
+        for i in range(n + 1):
+            points[count + k, i] = 0.5 * (points[k, i] + points[k + 1, i])
+        for i in range(n):
+            points[count + k, i] += 0.125 * step * (rates[k, i] - rates[k + 1, i])
+
+
+@machine_code
+def find_defects(step, rates, points, defects):
+    """Writes the defects (N - 1, n): x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁).
+
+    They are those of `glider.planning.transcription.hermite_simpson` times 2 h/3.
 
     Returns:
         the sum of all |defect|.
     """
-    count, width = knots.shape
-    n = width - 1
-    rates_at(knots, theta, rates)
+    count, total = len(defects) + 1, 0.0
     for k in range(count - 1):
-        for i in range(n):
-            middles[k, i] = 0.5 * (knots[k, i] + knots[k + 1, i])
-            middles[k, i] += 0.125 * step * (rates[k, i] - rates[k + 1, i])
-        middles[k, n] = 0.5 * (knots[k, n] + knots[k + 1, n])
-    rates_at(middles, theta, rates[count:])
-    total = 0.0
-    for k in range(count - 1):
-        for i in range(n):
+        for i in range(rates.shape[1]):
             slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
-            defect = knots[k + 1, i] - knots[k, i] - step / 6.0 * slope
+            defect = points[k + 1, i] - points[k, i] - step / 6.0 * slope
             defects[k, i] = defect
             total += abs(defect)
     return total
 
 
-def slopes_along(knots, middles, exact, step, z, theta, slopes):
-    """Writes ∂ẋ/∂(x, u) at the knots, then in the middles: (2 N - 1, n, n + 1).
+@machine_code
+def spread(points, step, moved):
+    """Writes points moved along each axis, forth and back: (2 (n + 1) P, n + 1)."""
+    count, width = points.shape
+    at = 0
+    for axis in range(width):
+        for side in (step, -step):
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                moved[at, axis] += side
+                at += 1
 
-    Args:
-        knots, middles: as in `collocate`.
-        exact: whether by complex steps; else by central differences, side by side
-            for a block of points, in a tenth of the time.
-        step: of the differences.
-        z: of `stacked`; states and commands are overwritten.
-        theta: the glider's numbers.
-        slopes: written.
-    """
-    count, width = knots.shape
-    n, points = width - 1, 2 * count - 1
-    if exact:
-        value = np.empty(n)
-        each = np.zeros((width, width)).T  # As the plant asks: compiled only once.
-        for i in range(width):
-            each[i, i] = 1.0
-        for k in range(points):
-            for i in range(width):
-                z[i] = knots[k, i] if k < count else middles[k - count, i]
-            directional(0.0, z, each, n, theta.field, value, slopes[k])
-        return
-    work = np.empty((width, 3, BLOCK))
-    for first in range(0, points, BLOCK):
-        for j in range(BLOCK):
-            k = min(first + j, points - 1)
-            for i in range(width):
-                work[i, 0, j] = knots[k, i] if k < count else middles[k - count, i]
-        for m in range(width):
-            work[m, 0] += step
-            block_rates(work, theta)
-            work[:, 2] = work[:, 1]
-            work[m, 0] -= 2.0 * step
-            block_rates(work, theta)
-            work[m, 0] += step
+
+@machine_code
+def add_difference(rates, factor, slopes):
+    """Adds differences of the rates at points of `spread` to slopes (P, n, n + 1)."""
+    count, n, width = slopes.shape
+    for axis in range(width):
+        forth, back = 2 * axis * count, (2 * axis + 1) * count
+        for k in range(count):
             for i in range(n):
-                for j in range(min(BLOCK, points - first)):
-                    rise = work[i, 2, j] - work[i, 1, j]
-                    slopes[first + j, i, m] = 0.5 / step * rise
+                rise = rates[forth + k, i] - rates[back + k, i]
+                slopes[k, i, axis] += factor * rise
 
 
-def curvature_along(knots, middles, weights, slopes, step, theta, curvature):
-    """Writes ∂²(wᵀẋ)/∂(x, u)² at the knots, then in the middles.
+@machine_code
+def spread_pairs(points, slopes, step, axes, moved):
+    """Writes points moved along each axis, forth and back, and along each two.
 
-    By second differences, side by side for a block of points. What no slope
-    depends on at any point has no curvature either and is not moved.
+    What no slope depends on at any point has no curvature either and is not moved.
 
     Args:
-        knots, middles: as in `collocate`.
-        weights: (2 N - 1, n) w.
-        slopes: of `slopes_along`.
+        points: (P, n + 1).
+        slopes: (P, n, n + 1) there.
         step: of the differences.
-        theta: the glider's numbers.
-        curvature: (2 N - 1, n + 1, n + 1), written.
+        axes: (n + 1,), written: those that are moved, first.
+        moved: (((n + 1)² + 3 (n + 1)) / 2 + 1) P points, written, as far as needed.
+
+    Returns:
+        how many axes are moved, and how many points are written.
     """
-    count, width = knots.shape
-    n, points = width - 1, 2 * count - 1
-    moved = np.zeros(width, np.bool_)
-    for k in range(points):
+    count, width = points.shape
+    number = 0
+    for axis in range(width):
+        matters = False
+        for k in range(count):
+            for i in range(width - 1):
+                if slopes[k, i, axis] != 0.0:
+                    matters = True
+        if matters:
+            axes[number] = axis
+            number += 1
+    at = 0
+    for a in range(-1, number):
+        for b in range(-2, a):
+            # The points themselves, then back and forth, then with each axis before.
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                if a >= 0:
+                    moved[at, axes[a]] += -step if b == -2 else step
+                if b >= 0:
+                    moved[at, axes[b]] += step
+                at += 1
+    return number, at
+
+
+@machine_code
+def difference_twice(rates, weights, step, axes, number, curvature):
+    """Writes ∂²(wᵀẋ)/∂(x, u)² (P, n + 1, n + 1) from rates at `spread_pairs`.
+
+    Args:
+        rates: at the moved points.
+        weights: (P, n) w.
+        step: of the differences.
+        axes, number: of `spread_pairs`.
+        curvature: written.
+    """
+    count, n = weights.shape
+    forth = np.empty(n + 1)
+    for k in range(count):
+        for i in range(n + 1):
+            for j in range(n + 1):
+                curvature[k, i, j] = 0.0
+        at = count + k
+        middle = 0.0
         for i in range(n):
-            for j in range(width):
-                if slopes[k, i, j] != 0.0:
-                    moved[j] = True
-    work = np.zeros((width, 3, BLOCK))
-    middle = np.empty(BLOCK)
-    pair = np.empty((width, BLOCK))
-    curvature[:] = 0.0
-    for first in range(0, points, BLOCK):
-        here = min(BLOCK, points - first)
-        for j in range(BLOCK):
-            k = min(first + j, points - 1)
-            for i in range(width):
-                work[i, 0, j] = knots[k, i] if k < count else middles[k - count, i]
-            for i in range(n):
-                work[i, 2, j] = weights[k, i]
-        block_weighed(work, theta)
-        middle[:] = work[0, 1]
-        for i in range(width):
-            if not moved[i]:
-                continue
-            work[i, 0] += step
-            block_weighed(work, theta)
-            pair[i] = work[0, 1] - middle
-            work[i, 0] -= 2.0 * step
-            block_weighed(work, theta)
-            work[i, 0] += step
-            for j in range(here):
-                twice = pair[i, j] + work[0, 1, j] - middle[j]
-                curvature[first + j, i, i] = twice / (step * step)
-        for i in range(width):
-            for m in range(i):
-                if not (moved[i] and moved[m]):
-                    continue
-                work[i, 0] += step
-                work[m, 0] += step
-                block_weighed(work, theta)
-                work[i, 0] -= step
-                work[m, 0] -= step
-                for j in range(here):
-                    both = work[0, 1, j] - middle[j] - pair[i, j] - pair[m, j]
-                    curvature[first + j, i, m] = both / (step * step)
-                    curvature[first + j, m, i] = curvature[first + j, i, m]
-
-
-LOOPS = Family(
-    (
-        block_rates,
-        block_weighed,
-        rates_at,
-        collocate,
-        slopes_along,
-        curvature_along,
-    ),
-    (rates_at, collocate, slopes_along, curvature_along),
-    uses=(jacobian.LOOPS,),
-)
+            middle += weights[k, i] * rates[k, i]
+        for a in range(number):
+            for b in range(-2, a):
+                value = -middle
+                for i in range(n):
+                    value += weights[k, i] * rates[at, i]
+                at += count
+                if b == -2:
+                    back = value
+                elif b == -1:
+                    forth[a] = value
+                    own = axes[a]
+                    curvature[k, own, own] = (forth[a] + back) / (step * step)
+                else:
+                    both = (value - forth[a] - forth[b]) / (step * step)
+                    curvature[k, axes[a], axes[b]] = both
+                    curvature[k, axes[b], axes[a]] = both

@@ -70,10 +70,7 @@ INLINED = ("advance", "slope")
 Runge-Kutta step and what is handed to it. A call would keep the compiler from seeing
 what stays the same from stage to stage; rollouts are a third faster so."""
 
-OUTLINED = {
-    *("log_step", "block_rates", "block_weighed", "weigh_path", "lean_on"),
-    *("invert", "multiply", "add_transposed", "link", "own_curvature"),
-}
+OUTLINED = ("log_step",)
 """Functions that stay calls: they are long and called from many places, which would
 each take the compiler seconds."""
 
@@ -87,6 +84,9 @@ tell_compiler(register_jitable)
 
 machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
 """Compiles a function of arrays that has no physics in it, and keeps it on disk."""
+
+called_code = numba.njit(nogil=True, error_model="numpy", **_INNER)
+"""Compiles what only functions of `machine_code` of the same module call."""
 
 
 class UncompilableError(InputError):
@@ -104,7 +104,6 @@ class Family:
         functions: callees first.
         entries: those of them that are called from Python.
         uses: families whose entries these functions call, shared in machine code.
-        has_physics: whether the chain is called; if not, one serves all gliders.
     """
 
     def __init__(
@@ -112,7 +111,6 @@ class Family:
         functions: tuple[Callable, ...],
         entries: tuple[Callable, ...],
         uses: tuple["Family", ...] = (),
-        has_physics: bool = True,
     ) -> None:
         """Reads the functions' text now: their file may change while this runs."""
         self.text = "\n\n".join(inspect.getsource(f) for f in functions)
@@ -120,7 +118,6 @@ class Family:
         self._module = inspect.getsource(sys.modules[functions[0].__module__])
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
-        self._has_physics = has_physics
         self._made: dict[tuple, types.SimpleNamespace] = {}
         self._last: tuple[Any, bool, Any] = (None, False, None)
 
@@ -133,8 +130,6 @@ class Family:
         compiled is kept on disk when every formula can be imported by name, else (a
         formula typed into a notebook) for this process only.
         """
-        if not self._has_physics:
-            kinds, has_field = (), False
         asked, with_field, entries = self._last
         if asked is kinds and with_field == has_field:  # Spares a hash of many kinds.
             return entries

@@ -6,9 +6,10 @@ segments, which all stages share; what is chosen there is the command at the nex
 
 import numpy as np
 
-from glider.compiled.kernel import Family
+from glider.compiled.kernel import called_code, machine_code
 
 
+@called_code
 def invert(matrix, inverse):
     """Writes the inverse of a matrix (n, n), which is destroyed; pivots by rows."""
     n = matrix.shape[0]
@@ -36,17 +37,19 @@ def invert(matrix, inverse):
                     inverse[i, j] -= factor * inverse[k, j]
 
 
+@called_code
 def multiply(a, b, product):
-    """Writes a b; the product may overlap with neither."""
+    """Writes a b, with as many columns of a as b has rows; in memory of its own."""
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             product[i, j] = 0.0
-        for m in range(a.shape[1]):
+        for m in range(b.shape[0]):
             factor = a[i, m]
             for j in range(b.shape[1]):
                 product[i, j] += factor * b[m, j]
 
 
+@called_code
 def add_transposed(a, b, total):
     """Adds aᵀ b to the total, as far as that has room; a may have more columns."""
     for m in range(a.shape[0]):
@@ -56,7 +59,8 @@ def add_transposed(a, b, total):
                 total[i, j] += factor * b[m, j]
 
 
-def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
+@machine_code
+def weigh(step, path, multipliers, back, gradient):
     """Adds the multipliers' part to the gradient of the Lagrangian.
 
     Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)) by all knots and by h. With
@@ -64,17 +68,16 @@ def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
     brings in; w is -h/6 μ ∓ h²/12 g at the ends of a segment and -2/3 h μ within.
 
     Args:
-        knots: (N, n + 1).
         step: h [s].
-        rates, slopes: as in `Collocation`.
+        path: whose weights w are written.
         multipliers: (N - 1, n) μ.
-        weights: (2 N - 1, n), written: w.
         back: (N - 1, n + 1), written: g.
         gradient: (N (n + 1) + 1,), added to.
     """
-    count, width = knots.shape
-    n = width - 1
+    segments, n = multipliers.shape
+    count, width = segments + 1, n + 1
     last = count * width
+    rates, slopes, weights = path.rates, path.slopes, path.weights
     for k in range(count):
         for i in range(n):
             weights[k, i] = 0.0
@@ -107,14 +110,13 @@ def weigh(knots, step, rates, slopes, multipliers, weights, back, gradient):
             gradient[k * width + j] += total
 
 
-def link(
-    step, rates, slopes, defects, k, matrix, asked, by_end, inverse, to_end, to_middle
-):
+@called_code
+def link(step, path, k, matrix, asked, by_end, inverse, to_end, to_middle):
     """Writes how a segment's end and its middle follow from its stage.
 
     Args:
-        step, rates, slopes: as in `weigh`.
-        defects: (N - 1, n).
+        step: h [s].
+        path: with its slopes.
         k: counts the segments.
         matrix, asked: (n, n) and (n, n + 4) scratch.
         by_end: (n, n), written: the middle's states by the end's.
@@ -124,7 +126,8 @@ def link(
         to_middle: (n + 1, n + 4), written: the middle's states and command.
     """
     n = matrix.shape[0]
-    width, count = n + 1, defects.shape[0] + 1
+    width, count = n + 1, path.defects.shape[0] + 1
+    rates, slopes, defects = path.rates, path.slopes, path.defects
     first, end, middle = slopes[k], slopes[k + 1], slopes[count + k]
     for i in range(n):
         for j in range(width):
@@ -133,7 +136,8 @@ def link(
         to_middle[i, n + 1] = 0.125 * (rates[k, i] - rates[k + 1, i])
         to_middle[i, n + 2] = -0.125 * step * end[i, n]
         to_middle[i, n + 3] = 0.0
-    to_middle[n, :] = 0.0
+    for j in range(n + 4):
+        to_middle[n, j] = 0.0
     to_middle[n, n] = 0.5
     to_middle[n, n + 2] = 0.5
     # The defect by the same, with the other sign.
@@ -168,12 +172,16 @@ def link(
             to_middle[i, j] += asked[i, j]
 
 
+@called_code
 def own_curvature(k, step, slopes, curvature, multipliers, back, own):
     """Writes the curvature (n + 2, n + 2) of the defects at a knot, by x, u and h."""
     n = own.shape[0] - 2
     width, count = n + 1, multipliers.shape[0] + 1
-    own[:width, :width] = curvature[k]
-    own[width, :] = 0.0
+    for j in range(width):
+        for i in range(width):
+            own[i, j] = curvature[k, i, j]
+        own[width, j] = 0.0
+    own[width, width] = 0.0
     for side in range(2):
         m = k - side  # The segment that begins here, then the one that ends here.
         if m < 0 or m > count - 2:
@@ -189,16 +197,15 @@ def own_curvature(k, step, slopes, curvature, multipliers, back, own):
         own[j, width] = own[width, j]
 
 
+@machine_code
 def newton_step(
     step,
-    rates,
-    slopes,
-    curvature,
-    defects,
+    path,
     multipliers,
     back,
     cross,
     diagonal,
+    added,
     gradient,
     misses,
     penalty,
@@ -215,11 +222,11 @@ def newton_step(
     which changes no solution, and by two multipliers found last.
 
     Args:
-        step, rates, slopes, multipliers, back: as in `weigh`.
-        curvature: (2 N - 1, n + 1, n + 1) of the defects' weighed rates.
-        defects: (N - 1, n).
+        step, multipliers, back: as in `weigh`.
+        path: with its slopes and its curvature.
         cross: (N,) curvature of the cost by a command and h.
         diagonal: (N (n + 1) + 1,) D, with what the cost has on the diagonal.
+        added: to each of D.
         gradient: (N (n + 1) + 1,) q of cost and barrier alone.
         misses: (2,) by which the end leaves its place.
         penalty: on them.
@@ -231,7 +238,8 @@ def newton_step(
         whether the step is a minimum: the curvature is positive wherever the
         constraints leave freedom.
     """
-    segments, n = defects.shape
+    rates, slopes, curvature = path.rates, path.slopes, path.curvature
+    segments, n = multipliers.shape
     count, width, m = segments + 1, n + 1, n + 2
     to_end = np.empty((segments, n, m + 2))
     to_middle = np.empty((segments, width, m + 2))
@@ -247,7 +255,7 @@ def newton_step(
 
     own_curvature(segments, step, slopes, curvature, multipliers, back, value)
     for i in range(width):
-        value[i, i] += diagonal[segments * width + i]
+        value[i, i] += diagonal[segments * width + i] + added
         cost[i, 0] = gradient[segments * width + i]
     value[n, width] += cross[segments]
     value[width, n] += cross[segments]
@@ -257,26 +265,14 @@ def newton_step(
         cost[i, 1 + i] = 1.0
     for k in range(segments - 1, -1, -1):
         end, middle = to_end[k], to_middle[k]
-        link(
-            step,
-            rates,
-            slopes,
-            defects,
-            k,
-            matrix,
-            asked,
-            by_end[k],
-            inverse[k],
-            end,
-            middle,
-        )
+        link(step, path, k, matrix, asked, by_end[k], inverse[k], end, middle)
         for i in range(n):
             for j in range(m):
                 values[k + 1, i, j] = value[i, j]
             for r in range(3):
                 costs[k + 1, i, r] = cost[i, r]
         # What the next stage's value and the middle's curvature make of this stage.
-        multiply(value[:, :n], end, carried)
+        multiply(value, end, carried)
         for i in range(m):
             carried[i, n + 1] += value[i, width]
             carried[i, n + 2] += value[i, n]
@@ -300,7 +296,7 @@ def newton_step(
                 slope[at, r] += cost[row, r]
         own_curvature(k, step, slopes, curvature, multipliers, back, own)
         for i in range(width):
-            own[i, i] += diagonal[k * width + i]
+            own[i, i] += diagonal[k * width + i] + added
             slope[i, 0] += gradient[k * width + i]
         by_step = 0.0
         for i in range(n):
@@ -312,7 +308,7 @@ def newton_step(
             for j in range(m):
                 total[i, j] += own[i, j]
         if k == 0:
-            total[width, width] += diagonal[last]
+            total[width, width] += diagonal[last] + added
             slope[width, 0] += gradient[last]
         stiff = total[m, m]
         if not stiff > 0.0:
@@ -335,7 +331,8 @@ def newton_step(
     paths = np.empty((3, count, m))
     for r in range(3):
         path = paths[r]
-        path[0] = 0.0
+        for i in range(m):
+            path[0, i] = 0.0
         path[0, n] = (b * cost[width, r] - d * cost[n, r]) / determinant
         path[0, width] = (b * cost[n, r] - a * cost[width, r]) / determinant
         for k in range(segments):
@@ -399,11 +396,3 @@ def newton_step(
                 weight -= inverse[k, j, i] * bent[j, 2]
             ahead[k, i] = weight
     return True
-
-
-LOOPS = Family(
-    (invert, multiply, add_transposed, weigh, link, own_curvature, newton_step),
-    (weigh, newton_step),
-    has_physics=False,
-)
-"""Family of what has no physics in it, so that one serves all gliders."""

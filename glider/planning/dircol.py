@@ -149,7 +149,7 @@ def plan(
     dynamics = Dynamics(model, fast)
     if progress and fast:
         progress("the dynamics of this glider (compiled once, then kept on disk)")
-        dynamics.linearize(model.initial_state(problem.launch), 0.0)
+        dynamics.rates(np.append(model.initial_state(problem.launch), 0.0)[None])
     ladder = _Ladder(dynamics, problem, max(knots), progress)
     found: Found | None = None
     for count in knots:

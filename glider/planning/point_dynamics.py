@@ -3,9 +3,9 @@
 import numpy as np
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from glider.compiled.collocation import LOOPS as COLLOCATION
 from glider.compiled.jacobian import differentiate, stacked
 from glider.compiled.kernel import UncompilableError, compile_errors
+from glider.compiled.points import LOOPS as POINTS
 from glider.compiled.runge_kutta import advance
 from glider.physics.model import GliderModel
 
@@ -41,7 +41,7 @@ class Dynamics:
         found = np.empty((len(points), self.num_states))
         if self.fast:
             try:
-                COLLOCATION.over(self.model.kinds, self.model.has_field).rates_at(
+                POINTS.over(self.model.kinds, self.model.has_field).rates_at(
                     np.ascontiguousarray(points), self._theta, found
                 )
                 return found

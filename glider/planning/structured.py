@@ -12,7 +12,8 @@ import time
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.compiled.interior_point import Limits, Optimum, Program, optimize
+from glider.compiled.barrier import Optimum, Program
+from glider.compiled.interior_point import Limits, optimize
 from glider.physics.model import GliderModel
 from glider.planning.guess import Guess
 from glider.planning.problem import PerchingProblem
@@ -170,15 +171,14 @@ def solve_structured(
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch)
     program = make_program(model, problem, knots)
-    found, status, progress = optimize(
-        model, program, start, barrier, Limits(tolerance, iterations)
-    )
+    found = optimize(model, program, start, barrier, Limits(tolerance, iterations))
     return CollocatedFlight(
         name=name,
-        optimum=found,
+        optimum=found.optimum,
         num_states=n,
-        cost=float(progress[3]),
-        status=f"{status} ({progress[0]:.0f} iterations, error {progress[2]:.1e})",
-        solved=status == "solved",
+        cost=found.cost,
+        status=f"{found.status} ({found.iterations} iterations, "
+        f"error {found.error:.1e})",
+        solved=found.status == "solved",
         seconds=time.perf_counter() - begin,
     )

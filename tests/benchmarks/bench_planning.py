@@ -6,6 +6,10 @@ plant whose AutoDiffXd twin runs the formulas in Python.
 """
 
 import dataclasses
+import os
+import subprocess
+import sys
+import tempfile
 import time
 
 import numpy as np
@@ -34,6 +38,18 @@ LAUNCHES = 50
 REPLANS = 300
 PERIOD = 0.02
 
+COMPILE = """
+import time
+from glider import GliderModel, plan
+from glider.physics.effects import KINDS
+lagging = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.04),))
+for model in (GliderModel(), lagging):
+    begin = time.process_time()
+    plan(model)
+    print(time.process_time() - begin)
+"""
+"""First plans of a session, of a glider and of one with other effects."""
+
 
 def plan_plainly(problem: PerchingProblem) -> float:
     """Builds and solves as any user of Drake would; returns the cost."""
@@ -55,6 +71,19 @@ def best_time(function) -> float:
         function()
         times.append(time.perf_counter() - start)
     return min(times)
+
+
+def time_compiling() -> None:
+    """Prints the processor's time of first plans, without and with what is kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        fresh = {"XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": folder}
+        for what in ("nothing kept", "kept on disk"):
+            told = subprocess.check_output(
+                [sys.executable, "-c", COMPILE], env=os.environ | fresh, text=True
+            )
+            first, other = (float(line) for line in told.split())
+            print(f"first plan, {what}: {first:.1f} s of processor (at most 10),")
+            print(f"then the first of a glider with other effects {other:.2f} s")
 
 
 def time_replanning(rng: np.random.Generator) -> tuple[np.ndarray, int]:
@@ -124,6 +153,7 @@ def closest_misses(problem: PerchingProblem, guesses: int) -> list[float]:
 
 def main() -> None:
     """Prints the table."""
+    time_compiling()
     problem = PerchingProblem()
     model = GliderModel()
     plan(model, problem, KNOTS)  # Compiles.

@@ -6,8 +6,9 @@ import numba
 import numpy as np
 import pytest
 
-from glider.compiled import collocation, stages
-from glider.compiled.interior_point import LOOPS as INTERIOR_POINT
+from glider.compiled import barrier, collocation, stages
+from glider.compiled.points import LOOPS as POINTS
+from glider.compiled.points import PathDynamics
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
@@ -63,62 +64,85 @@ def test_drake_s_solvers_find_the_same_plan(article_plan):
     assert article_plan.drift == pytest.approx(theirs.drift, rel=1e-2)
 
 
-def _collocated(model, rng, knots=6):
-    """Returns a path that is no flight, its loops and what they have written."""
-    n = model.num_states
-    points = rng.normal(size=(knots, n + 1)) * 0.3
+def _collocated(model, w):
+    """Returns a path that is no flight, its defects' sum and its dynamics."""
+    knots = (w.size - 1) // (model.num_states + 1)
+    dynamics = PathDynamics(model, knots)
+    dynamics.collocate(w)
+    return dynamics
+
+
+def _no_flight(model, rng, knots=6):
+    points = rng.normal(size=(knots, model.num_states + 1)) * 0.3
     points[:, 4] += 6.0
-    rates = np.empty((2 * knots - 1, n))
-    middles, defects = np.empty((knots - 1, n + 1)), np.empty((knots - 1, n))
-    loops = collocation.LOOPS.over(model.kinds, model.has_field)
-    loops.collocate(points, 0.03, model.numbers, rates, middles, defects)
-    return loops, points, rates, middles, defects
+    return np.append(points.ravel(), 0.03)
 
 
 @pytest.mark.parametrize("model", [MODEL, LAGGING], ids=["flat", "lag"])
 def test_defects_are_those_of_the_transcription(model):
-    _, points, _, _, defects = _collocated(model, np.random.default_rng(0))
+    path = _collocated(model, _no_flight(model, np.random.default_rng(0))).path
     dynamics = Dynamics(model)
-    for k, defect in enumerate(defects):
-        ends = (points[k, :-1], points[k + 1, :-1], points[k, -1], points[k + 1, -1])
+    at = path.points
+    for k, defect in enumerate(path.defects):
+        ends = (at[k, :-1], at[k + 1, :-1], at[k, -1], at[k + 1, -1])
         expected, _ = hermite_simpson(dynamics.linearize, 0.03, *ends)
         np.testing.assert_allclose(defect * 1.5 / 0.03, expected, atol=1e-9)
 
 
-def _lagrangian_slopes(model, points, step, multipliers):
-    """Returns the slopes of Σ μᵀ defects, by the compiled loops."""
-    knots, width = points.shape
-    rates, slopes = np.empty((2 * knots - 1, width - 1)), None
-    middles = np.empty((knots - 1, width))
-    defects = np.empty((knots - 1, width - 1))
-    slopes = np.empty((2 * knots - 1, width - 1, width))
-    theta = model.numbers
-    z = np.concatenate([np.zeros(width + 2), theta.p, theta.c])
-    loops = collocation.LOOPS.over(model.kinds, model.has_field)
-    loops.collocate(points, step, theta, rates, middles, defects)
-    loops.slopes_along(points, middles, True, 1e-5, z, theta, slopes)
-    weights, back = np.empty_like(rates), np.empty((knots - 1, width))
-    gradient = np.zeros(points.size + 1)
-    stages.LOOPS.over().weigh(
-        points, step, rates, slopes, multipliers, weights, back, gradient
+def test_fine_slopes_are_exact_ones():
+    """To a hundredth of what the solver asks for, of the sharpest effects too."""
+    effects = (
+        KINDS["stalled_downwash"](gradient=0.3, stall_angle=0.1, fade=0.01),
+        KINDS["attached_lift"](slope=2.0, stall_angle=0.2, fade=0.02),
+        KINDS["tail_wake"](loss=0.4, angle=0.05, width=0.04),
+        KINDS["ground_effect"](strength=0.02, height=0.1),
     )
-    return gradient, np.sum(multipliers * defects)
+    model = GliderModel(effects=effects)
+    along = _collocated(model, _no_flight(model, np.random.default_rng(0), 20))
+    along.linearize(fine=True)
+    exact = Dynamics(model, fast=False).linearize  # By AutoDiffXd.
+    worst = 0.0
+    for point, slopes in zip(along.path.points, along.path.slopes, strict=True):
+        expected = exact(point[:-1], point[-1])[1]
+        worst = max(worst, np.abs(slopes - expected).max() / np.abs(expected).max())
+    assert worst < 1e-8
+
+
+def test_curvature_is_the_difference_of_slopes():
+    rng = np.random.default_rng(1)
+    w = _no_flight(LAGGING, rng)
+    dynamics = _collocated(LAGGING, w)
+    dynamics.linearize(fine=True)
+    path = dynamics.path
+    path.weights[:] = rng.normal(size=path.weights.shape)
+    dynamics.curve()
+    exact = Dynamics(LAGGING, fast=False).linearize
+    parts = path.points, path.weights, path.curvature
+    for point, weights, curvature in zip(*parts, strict=True):
+        for i, step in enumerate(1e-5 * np.eye(len(point))):
+            moved = point + step, point - step
+            forth, back = (exact(p[:-1], p[-1])[1] for p in moved)
+            expected = weights @ (forth - back) / 2e-5
+            np.testing.assert_allclose(
+                curvature[i], expected, atol=2e-3 * np.abs(curvature).max()
+            )
 
 
 def test_slopes_of_the_lagrangian_are_its_differences():
     rng = np.random.default_rng(3)
-    points = _collocated(LAGGING, rng)[1]
-    multipliers = rng.normal(size=(5, 8))
-    gradient, _ = _lagrangian_slopes(LAGGING, points, 0.03, multipliers)
-    for i in [*range(0, points.size, 5), points.size]:
+    w = _no_flight(LAGGING, rng)
+    multipliers = rng.normal(size=(5, LAGGING.num_states))
+    dynamics = _collocated(LAGGING, w)
+    dynamics.linearize(fine=True)
+    gradient, back = np.zeros(w.size), np.empty((5, LAGGING.num_states + 1))
+    stages.weigh(w[-1], dynamics.path, multipliers, back, gradient)
+    for i in [*range(0, w.size, 5), w.size - 1]:
         values = []
         for side in (1e-5, -1e-5):
-            moved, step = points.copy(), 0.03
-            if i < points.size:
-                moved.ravel()[i] += side
-            else:
-                step += side
-            values.append(_lagrangian_slopes(LAGGING, moved, step, multipliers)[1])
+            moved = w.copy()
+            moved[i] += side
+            defects = _collocated(LAGGING, moved).path.defects
+            values.append(np.sum(multipliers * defects))
         assert (values[0] - values[1]) / 2e-5 == pytest.approx(gradient[i], abs=1e-7)
 
 
@@ -175,7 +199,18 @@ def test_a_formula_that_does_not_compile_goes_to_drake(monkeypatch):
     def refuse(*_):
         raise numba.core.errors.TypingError("a dict of mixed values")
 
-    entries = INTERIOR_POINT.over()
-    monkeypatch.setattr(entries, "interior_point", refuse)
+    monkeypatch.setattr(POINTS.over(), "rates_at", refuse)
     found = plan(MODEL, PROBLEM, knots=(5,))
     assert {a.solver for a in found.attempts} <= {"SNOPT", "IPOPT"}
+
+
+def test_only_the_dynamics_are_compiled_for_other_effects():
+    """The solver's own code is the same for all: compiled once, then kept on disk."""
+    plan(MODEL, PROBLEM, knots=(5,))
+    own = [f for m in (barrier, collocation, stages) for f in vars(m).values()]
+    own = [f for f in own if hasattr(f, "signatures")]
+    before = [len(f.signatures) for f in own]
+    assert len(own) > 10 and max(before) == 1
+    plan(LAGGING, PROBLEM, knots=(5,))
+    plan(BLOWN, PROBLEM, knots=(5,))
+    assert [len(f.signatures) for f in own] == before
