@@ -85,6 +85,9 @@ tell_compiler(register_jitable)
 machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
 """Compiles a function of arrays that has no physics in it, and keeps it on disk."""
 
+called_code = numba.njit(nogil=True, error_model="numpy", **_INNER)
+"""Compiles what only functions of `machine_code` of the same module call."""
+
 
 class UncompilableError(InputError):
     """A formula is not of what numba compiles."""

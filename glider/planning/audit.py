@@ -1,7 +1,6 @@
 """Distance of a collocated path from a flight, between its knots too."""
 
 import numpy as np
-from pydrake.trajectories import PiecewisePolynomial
 
 from glider.planning.point_dynamics import Dynamics
 
@@ -13,24 +12,36 @@ STEPS = 8
 
 
 def path_defect(
-    dynamics: Dynamics, states: PiecewisePolynomial, inputs: PiecewisePolynomial
+    dynamics: Dynamics,
+    times: np.ndarray,
+    states: np.ndarray,
+    slopes: np.ndarray,
+    inputs: np.ndarray,
+    phases: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns the largest |ẋ - f(x, u)| of each state along a path, shape (n,).
 
     Args:
         dynamics: of the glider.
-        states: (n, 1); its breaks are the knots.
-        inputs: (1, 1).
+        times: (N,) of the knots [s].
+        states: (N, n) at the knots, cubics between.
+        slopes: (N, n) of the cubics at the knots.
+        inputs: (N,) at the knots, straight lines between.
+        phases: where to look in each segment, in (0, 1); by default at POINTS places.
     """
-    breaks = np.asarray(states.get_segment_times())
-    within = np.linspace(0.0, 1.0, POINTS + 1)[:-1]
-    times = (breaks[:-1, None] + np.diff(breaks)[:, None] * within).ravel()
-    slope = states.MakeDerivative()
-    worst = np.zeros(dynamics.num_states)
-    for t in times:
-        rate = dynamics.evaluate(states.value(t)[:, 0], inputs.value(t)[0, 0])
-        worst = np.maximum(worst, np.abs(slope.value(t)[:, 0] - rate))
-    return worst
+    if phases is None:
+        phases = np.linspace(0.0, 1.0, POINTS + 1)[:-1]
+    s = np.asarray(phases)[:, None, None]  # (phases, segments, states) below.
+    h = np.diff(times)[:, None]
+    rise, start, end = np.diff(states, axis=0), h * slopes[:-1], h * slopes[1:]
+    bend, twist = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+    path = states[:-1] + s * (start + s * (bend + s * twist))
+    slope = (start + s * (2.0 * bend + 3.0 * s * twist)) / h
+    commands = inputs[:-1, None] + s * np.diff(inputs)[:, None]
+    points = np.concatenate([path, commands], axis=2)
+    n = dynamics.num_states
+    rates = dynamics.rates(points.reshape(-1, n + 1)).reshape(path.shape)
+    return np.abs(slope - rates).reshape(-1, n).max(axis=0)
 
 
 def segment_drift(
@@ -46,12 +57,8 @@ def segment_drift(
         states: (N, n) at the knots.
         inputs: (N,) at the knots, straight lines between.
     """
-    phase = np.linspace(0.0, 1.0, 2 * STEPS + 1)
-    worst = np.zeros(dynamics.num_states)
-    for k in range(len(times) - 1):
-        tape = inputs[k] + (inputs[k + 1] - inputs[k]) * phase
-        thirds = np.stack([tape[:-1:2], tape[1::2], tape[2::2]], axis=1)
-        step = (times[k + 1] - times[k]) / STEPS
-        end = dynamics.fly(states[k], thirds, step)
-        worst = np.maximum(worst, np.abs(end - states[k + 1]))
-    return worst
+    phase = np.linspace(0.0, 1.0, 2 * STEPS + 1)[:, None]
+    tape = inputs[:-1] + np.diff(inputs) * phase
+    thirds = np.stack([tape[:-1:2], tape[1::2], tape[2::2]], axis=1)
+    ends = dynamics.fly(states[:-1], thirds, np.diff(times) / STEPS)
+    return np.abs(ends - states[1:]).max(axis=0)

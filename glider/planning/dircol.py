@@ -1,10 +1,12 @@
 """Plans a perch by direct collocation: first on few knots, then on more.
 
-A ladder of attempts: where a solver fails from one guess, the other solver,
-other guesses and a looser tolerance are tried. The plan tells what was tried.
+A ladder of attempts: first our own solver, which takes the stages one by one. Where it
+fails, Drake's solvers, other guesses and a looser tolerance are tried. The plan tells
+what was tried.
 """
 
 import contextlib
+import dataclasses
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -20,6 +22,7 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
+from glider.compiled.kernel import UncompilableError
 from glider.errors import InputError
 from glider.physics.model import GliderModel, as_model
 from glider.planning.audit import (
@@ -37,8 +40,15 @@ from glider.planning.plan import (
 )
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
+from glider.planning.structured import (
+    COARSE_TOLERANCE,
+    CollocatedFlight,
+    solve_structured,
+)
+from glider.planning.structured import to_guess as flight_to_guess
 from glider.planning.transcription import (
     arrival_violations,
+    check_plannable,
     to_guess,
     transcribe,
     violated,
@@ -56,6 +66,12 @@ times as many iterations of this problem."""
 
 Progress = Callable[[str], None]
 Solution = tuple[DirectCollocation, MathematicalProgramResult]
+Found = Solution | CollocatedFlight
+
+STRETCH = 1.4
+"""Duration of the straight lines that our own solver starts from, relative to those of
+`straight_line`: a slow flight has room to brake, and of fast launches' minima it is
+the better one that is found."""
 
 
 class PlanningError(RuntimeError):
@@ -105,6 +121,7 @@ def plan(
     guess: Guess | None = None,
     progress: Progress | None = None,
     fast: bool = True,
+    structured: bool = True,
 ) -> Plan:
     """Plans a flight of a glider from the launch to the wire.
 
@@ -117,6 +134,8 @@ def plan(
         guess: to start from instead of straight lines.
         progress: told about each attempt.
         fast: whether to compile the dynamics.
+        structured: whether our own solver goes first, where the dynamics compile; else
+            it is Drake's alone.
 
     Raises:
         InputError: where the glider or the problem cannot be planned for.
@@ -126,17 +145,30 @@ def plan(
         raise InputError(f"plan: knots is {tuple(knots)}; at least 3 are needed.")
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
+    check_plannable(model, problem)
     dynamics = Dynamics(model, fast)
     if progress and fast:
         progress("the dynamics of this glider (compiled once, then kept on disk)")
-        dynamics.linearize(model.initial_state(problem.launch), 0.0)
+        dynamics.rates(np.append(model.initial_state(problem.launch), 0.0)[None])
     ladder = _Ladder(dynamics, problem, max(knots), progress)
-    found = None
+    found: Found | None = None
     for count in knots:
-        warm = guess if found is None else to_guess(*found, "the plan on fewer knots")
-        found = ladder.climb(count, warm)
+        flight = None
+        if structured and dynamics.fast:
+            is_last = count == knots[-1]
+            start = found if isinstance(found, CollocatedFlight) else guess
+            flight = ladder.go_first(count, start, is_last)
+        if flight is not None:
+            found = flight
+        elif isinstance(found, CollocatedFlight):
+            found = ladder.climb(count, flight_to_guess(found))
+        else:
+            warm = guess
+            if found is not None:
+                warm = to_guess(*found, "the plan on fewer knots")
+            found = ladder.climb(count, warm)
     assert found is not None
-    return _finish(dynamics, *found, tuple(ladder.attempts))
+    return _finish(dynamics, found, tuple(ladder.attempts))
 
 
 class _Ladder:
@@ -152,6 +184,36 @@ class _Ladder:
         self._dynamics, self._problem, self._finest = dynamics, problem, finest
         self._progress = progress or (lambda text: None)
         self.attempts: list[Attempt] = []
+
+    def go_first(
+        self, knots: int, start: Guess | CollocatedFlight | None, is_last: bool
+    ) -> CollocatedFlight | None:
+        """Returns what our own solver finds, None where it finds nothing."""
+        if start is None:
+            model, problem = self._dynamics.model, self._problem
+            way = straight_line(model, problem).states.end_time()
+            start = straight_line(model, problem, STRETCH * way)
+        tolerance = TOLERANCE if is_last else COARSE_TOLERANCE
+        self._progress(f"{knots} knots, interior point, from {start.name}")
+        try:
+            flight = solve_structured(
+                self._dynamics.model, self._problem, knots, start, tolerance=tolerance
+            )
+        except UncompilableError:
+            self._dynamics.fast = False
+            return None
+        self.attempts.append(
+            Attempt(
+                knots=knots,
+                solver="interior point",
+                guess=start.name,
+                tolerance=tolerance,
+                solved=flight.solved,
+                status=flight.status,
+                seconds=flight.seconds,
+            )
+        )
+        return flight if flight.solved else None
 
     def climb(self, knots: int, warm: Guess | None) -> Solution:
         """Returns a solved program; raises PlanningError after the last rung."""
@@ -277,34 +339,49 @@ def _status(result: MathematicalProgramResult) -> str:
     return f"{result.get_solution_result().name.lstrip('k')} ({code})"
 
 
-def _finish(
-    dynamics: Dynamics,
-    dc: DirectCollocation,
-    result: MathematicalProgramResult,
-    attempts: tuple[Attempt, ...],
-) -> Plan:
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class _Path:
+    """What a plan takes over, whoever found it."""
+
+    times: np.ndarray
+    states: np.ndarray
+    inputs: np.ndarray
+    cost: float
+
+
+def _path_of(found: Found) -> _Path:
+    if isinstance(found, CollocatedFlight):
+        return _Path(
+            times=found.times,
+            states=found.knots[:, :-1].copy(),
+            inputs=found.knots[:, -1].copy(),
+            cost=found.cost,
+        )
+    dc, result = found
     times = dc.GetSampleTimes(result)
-    states, inputs = dc.GetStateSamples(result).T, dc.GetInputSamples(result)[0]
-    path = dc.ReconstructStateTrajectory(result)
-    tape = dc.ReconstructInputTrajectory(result)
-    middle = 0.5 * (times[1:] + times[:-1])
-    slope = path.MakeDerivative()
-    defect = [
-        slope.value(t)[:, 0]
-        - dynamics.evaluate(path.value(t)[:, 0], tape.value(t)[0, 0])
-        for t in middle
-    ]
-    return Plan(
+    return _Path(
         times=times - times[0],
+        states=dc.GetStateSamples(result).T,
+        inputs=dc.GetInputSamples(result)[0],
+        cost=result.get_optimal_cost(),
+    )
+
+
+def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> Plan:
+    path = _path_of(found)
+    times, states, inputs = path.times, path.states, path.inputs
+    slopes = dynamics.rates(np.column_stack([states, inputs]))
+    middle = np.array([0.5])
+    at_middle = path_defect(dynamics, times, states, slopes, inputs, middle)
+    return Plan(
+        times=times,
         states=states,
-        slopes=np.array(
-            [dynamics.evaluate(x, u) for x, u in zip(states, inputs, strict=True)]
-        ),
+        slopes=slopes,
         inputs=inputs,
         state_names=dynamics.model.state_names,
-        cost=result.get_optimal_cost(),
-        max_defect=float(np.abs(defect).max()),
-        path_defect=float(path_defect(dynamics, path, tape).max()),
+        cost=path.cost,
+        max_defect=float(at_middle.max()),
+        path_defect=float(path_defect(dynamics, times, states, slopes, inputs).max()),
         drift=float(segment_drift(dynamics, times, states, inputs).max()),
         attempts=attempts,
     )

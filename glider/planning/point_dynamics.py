@@ -4,7 +4,8 @@ import numpy as np
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from glider.compiled.jacobian import differentiate, stacked
-from glider.compiled.kernel import UncompilableError
+from glider.compiled.kernel import UncompilableError, compile_errors
+from glider.compiled.points import LOOPS as POINTS
 from glider.compiled.runge_kutta import advance
 from glider.physics.model import GliderModel
 
@@ -35,23 +36,39 @@ class Dynamics:
         """Returns f (n,) and its slopes by state and input (n, n + 1)."""
         return self._differentiate(x, u, self._all)
 
-    def fly(self, x, inputs, step):
-        """Returns where a state is after Runge-Kutta steps, shape (n,).
+    def rates(self, points: np.ndarray) -> np.ndarray:
+        """Returns f (P, n) at many points (P, n + 1) of state and input."""
+        found = np.empty((len(points), self.num_states))
+        if self.fast:
+            try:
+                POINTS.over(self.model.kinds, self.model.has_field).rates_at(
+                    np.ascontiguousarray(points), self._theta, found
+                )
+                return found
+            except compile_errors():
+                self.fast = False
+        for k, point in enumerate(points):
+            found[k] = self.evaluate(point[:-1], point[-1])
+        return found
+
+    def fly(self, states, inputs, steps):
+        """Returns where states are after Runge-Kutta steps, shape (S, n).
 
         Args:
-            x: (n,) state.
-            inputs: (K, 3) elevator-rate commands at the start, the middle and the
+            states: (S, n).
+            inputs: (K, 3, S) elevator-rate commands at the start, the middle and the
                 end of each step [rad/s].
-            step: [s].
+            steps: (S,) lengths [s].
         """
 
         def slope(t, node, x, tape, rate):
-            rate[:] = self.evaluate(x, tape[node])
+            rate[:] = self.rates(np.column_stack([x.T, tape[node]])).T
 
-        x, work = x.copy(), np.empty((3, self.num_states))
+        x = states.T.copy()
+        work = np.empty((3, *x.shape))
         for tape in inputs:
-            advance(slope, 0.0, x, step, 4, tape, work)
-        return x
+            advance(slope, 0.0, x, steps, 4, tape, work)
+        return x.T
 
     def _differentiate(self, x, u, directions):
         n = self.num_states

@@ -11,6 +11,7 @@ from pydrake.planning import DirectCollocation, DirectCollocationConstraint
 from pydrake.solvers import MathematicalProgramResult
 
 from glider.errors import InputError
+from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.planning.guess import Guess
 from glider.planning.point_dynamics import Dynamics
@@ -51,6 +52,35 @@ def hermite_simpson(linearize, h, x0, x1, u0, u1):
     return 1.5 / h * (x1 - x0) - 0.25 * (f0 + f1) - middle, jacobian
 
 
+def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
+    """Raises InputError where direct collocation cannot take a problem.
+
+    The glider varies in time, or the launch is outside the problem's own limits.
+    """
+    if model.is_time_varying:
+        raise InputError(
+            "plan: the glider's motion depends on time, and direct "
+            "collocation would take it as at time 0; plan with a field over x."
+        )
+    for i, (name, (low, high)) in enumerate(_limits(model, problem).items()):
+        if not low <= problem.launch[i] <= high:
+            raise InputError(
+                f"plan: the launch has {name} = {problem.launch[i]:g}, and its "
+                f"limits are {low:g} and {high:g}."
+            )
+
+
+def _limits(model, problem):
+    """Returns the bounds of the first states over the whole flight, by name."""
+    servo = model.parameters.servo
+    return {
+        "x": problem.x_limits,
+        "z": problem.z_limits,
+        "pitch": problem.pitch_limits,
+        "elevator": (servo.low, servo.high),
+    }
+
+
 def transcribe(
     dynamics: Dynamics, problem: PerchingProblem, knots: int, arrive: bool = True
 ) -> DirectCollocation:
@@ -70,11 +100,7 @@ def transcribe(
             problem's own limits.
     """
     model = dynamics.model
-    if model.is_time_varying:
-        raise InputError(
-            "plan: the glider's motion depends on time, and direct "
-            "collocation would take it as at time 0; plan with a field over x."
-        )
+    check_plannable(model, problem)
     low, high = np.array(problem.duration_limits) / knots
     launch = model.initial_state(problem.launch)
     dynamics.linearize(launch, 0.0)  # Tells whether they compile.
@@ -167,23 +193,12 @@ def _bound(dc, variables, low, high, name):
 
 
 def _add_limits(dc, knots, model, problem):
-    servo = model.parameters.servo
-    limits = {
-        "x": problem.x_limits,
-        "z": problem.z_limits,
-        "pitch": problem.pitch_limits,
-        "elevator": (servo.low, servo.high),
-    }
-    for i, (name, (low, high)) in enumerate(limits.items()):
-        if not low <= problem.launch[i] <= high:
-            raise InputError(
-                f"plan: the launch has {name} = {problem.launch[i]:g}, and its "
-                f"limits are {low:g} and {high:g}."
-            )
+    for i, (name, (low, high)) in enumerate(_limits(model, problem).items()):
         path = np.array([dc.state(k)[i] for k in range(knots)])
         _bound(dc, path, low, high, f"{name} limits")
     inputs = np.array([dc.input(k)[0] for k in range(knots)])
-    _bound(dc, inputs, -servo.rate, servo.rate, "elevator rate limit")
+    rate = model.parameters.servo.rate
+    _bound(dc, inputs, -rate, rate, "elevator rate limit")
 
 
 def _arrival(dc, problem):

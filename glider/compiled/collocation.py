@@ -1,0 +1,193 @@
+"""Hermite-Simpson collocation of a path: defects, slopes and curvature.
+
+None of it knows the dynamics: the derivatives at many points come from
+`glider.compiled.points`, and here is where the points lie and what follows from them.
+The P = 2 N - 1 points of a path are its N knots, then the middles of its segments.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.compiled.kernel import machine_code
+
+
+class Path(NamedTuple):
+    """The P points of a path on N knots, and what the dynamics make of them."""
+
+    points: np.ndarray
+    """(P, n + 1) states and commands, at the knots and then in the middles."""
+
+    rates: np.ndarray
+    """(P, n) f."""
+
+    slopes: np.ndarray
+    """(P, n, n + 1) ∂f/∂(x, u)."""
+
+    curvature: np.ndarray
+    """(P, n + 1, n + 1) ∂²(wᵀf)/∂(x, u)²."""
+
+    weights: np.ndarray
+    """(P, n) w."""
+
+    defects: np.ndarray
+    """(N - 1, n)."""
+
+
+def empty_path(knots: int, n: int) -> Path:
+    """Returns room for a path."""
+    count = 2 * knots - 1
+    return Path(
+        points=np.empty((count, n + 1)),
+        rates=np.empty((count, n)),
+        slopes=np.empty((count, n, n + 1)),
+        curvature=np.empty((count, n + 1, n + 1)),
+        weights=np.empty((count, n)),
+        defects=np.empty((knots - 1, n)),
+    )
+
+
+@machine_code
+def place_middles(step, rates, points):
+    """Writes the middles (x_c, u_c) of the cubics between knots.
+
+    x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8 and u_c = (u₀ + u₁)/2.
+
+    Args:
+        step: h [s].
+        rates: (P, n) f, of which those at the knots are read.
+        points: (P, n + 1) states and commands; the middles are written.
+    """
+    n = rates.shape[1]
+    count = (len(points) + 1) // 2
+    for k in range(count - 1):
+        for i in range(n + 1):
+            points[count + k, i] = 0.5 * (points[k, i] + points[k + 1, i])
+        for i in range(n):
+            points[count + k, i] += 0.125 * step * (rates[k, i] - rates[k + 1, i])
+
+
+@machine_code
+def find_defects(step, rates, points, defects):
+    """Writes the defects (N - 1, n): x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁).
+
+    They are those of `glider.planning.transcription.hermite_simpson` times 2 h/3.
+
+    Returns:
+        the sum of all |defect|.
+    """
+    count, total = len(defects) + 1, 0.0
+    for k in range(count - 1):
+        for i in range(rates.shape[1]):
+            slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
+            defect = points[k + 1, i] - points[k, i] - step / 6.0 * slope
+            defects[k, i] = defect
+            total += abs(defect)
+    return total
+
+
+@machine_code
+def spread(points, step, moved):
+    """Writes points moved along each axis, forth and back: (2 (n + 1) P, n + 1)."""
+    count, width = points.shape
+    at = 0
+    for axis in range(width):
+        for side in (step, -step):
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                moved[at, axis] += side
+                at += 1
+
+
+@machine_code
+def add_difference(rates, factor, slopes):
+    """Adds differences of the rates at points of `spread` to slopes (P, n, n + 1)."""
+    count, n, width = slopes.shape
+    for axis in range(width):
+        forth, back = 2 * axis * count, (2 * axis + 1) * count
+        for k in range(count):
+            for i in range(n):
+                rise = rates[forth + k, i] - rates[back + k, i]
+                slopes[k, i, axis] += factor * rise
+
+
+@machine_code
+def spread_pairs(points, slopes, step, axes, moved):
+    """Writes points moved along each axis, forth and back, and along each two.
+
+    What no slope depends on at any point has no curvature either and is not moved.
+
+    Args:
+        points: (P, n + 1).
+        slopes: (P, n, n + 1) there.
+        step: of the differences.
+        axes: (n + 1,), written: those that are moved, first.
+        moved: (((n + 1)² + 3 (n + 1)) / 2 + 1) P points, written, as far as needed.
+
+    Returns:
+        how many axes are moved, and how many points are written.
+    """
+    count, width = points.shape
+    number = 0
+    for axis in range(width):
+        matters = False
+        for k in range(count):
+            for i in range(width - 1):
+                if slopes[k, i, axis] != 0.0:
+                    matters = True
+        if matters:
+            axes[number] = axis
+            number += 1
+    at = 0
+    for a in range(-1, number):
+        for b in range(-2, a):
+            # The points themselves, then back and forth, then with each axis before.
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                if a >= 0:
+                    moved[at, axes[a]] += -step if b == -2 else step
+                if b >= 0:
+                    moved[at, axes[b]] += step
+                at += 1
+    return number, at
+
+
+@machine_code
+def difference_twice(rates, weights, step, axes, number, curvature):
+    """Writes ∂²(wᵀẋ)/∂(x, u)² (P, n + 1, n + 1) from rates at `spread_pairs`.
+
+    Args:
+        rates: at the moved points.
+        weights: (P, n) w.
+        step: of the differences.
+        axes, number: of `spread_pairs`.
+        curvature: written.
+    """
+    count, n = weights.shape
+    forth = np.empty(n + 1)
+    for k in range(count):
+        for i in range(n + 1):
+            for j in range(n + 1):
+                curvature[k, i, j] = 0.0
+        at = count + k
+        middle = 0.0
+        for i in range(n):
+            middle += weights[k, i] * rates[k, i]
+        for a in range(number):
+            for b in range(-2, a):
+                value = -middle
+                for i in range(n):
+                    value += weights[k, i] * rates[at, i]
+                at += count
+                if b == -2:
+                    back = value
+                elif b == -1:
+                    forth[a] = value
+                    own = axes[a]
+                    curvature[k, own, own] = (forth[a] + back) / (step * step)
+                else:
+                    both = (value - forth[a] - forth[b]) / (step * step)
+                    curvature[k, axes[a], axes[b]] = both
+                    curvature[k, axes[b], axes[a]] = both

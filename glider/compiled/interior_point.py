@@ -1,0 +1,246 @@
+"""A primal-dual interior-point method for collocated flights.
+
+After Wächter and Biegler: On the implementation of an interior-point filter
+line-search algorithm for large-scale nonlinear programming, 2006. Newton's step is that
+of `glider.compiled.stages`, whose time grows with the number of knots alone. Here is
+the order of the steps alone, so that of a glider with other effects only its dynamics
+are compiled anew (`glider.compiled.points`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.compiled.barrier import (
+    Optimum,
+    Program,
+    Scratch,
+    add_barrier,
+    assess,
+    change_multipliers,
+    enter,
+    keep_clear,
+    lean_on,
+    lower_barrier,
+    make_scratch,
+    weigh_path,
+)
+from glider.compiled.collocation import Path
+from glider.compiled.points import PathDynamics
+from glider.compiled.stages import newton_step, weigh
+from glider.physics.model import GliderModel
+
+
+class Limits(NamedTuple):
+    """When to stop."""
+
+    tolerance: float = 1e-6
+    """Largest slope of the Lagrangian, defect and complementarity, where the
+    multipliers are of size 100 or less."""
+
+    iterations: int = 150
+    """At most so many."""
+
+    penalty: float = 1e6
+    """Penalty on the place at the end, see `newton_step`."""
+
+
+DEFAULTS = Limits()
+
+NEAR = 1e3
+"""Errors of optimality, in tolerances, below which slopes have to be fine."""
+
+COARSE = 1e-4
+"""Tolerance from which on they need not be."""
+
+STIFFEST = 1e10
+"""Most that is added to the curvature."""
+
+HALVINGS = 25
+"""A step is halved at most so often."""
+
+
+class Outcome(NamedTuple):
+    """What the method ended with."""
+
+    optimum: Optimum
+    """The path that was reached last."""
+
+    status: str
+    """One of solved, stuck, out of steps."""
+
+    iterations: int
+    """How many were made."""
+
+    missed: float
+    """Sum of what the constraints are missed by."""
+
+    error: float
+    """Largest error of optimality."""
+
+    cost: float
+    """Cost of the path."""
+
+
+class Filter:
+    """Pairs of (missed, cost) that no later path may be worse than in both."""
+
+    def __init__(self, missed: float) -> None:
+        """Takes what the first path misses its constraints by."""
+        self._least, self._most = 1e-4 * max(1.0, missed), 1e4 * max(1.0, missed)
+        self._pairs: list[tuple[float, float]] = []
+
+    def forget(self) -> None:
+        """Forgets the costs, which another weight of the barrier has changed."""
+        self._pairs.clear()
+
+    def accepts(
+        self,
+        before: tuple[float, float],
+        after: tuple[float, float],
+        share: float,
+        expected: float,
+    ) -> bool:
+        """Returns whether a step is one forward, and remembers it.
+
+        Args:
+            before: (missed, cost) of the path that the step leaves.
+            after: of the path that it reaches.
+            share: of Newton's step.
+            expected: change of the cost by Newton's step, to first order.
+        """
+        (missed, cost), (now, then) = before, after
+        rounding = 1e-11 * abs(cost)
+        if not (now < self._most and then < np.inf):  # So no NaN either.
+            return False
+        if any(now >= m and then >= c + rounding for m, c in self._pairs):
+            return False
+        falls = expected < 0.0 and share * (-expected) ** 2.3 > missed**1.1
+        if missed <= self._least and falls:
+            return then <= cost + 1e-4 * share * expected + rounding
+        fewer, cheaper = (1.0 - 1e-5) * missed, cost - 1e-5 * missed
+        if now <= fewer or then <= cheaper + rounding:
+            self._pairs.append((fewer, cheaper))
+            return True
+        return False
+
+
+def optimize(
+    model: GliderModel,
+    program: Program,
+    guess: Optimum,
+    barrier: float,
+    limits: Limits = DEFAULTS,
+) -> Outcome:
+    """Finds a flight of least cost near a guess.
+
+    Args:
+        model: the glider, in still air and at time 0.
+        program: what to solve.
+        guess: to start from; where its forces are not positive, those of the barrier
+            function are taken.
+        barrier: weight of the barrier function at first.
+        limits: when to stop.
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
+    """
+    at = Optimum(*(part.copy() for part in guess))
+    n, knots = model.num_states, len(guess.multipliers) + 1
+    dynamics = PathDynamics(model, knots)
+    path, scratch = dynamics.path, make_scratch(program, knots)
+    end = slice(-n - 2, -n)
+
+    def measure(w):
+        return dynamics.collocate(w) + float(np.abs(w[end] - program.place).sum())
+
+    enter(program, barrier, scratch, at.w, at.forces)
+    missed = measure(at.w)
+    known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
+    fine, near = False, NEAR * limits.tolerance
+    if limits.tolerance >= COARSE:
+        near = -np.inf
+    dynamics.linearize(fine)
+    status, error = "out of steps", np.inf
+    for iteration in range(limits.iterations + 1):
+        while True:
+            lean_on(program, at, scratch)
+            weigh(at.w[-1], path, at.multipliers, scratch.back, scratch.lagrangian)
+            dual, touch, scale = assess(program, at, scratch)
+            error = max(dual / scale, missed, touch / scale)
+            if fine or error > near:
+                break
+            fine = True
+            dynamics.linearize(fine)
+        if error <= limits.tolerance:
+            status = "solved"
+            break
+        if iteration == limits.iterations:
+            break
+        off = max(dual / scale, missed)
+        lower = lower_barrier(barrier, least, off, scale, scratch, at.forces)
+        if lower < barrier:
+            known.forget()
+        barrier = lower
+        dynamics.curve()
+        add_barrier(barrier, at.forces, scratch)
+        added = _step_down(limits.penalty, damping, path, at, scratch)
+        if added is None:
+            status = "stuck"
+            break
+        damping = added or damping
+        share, share_of_forces, expected = keep_clear(barrier, at.forces, scratch)
+        before = missed, weigh_path(program, at.w, barrier)
+        for _ in range(HALVINGS):
+            tried = at.w + share * scratch.change
+            after = measure(tried), weigh_path(program, tried, barrier)
+            if known.accepts(before, after, share, expected):
+                break
+            share *= 0.5
+        else:
+            status = "stuck"
+            break
+        missed, at.w[:] = after[0], tried
+        change_multipliers(program, barrier, share, share_of_forces, at, scratch)
+        dynamics.linearize(fine)
+    return Outcome(
+        optimum=at,
+        status=status,
+        iterations=iteration,
+        missed=missed,
+        error=error,
+        cost=weigh_path(program, at.w, 0.0),
+    )
+
+
+def _step_down(
+    penalty: float, damping: float, path: Path, at: Optimum, scratch: Scratch
+) -> float | None:
+    """Writes Newton's step, of a curvature that is made positive where it is not.
+
+    Returns:
+        what was added to its diagonal, None where nothing helps.
+    """
+    added = 0.0
+    while added <= STIFFEST:
+        if newton_step(
+            at.w[-1],
+            path,
+            at.multipliers,
+            scratch.back,
+            scratch.cross,
+            scratch.diagonal,
+            added,
+            scratch.slope,
+            scratch.misses,
+            penalty,
+            scratch.change,
+            scratch.ahead,
+            scratch.drawn,
+        ):
+            return added
+        if added == 0.0:
+            added = max(1e-4, damping / 3.0)
+        else:
+            added *= 8.0 if damping else 100.0
+    return None

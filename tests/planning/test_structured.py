@@ -1,0 +1,216 @@
+"""Our own solver of the transcription finds what Drake's find, and says when not."""
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+
+from glider.compiled import barrier, collocation, stages
+from glider.compiled.points import LOOPS as POINTS
+from glider.compiled.points import PathDynamics
+from glider.physics.effects import KINDS
+from glider.physics.effects.field import FieldData
+from glider.physics.model import GliderModel
+from glider.planning.dircol import PlanningError, plan
+from glider.planning.guess import straight_line
+from glider.planning.optimality import check_optimality
+from glider.planning.point_dynamics import Dynamics
+from glider.planning.problem import PerchingProblem
+from glider.planning.structured import make_program, solve_structured
+from glider.planning.transcription import hermite_simpson
+
+MODEL, PROBLEM = GliderModel(), PerchingProblem()
+LAGGING = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.04),))
+BLOWN = GliderModel(
+    field=FieldData(
+        kind="unexplained",
+        variables=["x"],
+        centers=[[-2.0], [-1.0]],
+        widths=[0.7],
+        weights={"wind_x": [-0.4, 0.5], "wind_z": [0.2, 0.1]},
+    )
+)
+
+
+@pytest.mark.parametrize("model", [MODEL, LAGGING, BLOWN], ids=["flat", "lag", "field"])
+def test_a_plan_is_a_minimum_of_drake_s_own_program(model):
+    found = plan(model, PROBLEM, knots=(15, 21))
+    assert [a.solver for a in found.attempts] == ["interior point"] * 2
+    checked = check_optimality(model, PROBLEM, found)
+    assert checked.violation < 1e-6
+    assert checked.slope < 1e-8
+    assert checked.cost == pytest.approx(found.cost, rel=1e-9)
+
+
+def test_a_path_that_is_none_is_seen(article_plan):
+    """A knot of the article's plan moved, and a command: no flight, and no minimum."""
+    states = article_plan.states.copy()
+    states[20, 0] += 1e-3
+    moved = dataclasses.replace(article_plan, states=states)
+    assert check_optimality(MODEL, PROBLEM, moved).violation > 1e-2
+    dearer = plan(MODEL, dataclasses.replace(PROBLEM, rate_cost=150.0))
+    checked = check_optimality(MODEL, PROBLEM, dearer)
+    assert checked.violation < 1e-6
+    assert checked.slope > 1e-5
+
+
+def test_drake_s_solvers_find_the_same_plan(article_plan):
+    theirs = plan(MODEL, PROBLEM, structured=False)
+    assert {a.solver for a in theirs.attempts} == {"SNOPT"}
+    assert {a.solver for a in article_plan.attempts} == {"interior point"}
+    assert article_plan.cost == pytest.approx(theirs.cost, rel=1e-7)
+    np.testing.assert_allclose(article_plan.states, theirs.states, atol=1e-3)
+    assert article_plan.drift == pytest.approx(theirs.drift, rel=1e-2)
+
+
+def _collocated(model, w):
+    """Returns a path that is no flight, its defects' sum and its dynamics."""
+    knots = (w.size - 1) // (model.num_states + 1)
+    dynamics = PathDynamics(model, knots)
+    dynamics.collocate(w)
+    return dynamics
+
+
+def _no_flight(model, rng, knots=6):
+    points = rng.normal(size=(knots, model.num_states + 1)) * 0.3
+    points[:, 4] += 6.0
+    return np.append(points.ravel(), 0.03)
+
+
+@pytest.mark.parametrize("model", [MODEL, LAGGING], ids=["flat", "lag"])
+def test_defects_are_those_of_the_transcription(model):
+    path = _collocated(model, _no_flight(model, np.random.default_rng(0))).path
+    dynamics = Dynamics(model)
+    at = path.points
+    for k, defect in enumerate(path.defects):
+        ends = (at[k, :-1], at[k + 1, :-1], at[k, -1], at[k + 1, -1])
+        expected, _ = hermite_simpson(dynamics.linearize, 0.03, *ends)
+        np.testing.assert_allclose(defect * 1.5 / 0.03, expected, atol=1e-9)
+
+
+def test_fine_slopes_are_exact_ones():
+    """To a hundredth of what the solver asks for, of the sharpest effects too."""
+    effects = (
+        KINDS["stalled_downwash"](gradient=0.3, stall_angle=0.1, fade=0.01),
+        KINDS["attached_lift"](slope=2.0, stall_angle=0.2, fade=0.02),
+        KINDS["tail_wake"](loss=0.4, angle=0.05, width=0.04),
+        KINDS["ground_effect"](strength=0.02, height=0.1),
+    )
+    model = GliderModel(effects=effects)
+    along = _collocated(model, _no_flight(model, np.random.default_rng(0), 20))
+    along.linearize(fine=True)
+    exact = Dynamics(model, fast=False).linearize  # By AutoDiffXd.
+    worst = 0.0
+    for point, slopes in zip(along.path.points, along.path.slopes, strict=True):
+        expected = exact(point[:-1], point[-1])[1]
+        worst = max(worst, np.abs(slopes - expected).max() / np.abs(expected).max())
+    assert worst < 1e-8
+
+
+def test_curvature_is_the_difference_of_slopes():
+    rng = np.random.default_rng(1)
+    w = _no_flight(LAGGING, rng)
+    dynamics = _collocated(LAGGING, w)
+    dynamics.linearize(fine=True)
+    path = dynamics.path
+    path.weights[:] = rng.normal(size=path.weights.shape)
+    dynamics.curve()
+    exact = Dynamics(LAGGING, fast=False).linearize
+    parts = path.points, path.weights, path.curvature
+    for point, weights, curvature in zip(*parts, strict=True):
+        for i, step in enumerate(1e-5 * np.eye(len(point))):
+            moved = point + step, point - step
+            forth, back = (exact(p[:-1], p[-1])[1] for p in moved)
+            expected = weights @ (forth - back) / 2e-5
+            np.testing.assert_allclose(
+                curvature[i], expected, atol=2e-3 * np.abs(curvature).max()
+            )
+
+
+def test_slopes_of_the_lagrangian_are_its_differences():
+    rng = np.random.default_rng(3)
+    w = _no_flight(LAGGING, rng)
+    multipliers = rng.normal(size=(5, LAGGING.num_states))
+    dynamics = _collocated(LAGGING, w)
+    dynamics.linearize(fine=True)
+    gradient, back = np.zeros(w.size), np.empty((5, LAGGING.num_states + 1))
+    stages.weigh(w[-1], dynamics.path, multipliers, back, gradient)
+    for i in [*range(0, w.size, 5), w.size - 1]:
+        values = []
+        for side in (1e-5, -1e-5):
+            moved = w.copy()
+            moved[i] += side
+            defects = _collocated(LAGGING, moved).path.defects
+            values.append(np.sum(multipliers * defects))
+        assert (values[0] - values[1]) / 2e-5 == pytest.approx(gradient[i], abs=1e-7)
+
+
+def test_near_the_minimum_each_iteration_squares_the_error(article_plan):
+    """So curvature and slopes belong together: from its own end, one step or two."""
+    rough = solve_structured(
+        MODEL, PROBLEM, 25, straight_line(MODEL, PROBLEM, 1.1), tolerance=1e-2
+    )
+    fine = solve_structured(MODEL, PROBLEM, 25, rough)
+    assert fine.solved
+    assert int(fine.status.split("(")[1].split()[0]) <= 8
+
+
+def test_a_plan_is_made_again_on_the_way():
+    """The rest of a plan is its own best continuation, so little is left to do."""
+    first = solve_structured(MODEL, PROBLEM, 41, straight_line(MODEL, PROBLEM, 1.1))
+    elapsed = 0.2
+    names = range(first.num_states)
+    state = [float(np.interp(elapsed, first.times, first.knots[:, i])) for i in names]
+    later = dataclasses.replace(PROBLEM, launch=state, duration_limits=[0.1, 2.0])
+    again = solve_structured(MODEL, later, 33, first, elapsed=elapsed)
+    assert again.solved
+    assert again.times[-1] == pytest.approx(first.times[-1] - elapsed, abs=2e-3)
+    tape = np.interp(again.times + elapsed, first.times, first.knots[:, -1])
+    np.testing.assert_allclose(again.knots[:, -1], tape, atol=0.1)
+
+
+def test_a_wire_out_of_reach_is_told_not_found():
+    unreachable = dataclasses.replace(
+        PROBLEM, wire=[0.9, 0.95], duration_limits=[0.1, 0.3]
+    )
+    guess = straight_line(MODEL, unreachable)
+    found = solve_structured(MODEL, unreachable, 9, guess)
+    assert not found.solved
+    assert found.status.startswith(("stuck", "out of steps"))
+    with pytest.raises(PlanningError) as caught:
+        plan(MODEL, unreachable, knots=(5,))
+    assert caught.value.attempts[0].solver == "interior point"
+    assert {"SNOPT", "IPOPT"} <= {a.solver for a in caught.value.attempts}
+
+
+def test_bounds_are_the_problem_s_and_the_vehicle_s():
+    program = make_program(MODEL, PROBLEM, 5)
+    low, high = (b[:-1].reshape(5, 8) for b in (program.low, program.high))
+    assert np.all(np.isinf(low[0, :7])) and np.all(np.isinf(high[0, :7]))
+    np.testing.assert_allclose(low[1:, 3], -0.4463)
+    np.testing.assert_allclose(high[:, 7], 13.0)
+    np.testing.assert_allclose((low[-1, 2], high[-1, 2]), (-1.0, -np.pi / 6))
+    np.testing.assert_allclose(high[-1, 4:6], 2.0)
+    np.testing.assert_allclose((program.low[-1], program.high[-1]), (0.1, 0.4))
+
+
+def test_a_formula_that_does_not_compile_goes_to_drake(monkeypatch):
+    def refuse(*_):
+        raise numba.core.errors.TypingError("a dict of mixed values")
+
+    monkeypatch.setattr(POINTS.over(), "rates_at", refuse)
+    found = plan(MODEL, PROBLEM, knots=(5,))
+    assert {a.solver for a in found.attempts} <= {"SNOPT", "IPOPT"}
+
+
+def test_only_the_dynamics_are_compiled_for_other_effects():
+    """The solver's own code is the same for all: compiled once, then kept on disk."""
+    plan(MODEL, PROBLEM, knots=(5,))
+    own = [f for m in (barrier, collocation, stages) for f in vars(m).values()]
+    own = [f for f in own if hasattr(f, "signatures")]
+    before = [len(f.signatures) for f in own]
+    assert len(own) > 10 and max(before) == 1
+    plan(LAGGING, PROBLEM, knots=(5,))
+    plan(BLOWN, PROBLEM, knots=(5,))
+    assert [len(f.signatures) for f in own] == before
