@@ -44,6 +44,7 @@ class Foresight:
         noise: of its sensors.
         explanations: the most probable first.
         place: where throws are flown.
+        maps: that smooth logs, by their times: kept from one call to the next.
     """
 
     campaign: Campaign
@@ -51,6 +52,9 @@ class Foresight:
     noise: Noise
     explanations: tuple[Explanation, ...]
     place: Range
+    maps: dict[bytes, list[np.ndarray]] = dataclasses.field(
+        default_factory=dict, repr=False
+    )
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Returns the records of throws by each explanation, one list a throw.
@@ -68,7 +72,9 @@ class Foresight:
 
         flights = in_parallel(fly, throws)
         finite = [f for own in flights for f in own if np.all(np.isfinite(f.pose))]
-        made = iter(prepare(finite, self.campaign, self.noise, layout))
+        made = iter(
+            prepare(finite, self.campaign, self.noise, layout, maps=self.maps)
+        )
         return [
             [next(made) for f in own if np.all(np.isfinite(f.pose))] for own in flights
         ]

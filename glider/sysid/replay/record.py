@@ -111,6 +111,7 @@ def prepare(
     noise: Noise,
     layout: Layout = LIBRARY_LAYOUT,
     masks: Mapping[str, Masks] | None = None,
+    maps: dict[bytes, list[np.ndarray]] | None = None,
 ) -> list[Record]:
     """Smooths flights; the maps of equal time grids are shared.
 
@@ -120,8 +121,9 @@ def prepare(
         noise: of its channels.
         layout: of the models that will fly them.
         masks: name of a flight to its rows that are set aside; none by default.
+        maps: of time grids, from earlier calls with the same noise; written.
     """
-    maps: dict[bytes, list[np.ndarray]] = {}
+    maps = {} if maps is None else maps
     stops = None
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks or {}, noise.elevator)
