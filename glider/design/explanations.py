@@ -77,16 +77,21 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     own: Members = tuple((k, score.variants[k][0]) for k in chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
+    named = set(findings.swapped)
     others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
-    others += _named(score, findings.sets)
+    others += _best_variants(score, findings.sets)
     for members in others:
         kinds, value = frozenset(k for k, _ in members), score(members)
         best = near.get(kinds, (-np.inf, ()))[0]
-        if value > max(base - _NEAR, best) and kinds != frozenset(chosen.kinds):
+        # A lag is linear only near where it is tried: who is named stays in.
+        least = -np.inf if kinds in named else base - _NEAR
+        if value > max(least, best) and kinds != frozenset(chosen.kinds):
             near[kinds] = value, members
-    ranked = sorted(near.values(), key=lambda pair: -pair[0])[: MOST - 1]
+    ranked = sorted(near.items(), key=lambda item: (item[0] not in named, -item[1][0]))[
+        : MOST - 1
+    ]
     models = [chosen]
-    for _, members in ranked:
+    for _, (_, members) in ranked:
         start = begin(candidates, score.evidence, members, chosen.scales)
         models.append(fit_model(task, start, iterations=4))
     weighed = [_weigh(task, model, price) for model in models]
@@ -119,7 +124,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> Fitted:
     return fit_model(task, start, iterations=4)
 
 
-def _named(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:
+def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:
     """Returns the sets by the best variant of each member, the others kept."""
     found = []
     for kinds in sets:

@@ -2,8 +2,9 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from glider.errors import InputError
 from glider.physics.effects import EffectKind
@@ -34,14 +35,19 @@ class Findings:
     own: tuple[EffectKind, ...] = ()
 
     @property
-    def sets(self) -> list[frozenset[str]]:
-        """The chosen set, each with a rival swapped in, then the combinations."""
-        swapped = [
+    def swapped(self) -> list[frozenset[str]]:
+        """The chosen set with each rival in the place of what it rivals."""
+        return [
             frozenset({*self.kinds} - {kind} | {other})
             for kind, others in self.rivals.items()
             for other in others
         ]
-        every = [frozenset(self.kinds), *swapped, *map(frozenset, self.combinations)]
+
+    @property
+    def sets(self) -> list[frozenset[str]]:
+        """The chosen set, each with a rival swapped in, then the combinations."""
+        combinations = map(frozenset, self.combinations)
+        every = [frozenset(self.kinds), *self.swapped, *combinations]
         return list(dict.fromkeys(every))
 
 
@@ -51,8 +57,7 @@ def findings_of(result: Result) -> Findings:
         result.model,
         {e.kind: e.indistinguishable_from for e in result.effects},
         [c.kinds for c in result.combinations],
-        result.settings.get("flights"),
-        result.settings.get("grades"),
+        result.settings,
         result.own_effects,
     )
 
@@ -76,24 +81,31 @@ def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findi
             for e in data["effects"]
         }
         combinations = [tuple(map(str, c["kinds"])) for c in data["combinations"]]
-        flights, grades = data["settings"]["flights"], data["settings"]["grades"]
+        settings = dict(data["settings"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{path}: is no report ({type(error).__name__}: {error}); one that "
             "close-the-loop of this version wrote is needed."
         ) from None
     model = load_model(path.with_name("model.yaml"), own_effects)
-    return _findings(model, rivals, combinations, flights, grades, tuple(own_effects))
+    return _findings(model, rivals, combinations, settings, tuple(own_effects))
 
 
-def _findings(model, rivals, combinations, flights, grades, own) -> Findings:
+def _findings(
+    model: GliderModel,
+    rivals: dict[str, tuple[str, ...]],
+    combinations: Sequence[tuple[str, ...]],
+    settings: Mapping[str, Any],
+    own: tuple[EffectKind, ...],
+) -> Findings:
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     kinds = tuple(kind for kind in rivals if kind in carried)
+    flights, grades = settings.get("flights"), settings.get("grades")
     return Findings(
         model=model,
         kinds=kinds,
         rivals={kind: rivals[kind] for kind in kinds},
-        combinations=tuple(map(tuple, combinations)),
+        combinations=tuple(combinations),
         flights=None if flights is None else tuple(flights),
         grades=None if grades is None else tuple(grades),
         own=own,

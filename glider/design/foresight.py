@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import norm
 
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.design.explanations import Explanation
 from glider.design.throws import Range, Throw, is_safe, log_of
@@ -64,7 +64,7 @@ class Foresight:
         task, layout = self.task, self.task.layout
         fields = [field_of(task, e.model) for e in self.explanations]
 
-        def fly(throw: Throw):
+        def fly(throw: Throw) -> list[Flight]:
             return [
                 log_of(throw, self.place, layout, e.model.theta, field)
                 for e, field in zip(self.explanations, fields, strict=True)
@@ -72,9 +72,7 @@ class Foresight:
 
         flights = in_parallel(fly, throws)
         finite = [f for own in flights for f in own if np.all(np.isfinite(f.pose))]
-        made = iter(
-            prepare(finite, self.campaign, self.noise, layout, maps=self.maps)
-        )
+        made = iter(prepare(finite, self.campaign, self.noise, layout, maps=self.maps))
         return [
             [next(made) for f in own if np.all(np.isfinite(f.pose))] for own in flights
         ]
@@ -155,7 +153,9 @@ class Foresight:
         if grams is not None:
             precision = precision + grams[0, 0][:-1, :-1]
         scale = 1.0 / np.sqrt(np.diag(precision))
-        return scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
+        return (
+            scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
+        )
 
 
 def _left_over(known: np.ndarray, side: np.ndarray, total: float) -> float:

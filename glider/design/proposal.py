@@ -45,6 +45,9 @@ from glider.sysid.replay.vehicle import make_vehicle
 DRAWN = 48
 """Throws of a round."""
 
+_FIRST = 144
+"""Throws of a round that is drawn evenly: many leave the limits."""
+
 ROUNDS = 4
 """Rounds: the first is drawn evenly, the others about the best so far."""
 
@@ -162,9 +165,7 @@ def next_throw(
         )
 
 
-def read_task(
-    campaign: Campaign, findings: Findings
-) -> tuple[Campaign, Task, Noise]:
+def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
     """Returns a campaign as inspected, all its flights as a task, and their noise.
 
     Raises:
@@ -172,8 +173,8 @@ def read_task(
     """
     if campaign.elevator != "servo":
         raise InputError(
-            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo is needed "
-            "that can be commanded."
+            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo that can "
+            "be commanded is needed."
         )
     if not signs_of(findings.model).are_right:
         raise InputError(
@@ -272,11 +273,13 @@ def _search(
         progress(f"searching for throws, round {round_ + 1} of {ROUNDS}")
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
+            alone = [open_after(foresight, ending, g) for g in grams]
+            elites = [*chosen, *np.argsort(alone)[:ELITES]]
             parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
             drawn = parents + spread * rng.normal(size=parents.shape)
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
-            drawn = rng.random((DRAWN * (1 + 2 * (round_ == 0)), GENES))
+            drawn = rng.random((_FIRST, GENES))
         new = [throw_of(g, foresight.place) for g in drawn]
         logs = foresight.logs(new)
         good = [k for k, safe in enumerate(foresight.safe(new, logs)) if safe]
@@ -285,12 +288,10 @@ def _search(
         grams += foresight.grams([logs[k] for k in good])
         if throws:
             chosen = choose(foresight, ending, grams, launches)
-            alone = [open_after(foresight, ending, g) for g in grams]
-            elites = np.array([*chosen, *np.argsort(alone)[:ELITES]])
     if not throws:
         raise InputError(
-            "No throw that was tried keeps within the limits; wider limits of launch or "
-            "flight (floor, pitch, speed) are needed."
+            "No throw that was tried keeps within the limits; wider limits of the "
+            "launch or of the flight (floor, pitch, speed) are needed."
         )
     return [throws[k] for k in chosen]
 
@@ -322,9 +323,7 @@ def _present_kind(foresight: Foresight, flights: Task) -> Grams:
     """Returns what a throw of the present kind tells, the mean of flown ones."""
     throws = [flown_throw(r) for r in flights.records]
     logs = [
-        own
-        for own in foresight.logs(throws)
-        if len(own) == len(foresight.explanations)
+        own for own in foresight.logs(throws) if len(own) == len(foresight.explanations)
     ]
     return times(added(foresight.grams(logs)), 1.0 / len(logs))
 

@@ -153,7 +153,9 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
 def flown_throw(record: Record) -> Throw:
     """Returns a flown flight as a throw, from its smoothed log."""
     return Throw(
-        launch=np.append(record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]),
+        launch=np.append(
+            record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]
+        ),
         times=record.switch_times,
         commands=record.commands,
         duration=float(record.time[-1]),

@@ -55,10 +55,10 @@ GIVEN = 2
 
 ROWS = round(0.85 * Capture().rate) + 1
 
-AIR = (0.03, 0.25)
+AIR = (0.1, 0.25)
 """Standard deviation [m/s] and correlation time [s] of the gusts."""
 
-TRIM = 0.003
+TRIM = 0.01
 """Standard deviation of the flights' own trims [rad]."""
 
 
@@ -70,15 +70,15 @@ def plant(glider: Glider, kind: str, rng: np.random.Generator) -> None:
     elif kind == "command_delay":
         glider.servo.delay = rng.uniform(0.001, 0.002)
     elif kind == "center_of_pressure":
-        shift = sign * rng.uniform(0.0004, 0.0008)
+        shift = sign * rng.uniform(0.0015, 0.003)
         glider.wing_shift.append(lambda f: shift)
     elif kind == "pitch_moment":
-        moment = sign * rng.uniform(0.0001, 0.0002)
+        moment = sign * rng.uniform(0.0005, 0.001)
         glider.moment.append(lambda f: moment)
     elif kind == "wing_incidence":
-        glider.wing_incidence = sign * rng.uniform(0.006, 0.01)
+        glider.wing_incidence = sign * rng.uniform(0.002, 0.004)
     elif kind == "camber":
-        angle = sign * rng.uniform(0.006, 0.01)
+        angle = sign * rng.uniform(0.002, 0.004)
         glider.normal.append(
             lambda f: 2.0 * (np.sin(f.alpha - angle) - np.sin(f.alpha))
         )
@@ -100,7 +100,11 @@ class Thrower:
         thrown = dataclasses.replace(glider, elevator_trim=trims)
         steps = round((ROWS - 1) / Capture().rate / STEP)
         elevator = elevator_paths(
-            glider.servo, commands, 1.0 / COMMAND_RATE, 2 * steps, glider.elevator_limits
+            glider.servo,
+            commands,
+            1.0 / COMMAND_RATE,
+            2 * steps,
+            glider.elevator_limits,
         )
         air = gusts(rng, *AIR, elevator.shape)
         motion = fly(thrown, starts, elevator, air)
@@ -237,7 +241,8 @@ def main() -> None:
     open_ = [x for x in lines if x.designed > 0 or x.random > 0]
     if open_:
         designed, random = (
-            np.median([getattr(x, way) for x in open_]) for way in ("designed", "random")
+            np.median([getattr(x, way) for x in open_])
+            for way in ("designed", "random")
         )
         print(f"median flights: designed {designed:g}, random {random:g}")
     sure = [x for x in lines if x.promised >= 0.85]

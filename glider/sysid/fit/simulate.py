@@ -215,6 +215,4 @@ def fly_commands(
         [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )
     command = commands[latest_command(switches, time)]
-    return Flight(
-        name=name, time=time, pose=pose, elevator=path(time), command=command
-    )
+    return Flight(name=name, time=time, pose=pose, elevator=path(time), command=command)

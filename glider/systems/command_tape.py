@@ -1,0 +1,90 @@
+"""A tape of elevator-rate commands: as a file to play, and as a Drake source."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from glider.errors import InputError
+
+COLUMNS = ("time", "elevator_rate_command")
+"""Of a file of commands [s, rad/s]: each command is held until the next row; the last
+row is where the tape ends."""
+
+
+def save_commands(
+    path: Path, times: np.ndarray, commands: np.ndarray, end: float
+) -> None:
+    """Writes a tape as CSV; after its end the elevator is to stand still.
+
+    Args:
+        path: of the file.
+        times: (k,) when each command begins, from release [s].
+        commands: (k,) elevator rates [rad/s].
+        end: of the tape, after the last of the times [s].
+    """
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for time, command in zip([*times, end], [*commands, 0.0], strict=True):
+            writer.writerow([f"{time:.6g}", f"{command:.4f}"])
+
+
+def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
+    """Reads a tape as `save_commands` writes it.
+
+    Returns:
+        times (k,) [s] and commands (k,) [rad/s]; the last command is where it ends.
+
+    Raises:
+        InputError: it is none; the sentence names the line.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}).") from None
+    if not lines or tuple(lines[0]) != COLUMNS:
+        raise InputError(
+            f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; "
+            f"{','.join(COLUMNS)} is needed."
+        )
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            time, command = map(float, line)
+        except ValueError:
+            time = command = math.nan
+        if not (math.isfinite(time) and math.isfinite(command)):
+            raise InputError(
+                f"{path}: line {number} is {','.join(line)}; a time and a rate, finite "
+                "numbers, are needed."
+            )
+        if rows and time <= rows[-1][0]:
+            raise InputError(
+                f"{path}: line {number} has the time {time:g} s after {rows[-1][0]:g} "
+                "s; increasing times are needed."
+            )
+        rows.append((time, command))
+    if len(rows) < 2:
+        raise InputError(f"{path}: has {len(rows)} rows; at least 2 are needed.")
+    times, commands = np.array(rows).T
+    return times, commands
+
+
+def command_source(path: Path | str) -> TrajectorySource:
+    """Returns a Drake source that plays a file of commands.
+
+    [ TrajectorySource ] -> command, for the servo's input of that name
+
+    Each command is held until the next; after the end the last one, 0, stays.
+    """
+    times, commands = load_commands(path)
+    source = TrajectorySource(
+        PiecewisePolynomial.ZeroOrderHold(times, commands[None, :])
+    )
+    source.set_name("commands")
+    return source
