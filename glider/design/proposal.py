@@ -231,7 +231,7 @@ def propose(
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     alike_one = _present_kind(everything, likely)
-    alike_same = times(alike_one, launches)
+    alike_same = times(alike_one, len(throws))
     distances = everything.distances(then)
     chance = everything.chance(distances)
     nothing = np.zeros_like(distances)
@@ -301,13 +301,18 @@ def choose(
 ) -> list[int]:
     """Returns indices of the throws that together leave least open, one by one.
 
-    A throw may be proposed again: its air is another each time.
+    Each is chosen once, though twice the best might tell a little more: throws that
+    differ may show what none of the explanations foresees.
     """
     chosen: list[int] = []
     for _ in range(count):
         so_far = [grams[k] for k in chosen]
-        values = [open_after(foresight, ending, added([*so_far, g])) for g in grams]
-        chosen.append(int(np.argmin(values)))
+        left = [k for k in range(len(grams)) if k not in chosen]
+        values = [
+            open_after(foresight, ending, added([*so_far, grams[k]])) for k in left
+        ]
+        if left:
+            chosen.append(left[int(np.argmin(values))])
     return chosen
 
 

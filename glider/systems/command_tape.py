@@ -83,8 +83,10 @@ def command_source(path: Path | str) -> TrajectorySource:
     Each command is held until the next; after the end the last one, 0, stays.
     """
     times, commands = load_commands(path)
-    source = TrajectorySource(
-        PiecewisePolynomial.ZeroOrderHold(times, commands[None, :])
+    # A hold ends where it ends: the last value of Drake's is that of the time before.
+    held = PiecewisePolynomial.ZeroOrderHold(
+        np.append(times, times[-1] + 1.0), np.append(commands, commands[-1])[None, :]
     )
+    source = TrajectorySource(held)
     source.set_name("commands")
     return source

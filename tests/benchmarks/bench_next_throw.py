@@ -76,9 +76,9 @@ def plant(glider: Glider, kind: str, rng: np.random.Generator) -> None:
         moment = sign * rng.uniform(0.0005, 0.001)
         glider.moment.append(lambda f: moment)
     elif kind == "wing_incidence":
-        glider.wing_incidence = sign * rng.uniform(0.002, 0.004)
+        glider.wing_incidence = sign * rng.uniform(0.006, 0.012)
     elif kind == "camber":
-        angle = sign * rng.uniform(0.002, 0.004)
+        angle = sign * rng.uniform(0.006, 0.012)
         glider.normal.append(
             lambda f: 2.0 * (np.sin(f.alpha - angle) - np.sin(f.alpha))
         )
