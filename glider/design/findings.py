@@ -71,8 +71,8 @@ def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findi
     path = folder / "report.json" if folder.is_dir() else folder
     if not path.exists():
         raise InputError(
-            f"{path}: there is no such file; a folder that close-the-loop wrote is "
-            "needed."
+            f"{path}: there is no such file; a folder that close-the-loop wrote, or "
+            "its report.json, is needed."
         )
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
