@@ -77,13 +77,12 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     own: Members = tuple((k, score.variants[k][0]) for k in chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
-    named = set(findings.swapped)
+    named = {*findings.swapped, *_clocks_swapped(task, chosen)}
     others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
-    others += _best_variants(score, findings.sets)
+    others += _best_variants(score, [*findings.sets, *named])
     for members in others:
         kinds, value = frozenset(k for k, _ in members), score(members)
         best = near.get(kinds, (-np.inf, ()))[0]
-        # A lag is linear only near where it is tried: who is named stays in.
         least = -np.inf if kinds in named else base - _NEAR
         if value > max(least, best) and kinds != frozenset(chosen.kinds):
             near[kinds] = value, members
@@ -94,8 +93,8 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     for _, (_, members) in ranked:
         start = begin(candidates, score.evidence, members, chosen.scales)
         models.append(fit_model(task, start, iterations=4))
-    weighed = [_weigh(task, model, price) for model in models]
-    return with_probabilities(weighed)
+    acting = [model for model in models if not _is_idle(task, model)]
+    return with_probabilities([_weigh(task, m, price) for m in acting or [chosen]])
 
 
 def with_probabilities(weighed: Sequence[Explanation]) -> tuple[Explanation, ...]:
@@ -122,6 +121,36 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> Fitted:
         extra=findings.model.field,
     )
     return fit_model(task, start, iterations=4)
+
+
+def _clocks_swapped(task: Task, model: Fitted) -> list[frozenset[str]]:
+    """Returns the set with lags and delays in the place of one another.
+
+    Their columns are secants to where they are tried, five milliseconds and more: what
+    the flights say in closed form of a smaller one is far off.
+    """
+    clocks = [
+        name
+        for name in task.kinds
+        if all(c.is_shape for c in task.layout.kinds[name].coefficients)
+    ]
+    return [
+        frozenset({*model.kinds} - {kind} | {other})
+        for kind in model.kinds
+        if kind in clocks
+        for other in clocks
+        if other not in model.kinds
+    ]
+
+
+def _is_idle(task: Task, model: Fitted) -> bool:
+    """Whether an effect came out as nothing: the set without it says the same."""
+    for kind in model.kinds:
+        slots = list(task.layout.slots_of(kind))
+        moved = np.abs(model.theta - task.vehicle.theta)[slots]
+        if np.all(moved <= 1e-9 * task.layout.scale[slots]):
+            return True
+    return False
 
 
 def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:

@@ -10,7 +10,7 @@ from glider.design.findings import Findings, load_findings
 from glider.design.limits import ThrowLimits
 from glider.design.proposal import next_throw, propose, read_task
 from glider.errors import InputError
-from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects import ANGLE_SIGN, KINDS
 from glider.physics.model import GliderModel
 from glider.report.next_throw_words import is_done, sentences
 from tests.helpers.late import LATE
@@ -26,6 +26,21 @@ def test_both_explanations_are_left_and_weighed(late):
     assert all(e.probability > 0.05 for e in explanations)
     best, *_, worst = explanations
     assert best.log_evidence >= worst.log_evidence
+
+
+def test_a_small_lag_is_a_rival_of_a_delay_that_nobody_named(late):
+    """Closed forms miss it: they try lags of five milliseconds and more."""
+    _, task, noise, explanations = late
+    findings = Findings(
+        model=GliderModel(effects=(KINDS["command_delay"](delay=0.002),)),
+        kinds=("command_delay",),
+        rivals={},
+        combinations=(),
+    )
+    again = explain(task, noise, findings)
+    assert {e.model.kinds for e in again} == {e.model.kinds for e in explanations}
+    for one, other in zip(again, explanations, strict=True):
+        assert one.probability == pytest.approx(other.probability, abs=0.05)
 
 
 def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
