@@ -447,14 +447,17 @@ def _compare(args: argparse.Namespace) -> int:
 
 
 def _next_throw(args: argparse.Namespace) -> int:
+    from glider.files.writing import check_writable
+
     if args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it must not be negative.")
     if args.launches < 1:
         raise InputError(f"--launches is {args.launches}; at least 1 is needed.")
-    name = args.campaign.resolve().name
+    name = args.campaign.resolve().name.removesuffix(".zip")
     folder = args.out or Path("out") / name / "next_throw"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; a folder is needed.")
+    check_writable(folder)
 
     from rich.console import Console
 

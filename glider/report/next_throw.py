@@ -16,7 +16,7 @@ from rich.table import Table
 
 from glider.design.proposal import Proposal
 from glider.design.throws import Throw
-from glider.report.folder import make_folder, replace_file, write_text
+from glider.files.writing import replace_files
 from glider.report.json_report import plain
 from glider.report.next_throw_words import is_done, launch_words, sentences
 from glider.report.numbers import format_estimate
@@ -24,7 +24,7 @@ from glider.report.plots.axes import legend
 from glider.report.plots.style import STYLE
 from glider.report.plots.throws import plot_differences, plot_tapes, plot_throws
 from glider.sysid.result import Estimate
-from glider.systems.command_tape import save_commands
+from glider.systems.command_tape import tape_text
 
 
 def commands_name(number: int) -> str:
@@ -40,19 +40,15 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
     Raises:
         InputError: if the folder is a file.
     """
-    picture = draw_proposal(proposal)
-    make_folder(folder)
-    for old in folder.glob(commands_name(0).replace("0", "*")):
-        old.unlink()
-    for number, throw in enumerate(proposal.throws, start=1):
-
-        def save(path: Path, throw: Throw = throw) -> None:
-            save_commands(path, throw.times, throw.commands, _end(throw))
-
-        replace_file(folder / commands_name(number), save)
-    replace_file(folder / "next_throw.png", lambda path: path.write_bytes(picture))
     text = json.dumps(to_json(proposal), indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(folder / "next_throw.json", text + "\n")
+    old = [path.name for path in folder.glob("commands_*.csv")]
+    files: dict[str, bytes | None] = dict.fromkeys(old)
+    for number, throw in enumerate(proposal.throws, start=1):
+        tape = tape_text(throw.times, throw.commands, _end(throw))
+        files[commands_name(number)] = tape.encode()
+    files["next_throw.png"] = draw_proposal(proposal)
+    files["next_throw.json"] = f"{text}\n".encode()
+    replace_files(folder, files, last="next_throw.json")
 
 
 def _end(throw: Throw) -> float:

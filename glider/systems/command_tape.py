@@ -15,26 +15,21 @@ COLUMNS = ("time", "elevator_rate_command")
 row is where the tape ends."""
 
 
-def save_commands(
-    path: Path, times: np.ndarray, commands: np.ndarray, end: float
-) -> None:
-    """Writes a tape as CSV; after its end the elevator is to stand still.
+def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
+    """Returns a tape as the text of a CSV file; after its end the elevator stands.
 
     Args:
-        path: of the file.
         times: (k,) when each command begins, from release [s].
         commands: (k,) elevator rates [rad/s].
         end: of the tape, after the last of the times [s].
     """
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for time, command in zip([*times, end], [*commands, 0.0], strict=True):
-            writer.writerow([f"{time:.6g}", f"{command:.4f}"])
+    rows = zip([*times, end], [*commands, 0.0], strict=True)
+    lines = [f"{time:.6g},{command:.4f}" for time, command in rows]
+    return "\n".join([",".join(COLUMNS), *lines, ""])
 
 
 def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
-    """Reads a tape as `save_commands` writes it.
+    """Reads a tape as `tape_text` writes it.
 
     Returns:
         times (k,) [s] and commands (k,) [rad/s]; the last command is where it ends.

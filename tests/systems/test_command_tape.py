@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
-from glider.systems.command_tape import command_source, load_commands, save_commands
+from glider.systems.command_tape import command_source, load_commands, tape_text
 
 TIMES = 0.02 * np.arange(4)
 COMMANDS = np.array([0.0, 12.35, -3.25, 7.5])
@@ -13,7 +13,7 @@ COMMANDS = np.array([0.0, 12.35, -3.25, 7.5])
 @pytest.fixture
 def path(tmp_path):
     path = tmp_path / "commands_1.csv"
-    save_commands(path, TIMES, COMMANDS, 0.08)
+    path.write_text(tape_text(TIMES, COMMANDS, 0.08))
     return path
 
 
