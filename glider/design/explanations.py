@@ -17,6 +17,7 @@ from glider.sysid.likelihood.model_fit import (
     linear_flights,
     start_of,
 )
+from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.search.sets_in_models import begin
@@ -25,8 +26,11 @@ from glider.sysid.search.subsets import Members, Scorer
 MOST = 5
 """Explanations that are weighed at most."""
 
-LEAST = 0.01
+LEAST = 1e-4
 """Probability below which an explanation is left out."""
+
+UNKNOWN = 0.02
+"""Probability beforehand that what the flights show is nothing of the library's."""
 
 _NEAR = 8.0
 """Loss of evidence, to first order, up to which a set is fitted in full [nats]."""
@@ -40,7 +44,8 @@ class Explanation:
         model: fitted to all flights.
         log_evidence: log marginal likelihood by Laplace's method, with what the
             effects are worth beforehand, up to a constant of the campaign [nats].
-        probability: among the explanations.
+        probability: that it is the right one; all together are less than 1, for none
+            of them may be.
         precision: (m, m) inverse covariance of its free numbers, after the flights.
     """
 
@@ -55,7 +60,9 @@ class Explanation:
         return " + ".join(self.model.kinds) or "plate alone"
 
 
-def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
+def explain(
+    task: Task, noise: Noise, findings: Findings, unknown: float = UNKNOWN
+) -> tuple[Explanation, ...]:
     """Fits the sets of effects that the flights may be explained by, best first.
 
     The chosen set; what differs from it by one effect and is nearly as good, as the
@@ -66,6 +73,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         task: all the flights.
         noise: of the sensors.
         findings: of the analysis.
+        unknown: probability beforehand that none of the library's sets is right.
     """
     price = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
@@ -94,18 +102,51 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         start = begin(candidates, score.evidence, members, chosen.scales)
         models.append(fit_model(task, start, iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
-    return with_probabilities([_weigh(task, m, price) for m in acting or [chosen]])
+    weighed = [_weigh(task, m, price) for m in acting or [chosen]]
+    # What was not fitted counts by its closed form, against the chosen set's.
+    listed = sum(np.exp(e.log_evidence - weighed[0].log_evidence) for e in weighed)
+    left = [v for k, (v, _) in near.items() if k not in {k for k, _ in ranked}]
+    unlisted = float(np.sum(np.exp(np.array(left) - base)))
+    missing = 1.0 - (1.0 - unknown) * listed / (listed + unlisted)
+    return with_probabilities(_in_one_air(task, weighed, price), missing)
 
 
-def with_probabilities(weighed: Sequence[Explanation]) -> tuple[Explanation, ...]:
-    """Returns explanations with their probabilities, best first, hopeless ones out."""
+def with_probabilities(
+    weighed: Sequence[Explanation], missing: float = 0.0
+) -> tuple[Explanation, ...]:
+    """Returns explanations with their probabilities, best first, hopeless ones out.
+
+    Args:
+        weighed: by their evidence.
+        missing: probability that none of them is right.
+    """
     top = max(e.log_evidence for e in weighed)
     likely = [e for e in weighed if e.log_evidence - top > np.log(LEAST)]
-    total = sum(np.exp(e.log_evidence - top) for e in likely)
+    total = sum(np.exp(e.log_evidence - top) for e in likely) / (1.0 - missing)
     return tuple(
         dataclasses.replace(e, probability=float(np.exp(e.log_evidence - top) / total))
         for e in sorted(likely, key=lambda e: -e.log_evidence)
     )
+
+
+def _in_one_air(
+    task: Task, weighed: Sequence[Explanation], price: float
+) -> list[Explanation]:
+    """Returns explanations fitted and weighed again with the same scales for all.
+
+    The air and the sensors are what they are, whichever explanation is right. Scales
+    that each fits to a few flights tell them apart by more than the flights do.
+    """
+    logs = np.array([e.model.scales.logs for e in weighed])
+    shares = np.array([e.log_evidence for e in weighed])
+    shares = np.exp(shares - shares.max())
+    scales = Scales.from_logs(shares @ logs / shares.sum())
+    found = []
+    for explanation in weighed:
+        model = dataclasses.replace(explanation.model, scales=scales)
+        fitted = fit_model(task, model, iterations=3, free_scales=())
+        found.append(_weigh(task, fitted, price))
+    return found
 
 
 def _chosen(task: Task, noise: Noise, findings: Findings) -> Fitted:

@@ -1,37 +1,43 @@
-"""What throws will tell: expected evidence between explanations, before they are flown.
+"""What throws will tell: futures of a campaign, before the throws are flown.
 
-A throw is flown by one explanation i without noise and filtered by another, j, as a
-log would be. Its whitened innovations e are linear in j's free numbers,
-    e - X δ,   with δ ~ N(0, A_j⁻¹) as the flights so far leave them,
-so N throws are expected to cost j, against i,
-    Δ_ij = ½ min_δ (Σ |e - X δ|² + δ' A_j δ)   [nats],
-and the log of their Bayes factor is N(Δ_ij, 2 Δ_ij), with the noise of the sensors, the
-moving air and what differs from flight to flight in it. As Σ runs over squares of
-columns, a throw's Gram matrix is all that is kept. (T-optimality with nuisance
-parameters: Atkinson and Fedorov, Biometrika 62, 1975; expected evidence: Box and Hill,
-Technometrics 9, 1967.)
+A throw is flown by one explanation i without noise and filtered by every explanation k,
+as a log would be. With the scales that all share, the whitened innovations of k are
+    e_k + X_i δ + ν - X_k δ_k,
+δ ~ N(0, A_i⁻¹) what the flights so far leave open of the true numbers, ν ~ N(0, 1) all
+noise: of the sensors, of the moving air and of what differs from flight to flight; and
+δ_k ~ N(0, A_k⁻¹) are refitted. So in a future (i, δ, ν) throws change the log-evidence
+of k by
+    -½ min_δk (|e_k + X_i δ + ν - X_k δ_k|² + δ_k' A_k δ_k)
+    -½ log |1 + A_k⁻¹ X_k' X_k|,
+which needs the squares of the columns alone, summed over throws. Drawn from the
+posterior, the futures say how probable the right explanation will be (Box and Hill,
+Technometrics 9, 1967; Lindley, Annals of Mathematical Statistics 27, 1956).
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
 
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.design.explanations import Explanation
-from glider.design.throws import Range, Throw, is_safe, log_of
-from glider.sysid.likelihood.directions import slopes
+from glider.design.throws import Range, Throw, is_safe, log_of, missed
+from glider.physics.effects import Field
+from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import field_of
-from glider.sysid.likelihood.scales import start_variances, whiten
+from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.record import Record, prepare
 
-Grams = dict[tuple[int, int], np.ndarray]
-"""Of explanation i, which is true, and j, which filters: (m_j + 1, m_j + 1)."""
+Grams = tuple[np.ndarray, ...]
+"""By the true explanation: squares of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""
+
+DRAWN_FUTURES = 128
+"""Futures that are drawn of each explanation: in pairs, noise and numbers mirrored."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,92 +62,224 @@ class Foresight:
         default_factory=dict, repr=False
     )
 
+    @functools.cached_property
+    def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
+        """Numbers, field and directions of each explanation."""
+        task = self.task
+        return [
+            (
+                e.model.theta,
+                field_of(task, e.model),
+                slopes(task.layout, e.model.theta, e.model.free),
+            )
+            for e in self.explanations
+        ]
+
+    @property
+    def probabilities(self) -> np.ndarray:
+        """Of the explanations; together less than 1, none of them may be right."""
+        return np.array([e.probability for e in self.explanations])
+
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
         """Returns the records of throws by each explanation, one list a throw.
 
         Throws of one duration share their smoothing.
         """
-        task, layout = self.task, self.task.layout
-        fields = [field_of(task, e.model) for e in self.explanations]
-
-        def fly(throw: Throw) -> list[Flight]:
-            return [
-                log_of(throw, self.place, layout, e.model.theta, field)
-                for e, field in zip(self.explanations, fields, strict=True)
-            ]
-
-        flights = in_parallel(fly, throws)
-        finite = [f for own in flights for f in own if np.all(np.isfinite(f.pose))]
-        made = iter(prepare(finite, self.campaign, self.noise, layout, maps=self.maps))
+        count = len(self.explanations)
+        flights = [(t, k, self._filters[k][0]) for t in throws for k in range(count)]
+        made = self._fly(flights)
         return [
-            [next(made) for f in own if np.all(np.isfinite(f.pose))] for own in flights
+            [r for r in made[k : k + count] if r is not None]
+            for k in range(0, len(made), count)
         ]
+
+    def _fly(
+        self, flights: Sequence[tuple[Throw, int, np.ndarray]]
+    ) -> list[Record | None]:
+        """Returns the records of throws by explanations with some numbers."""
+        layout = self.task.layout
+
+        def fly(one: tuple[Throw, int, np.ndarray]) -> Flight:
+            throw, k, theta = one
+            return log_of(throw, self.place, layout, theta, self._filters[k][1])
+
+        flown = in_parallel(fly, flights)
+        finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
+        whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
+        made = iter(prepare(whole, self.campaign, self.noise, layout, maps=self.maps))
+        return [next(made) if ok else None for ok in finite]
 
     def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:
         """Returns whether each throw keeps the limits by every explanation."""
         limits = self.place.limits
-        fields = [field_of(self.task, e.model) for e in self.explanations]
 
         def check(pair: tuple[Throw, list[Record]]) -> bool:
             throw, own = pair
             return len(own) == len(self.explanations) and all(
-                is_safe(throw, record, e.model.theta, field, limits)
-                for record, e, field in zip(own, self.explanations, fields, strict=True)
+                is_safe(throw, record, theta, field, limits)
+                for record, (theta, field, _) in zip(own, self._filters, strict=True)
             )
 
         return in_parallel(check, zip(throws, logs, strict=True))
 
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
         """Returns what throws will tell, from their records by each explanation."""
-        task = self.task
-        parts = []
+        return in_parallel(lambda own: tuple(map(self._gram, own)), logs)
+
+    def _gram(self, record: Record) -> np.ndarray:
+        """Returns the squares of all columns of one record, (c, c)."""
+        scales = self.explanations[0].model.scales
+        blocks = []
+        for theta, field, directions in self._filters:
+            whitened = whiten(linearize(record, theta, field, directions), scales)
+            innovations = whitened.innovations
+            blocks.append(innovations.reshape(-1, innovations.shape[2]))
+        columns = np.hstack(blocks)
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            return columns.T @ columns
+
+    @functools.cached_property
+    def _columns(self) -> list[slice]:
+        """Columns X_k of each explanation; e_k is the next after them."""
+        ends = np.cumsum([len(e.precision) + 1 for e in self.explanations])
+        return [
+            slice(int(end) - len(e.precision) - 1, int(end) - 1)
+            for end, e in zip(ends, self.explanations, strict=True)
+        ]
+
+    @functools.cached_property
+    def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Draws of each explanation: numbers δ (M, m), and noise (M, c)."""
+        rng = np.random.default_rng(0)
+        width = self._columns[-1].stop + 1
+        found = []
         for e in self.explanations:
-            directions = slopes(task.layout, e.model.theta, e.model.free)
-            parts.append((e.model, field_of(task, e.model), directions))
-
-        def foresee(own: list[Record]) -> Grams:
-            found = {}
-            for i, record in enumerate(own):
-                for j, (model, field, directions) in enumerate(parts):
-                    flight = linearize(record, model.theta, field, directions)
-                    found[i, j] = whiten(flight, model.scales).gram
-            return found
-
-        return in_parallel(foresee, logs)
-
-    def distances(self, grams: Grams) -> np.ndarray:
-        """Returns Δ (n, n): what j is expected to lose against a true i [nats]."""
-        count = len(self.explanations)
-        found = np.zeros((count, count))
-        for (i, j), gram in grams.items():
-            if i == j:
-                continue
-            known = gram[:-1, :-1] + self.explanations[j].precision
-            found[i, j] = 0.5 * _left_over(known, gram[:-1, -1], gram[-1, -1])
+            noise = rng.normal(size=(DRAWN_FUTURES // 2, width))
+            numbers = self.numbers(e, rng, DRAWN_FUTURES // 2)
+            both = numbers, np.vstack([noise, -noise])
+            found.append(both)
         return found
 
-    def chance(self, distances: np.ndarray) -> float:
+    def numbers(
+        self, explanation: Explanation, rng: np.random.Generator, pairs: int
+    ) -> np.ndarray:
+        """Draws departures δ of the true numbers from the fitted, (2 pairs, m)."""
+        precision, model = explanation.precision, explanation.model
+        standard = rng.normal(size=(pairs, len(precision)))
+        if not len(precision):
+            return np.zeros((2 * pairs, 0))
+        scale = 1.0 / np.sqrt(np.diag(precision))
+        factor = np.linalg.cholesky(precision * scale[:, None] * scale)
+        drawn = np.linalg.solve(factor.T, standard.T).T * scale
+        index, layout = list(model.free), self.task.layout
+        own = model.theta[index]
+        return np.clip(
+            np.vstack([drawn, -drawn]),
+            layout.lower[index] - own,
+            layout.upper[index] - own,
+        )
+
+    def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Returns log(probability) of each explanation in futures, (M, n).
+
+        Up to what all share; those of today where the columns are nothing.
+
+        Args:
+            gram: of the throws, by the explanation that is true.
+            moved: (M, c) products of all columns with what moves the log, X_i δ + ν.
+        """
+        found = np.empty((len(moved), len(self.explanations)))
+        for k, (own, e) in enumerate(
+            zip(self._columns, self.explanations, strict=True)
+        ):
+            error = own.stop
+            loss = gram[error, error] + 2.0 * moved[:, error]
+            room = 0.0
+            if len(e.precision):
+                known = gram[own, own] + e.precision
+                scale = 1.0 / np.sqrt(np.diag(known))
+                factor = np.linalg.cholesky(known * scale[:, None] * scale)
+                side = (gram[own, error] + moved[:, own]) * scale
+                loss = loss - np.sum(np.linalg.solve(factor, side.T) ** 2, axis=0)
+                room = 2.0 * float(np.sum(np.log(np.diag(factor) / scale)))
+                room -= float(np.linalg.slogdet(e.precision)[1])
+            found[:, k] = np.log(e.probability) - 0.5 * (loss + room)
+        return found
+
+    def futures(self, grams: Grams) -> np.ndarray:
+        """Returns log-probabilities of the explanations in drawn futures, (n, M, n).
+
+        By the true explanation; those of the last axis are together 1.
+        """
+        found = []
+        for i, gram in enumerate(grams):
+            numbers, noise = self._draws[i]
+            moved = numbers @ gram[self._columns[i]] + noise @ _root(gram)
+            found.append(_normalised(self.odds(gram, moved)))
+        return np.array(found)
+
+    def chance(self, futures: np.ndarray) -> float:
+        """Returns the probability that the best explanation will be the right one."""
+        p = self.probabilities
+        best = np.exp(futures.max(axis=2)).mean(axis=1)
+        # Explanations that are one to these throws leave the choice of today.
+        return float(max(p @ best, p.max()))
+
+    def open(self, futures: np.ndarray) -> float:
+        """Returns what will still be open about the explanations, -E log p_i [nats]."""
+        p = self.probabilities
+        own = np.array([futures[i, :, i].mean() for i in range(len(p))])
+        return float(-p @ own)
+
+    def distances(self, futures: np.ndarray) -> np.ndarray:
+        """Returns expected log-evidence of a true i (row) against each k [nats]."""
+        today = np.log(self.probabilities)
+        gained = np.mean(futures, axis=1) - today
+        return np.diag(gained)[:, None] - gained
+
+    def tried(
+        self, throws: Sequence[Throw], rng: np.random.Generator, draws: int
+    ) -> float:
         """Returns the probability that the best explanation will be the right one.
 
-        Σ_i p_i Π_j Φ((log p_i / p_j + Δ_ij) / √(2 Δ_ij)).
-        """
-        p = np.array([e.probability for e in self.explanations])
-        odds = np.log(p)[:, None] - np.log(p)
-        spread = np.sqrt(2.0 * np.maximum(distances, 1e-12))
-        wins = norm.cdf((odds + distances) / spread)
-        np.fill_diagonal(wins, 1.0)
-        # Explanations that are one to these throws leave the choice of today.
-        return float(max(p @ np.prod(wins, axis=1), p.max()))
+        By flights of gliders whose numbers are drawn, thrown as launches are missed:
+        nothing is linear in the truth, and it is counted who is right.
 
-    def surprise(self, distances: np.ndarray) -> float:
-        """Returns what will still be open about the explanations [nats].
-
-        -Σ_i p_i log q_i, q_i the probability of a true i if evidence comes as expected:
-        0 where all are told apart. It falls with every distance, however small.
+        Args:
+            throws: all that are flown.
+            rng: draws numbers, launches and noise.
+            draws: gliders, the more probable the more; each is flown in several noises.
         """
-        p = np.array([e.probability for e in self.explanations])
-        odds = np.log(p)[:, None] - np.log(p) + distances
-        return float(p @ np.log(np.sum(np.exp(-odds), axis=1)))
+        p = self.probabilities
+        counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
+        truths, flights = [], []
+        for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
+            for numbers in self.numbers(e, rng, int(count) // 2):
+                theta = e.model.theta.copy()
+                theta[list(e.model.free)] += numbers
+                truths.append(i)
+                flights += [
+                    (missed(t, self.place.limits, rng), i, theta) for t in throws
+                ]
+        records = self._fly(flights)
+        known = [r for r in records if r is not None]
+        made = iter(in_parallel(self._gram, known))
+        grams = [None if r is None else next(made) for r in records]
+        right: list[list[float]] = [[] for _ in p]
+        for d, i in enumerate(truths):
+            own = [
+                g
+                for g in grams[d * len(throws) : (d + 1) * len(throws)]
+                if g is not None
+            ]
+            gram = np.sum(own, axis=0)
+            if len(own) < len(throws) or not np.all(np.isfinite(gram)):
+                right[i].append(0.0)  # What cannot be foreseen is not promised.
+                continue
+            noise = rng.normal(size=(_NOISES, len(gram)))
+            odds = self.odds(gram, noise @ _root(gram))
+            right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
+        return float(p @ [np.mean(r) for r in right])
 
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
         """Returns the covariance of the best explanation's free numbers, then.
@@ -151,82 +289,35 @@ class Foresight:
         """
         precision = self.explanations[0].precision
         if grams is not None:
-            precision = precision + grams[0, 0][:-1, :-1]
+            own = self._columns[0]
+            precision = precision + grams[0][own, own]
         scale = 1.0 / np.sqrt(np.diag(precision))
         return (
             scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
         )
 
 
-def _left_over(known: np.ndarray, side: np.ndarray, total: float) -> float:
-    """Returns total - side' known⁻¹ side, not negative."""
-    if not len(side):
-        return float(total)
-    scale = 1.0 / np.sqrt(np.diag(known))
-    half = np.linalg.solve(
-        np.linalg.cholesky(known * scale[:, None] * scale), side * scale
-    )
-    return max(float(total - half @ half), 0.0)
+_NOISES = 8
+"""Noises that a drawn glider is flown in."""
+
+
+def _root(gram: np.ndarray) -> np.ndarray:
+    """Returns R with R' R = gram, which has hardly full rank."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / size[:, None] / size)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+
+
+def _normalised(odds: np.ndarray) -> np.ndarray:
+    top = odds.max(axis=-1, keepdims=True)
+    return odds - top - np.log(np.sum(np.exp(odds - top), axis=-1, keepdims=True))
 
 
 def added(parts: Sequence[Grams]) -> Grams:
     """Returns what several throws will tell together."""
-    return {key: np.sum([g[key] for g in parts], axis=0) for key in parts[0]}
+    return tuple(np.sum(own, axis=0) for own in zip(*parts, strict=True))
 
 
 def times(grams: Grams, count: float) -> Grams:
     """Returns what so many throws of one kind will tell."""
-    return {key: count * gram for key, gram in grams.items()}
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Ending:
-    """Where flights like those flown end, to first order, the launch given.
-
-    Attributes:
-        air: standard deviation of the place, by moving air and by what differs from
-            flight to flight [m].
-        by_numbers: (2 F, m) how x and z there move with the free numbers, over √F.
-    """
-
-    air: float
-    by_numbers: np.ndarray
-
-    def numbers(self, covariance: np.ndarray) -> float:
-        """Returns the standard deviation by what is not known of the numbers [m]."""
-        moved = self.by_numbers @ covariance @ self.by_numbers.T
-        return float(np.sqrt(max(np.trace(moved), 0.0)))
-
-
-def ending_of(task: Task, explanation: Explanation) -> Ending:
-    """Returns how the ends of a task's flights spread under an explanation.
-
-    The filter, told the launch and shown the last row alone, has the spread as the
-    variance of its innovation.
-    """
-    model = explanation.model
-    directions = slopes(task.layout, model.theta, model.free)
-    field = field_of(task, model)
-
-    def spread(record: Record) -> tuple[float, np.ndarray]:
-        flight = linearize(record, model.theta, field, directions)
-        start = start_variances(flight, model.scales)
-        start[: flight.by_x.shape[1]] = 0.0
-        variance, rows = 0.0, []
-        for channel in range(2):
-            seen = np.zeros_like(record.seen)
-            seen[-1, channel] = True
-            alone = dataclasses.replace(
-                flight, record=dataclasses.replace(record, seen=seen)
-            )
-            filtered = whiten(alone, model.scales, start)
-            own = float(np.exp(filtered.log_variances[-1, channel]))
-            variance += own - model.scales.position**2
-            rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
-        return variance, np.array(rows)
-
-    found = in_parallel(spread, task.records)
-    return Ending(
-        air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
-        by_numbers=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
-    )
+    return tuple(count * gram for gram in grams)

@@ -15,16 +15,11 @@ from threadpoolctl import threadpool_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
+from glider.compiled.parallel import in_parallel
+from glider.design.ending import Ending, ending_of
 from glider.design.explanations import Explanation, explain, with_probabilities
 from glider.design.findings import Findings
-from glider.design.foresight import (
-    Ending,
-    Foresight,
-    Grams,
-    added,
-    ending_of,
-    times,
-)
+from glider.design.foresight import Foresight, Grams, added, times
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.throws import (
     GENES,
@@ -63,6 +58,12 @@ _SPREAD = 0.15
 _NUMBERS = 0.05
 """Worth of a factor e in the variance of where flights end, beside one nat of what is
 open about the explanations: they come first."""
+
+PROMISING = 32
+"""Throws, the best alone, of which those that are the best together are chosen."""
+
+_TRIED = 64
+"""Gliders with drawn numbers that the proposed throws are tried on."""
 
 _LIKE_FLOWN = 12
 """Flown flights that stand for the present kind of throw."""
@@ -118,6 +119,11 @@ class Proposal:
     ending_alike: float
     stds: dict[str, tuple[float, float, str]]
     seconds: float
+
+    @property
+    def missing(self) -> float:
+        """Probability that none of the explanations is the right one."""
+        return 1.0 - sum(e.probability for e in self.explanations)
 
 
 def next_throw(
@@ -230,11 +236,13 @@ def propose(
     progress("weighing the throws")
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
+    futures = everything.futures(then)
     alike_one = _present_kind(everything, likely)
     alike_same = times(alike_one, len(throws))
-    distances = everything.distances(then)
-    chance = everything.chance(distances)
-    nothing = np.zeros_like(distances)
+    now, chance = float(everything.probabilities.max()), everything.chance(futures)
+    if len(explanations) > 1:
+        progress("trying the throws on drawn gliders")
+        chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
     before, after = everything.covariance(), everything.covariance(then)
     return Proposal(
         campaign=campaign.name,
@@ -243,11 +251,11 @@ def propose(
         paths=tuple(np.array([r.pose for r in own]) for own in logs),
         flown=tuple(r.pose for r in task.records),
         place=place,
-        chance_now=everything.chance(nothing),
+        chance_now=now,
         chance_then=chance,
-        chance_alike=everything.chance(everything.distances(alike_same)),
+        chance_alike=everything.chance(everything.futures(alike_same)),
         alike=_count_alike(everything, alike_one, chance),
-        distances=distances,
+        distances=everything.distances(futures),
         ending_air=ending.air,
         ending_now=ending.numbers(before),
         ending_then=ending.numbers(after),
@@ -268,12 +276,12 @@ def _search(
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
     grams: list[Grams] = []
+    alone: list[float] = []
     chosen: list[int] = []
     for round_ in range(ROUNDS):
         progress(f"searching for throws, round {round_ + 1} of {ROUNDS}")
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
-            alone = [open_after(foresight, ending, g) for g in grams]
             elites = [*chosen, *np.argsort(alone)[:ELITES]]
             parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
             drawn = parents + spread * rng.normal(size=parents.shape)
@@ -283,11 +291,18 @@ def _search(
         new = [throw_of(g, foresight.place) for g in drawn]
         logs = foresight.logs(new)
         good = [k for k, safe in enumerate(foresight.safe(new, logs)) if safe]
+        foreseen = foresight.grams([logs[k] for k in good])
+        finite = [all(np.all(np.isfinite(g)) for g in own) for own in foreseen]
+        good = [k for k, ok in zip(good, finite, strict=True) if ok]
+        told = [own for own, ok in zip(foreseen, finite, strict=True) if ok]
         genes += [drawn[k] for k in good]
         throws += [new[k] for k in good]
-        grams += foresight.grams([logs[k] for k in good])
+        grams += told
+        alone += in_parallel(lambda g: open_after(foresight, ending, g), told)
         if throws:
-            chosen = choose(foresight, ending, grams, launches)
+            promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
+            best = choose(foresight, ending, [grams[k] for k in promising], launches)
+            chosen = [promising[k] for k in best]
     if not throws:
         raise InputError(
             "No throw that was tried keeps within the limits; wider limits of the "
@@ -319,7 +334,7 @@ def choose(
 def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
     """Returns what throws leave open: explanations first, then numbers [nats]."""
     numbers = ending.numbers(foresight.covariance(grams))
-    return foresight.surprise(foresight.distances(grams)) + 2.0 * _NUMBERS * np.log(
+    return foresight.open(foresight.futures(grams)) + 2.0 * _NUMBERS * np.log(
         max(numbers, 1e-9)
     )
 
@@ -337,7 +352,7 @@ def _count_alike(foresight: Foresight, one: Grams, chance: float) -> int | None:
     """Returns how many throws of one kind reach a chance; None if too many."""
 
     def reached(count: int) -> bool:
-        return foresight.chance(foresight.distances(times(one, count))) >= chance
+        return foresight.chance(foresight.futures(times(one, count))) >= chance
 
     if not reached(MOST_THROWS):
         return None

@@ -182,6 +182,16 @@ def log_of(
     )
 
 
+def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
+    """Returns a throw as hands throw it: by how far a launch may miss is twice σ."""
+    height, speed, pitch = 0.5 * rng.normal(size=3)
+    launch = throw.launch.copy()
+    launch[STATE_NAMES.index("z")] += limits.missed_height * height
+    launch[STATE_NAMES.index("pitch")] += limits.missed_pitch * pitch
+    launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
+    return dataclasses.replace(throw, launch=launch)
+
+
 def is_safe(
     throw: Throw, record: Record, theta: np.ndarray, field: Field, limits: ThrowLimits
 ) -> bool:

@@ -68,6 +68,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 {"effects": e.model.kinds, "probability": e.probability}
                 for e in p.explanations
             ],
+            "none_of_them": p.missing,
             "throws": [
                 {
                     "commands": commands_name(k),

@@ -1,5 +1,6 @@
 """Sentences about proposed throws: what they are for, and what they would tell."""
 
+import itertools
 import math
 
 import numpy as np
@@ -9,7 +10,8 @@ from glider.design.throws import Throw
 from glider.report.numbers import format_length
 
 SURE = 0.99
-"""Probability of the best explanation from which on the others are out."""
+"""Probability of the best explanation among those that are left, from which on the
+others are out."""
 
 SMALL = 1.0 / 3.0
 """Scatter by the coefficients over that by the air, below which the air is what is
@@ -18,20 +20,28 @@ left: they then add less than 6 % to it."""
 _TOLD = 0.02
 """Probability that throws must add to be worth a word."""
 
+_NAMED = 0.01
+"""Probability from which on an explanation is named."""
+
 _ALIKE = 3.0
 """Expected log-evidence below which explanations stay one [nats]."""
+
+
+def is_one_left(proposal: Proposal) -> bool:
+    """Returns whether one explanation is all that the flights leave."""
+    return proposal.chance_now > SURE * (1.0 - proposal.missing)
 
 
 def is_done(proposal: Proposal) -> bool:
     """Returns whether nothing more is to be learned that flights would show."""
     learned = proposal.ending_now < SMALL * proposal.ending_air
-    return proposal.chance_now > SURE and learned
+    return is_one_left(proposal) and learned
 
 
 def sentences(proposal: Proposal) -> list[str]:
     """Returns what the flights leave open, and what the throws are expected to do."""
     said = [_explanations(proposal)]
-    if len(proposal.explanations) > 1:
+    if not is_one_left(proposal):
         said.append(_chances(proposal))
         said += _one_still(proposal)
     said.append(_ending(proposal))
@@ -41,42 +51,54 @@ def sentences(proposal: Proposal) -> list[str]:
 
 
 def _explanations(p: Proposal) -> str:
-    told = [f"{e.name} ({_chance(e.probability)})" for e in p.explanations]
+    likely = [e for e in p.explanations if e.probability >= _NAMED]
+    told = [f"{e.name} ({_chance(e.probability)})" for e in likely]
     if len(told) == 1:
-        return f"The flights leave one explanation: {p.explanations[0].name}."
-    return f"The flights leave {len(told)} explanations: {', '.join(told)}."
+        begin = f"The flights leave one explanation, {told[0]}"
+    else:
+        begin = f"The flights leave {len(told)} explanations: {', '.join(told)}"
+    return f"{begin}; that it is another has probability {_chance(_other(p))}."
+
+
+def _other(p: Proposal) -> float:
+    """Returns the probability of everything that is not named."""
+    return 1.0 - sum(e.probability for e in p.explanations if e.probability >= _NAMED)
 
 
 def _chances(p: Proposal) -> str:
     count = len(p.throws)
-    with_throws = f"With {count} such throws" if count > 1 else "With such a throw"
+    with_throws = f"With {count} such throws" if count > 1 else "With one such throw"
+    today = _chance(p.chance_now)
     if p.chance_then < p.chance_now + _TOLD:
         return (
             "No throw within the limits helps much to tell them apart: the most "
-            "probable one is right "
-            f"with probability {_chance(p.chance_now)} today, "
+            f"probable one is right with probability {today} today, "
             f"{_chance(p.chance_then)} then."
         )
-    alike = (
-        f"more than {MOST_THROWS} would be needed"
-        if p.alike is None
-        else f"{p.alike} would do the same"
+    names = [e.name for e in p.explanations if e.probability >= _NAMED]
+    told = (
+        f"{names[0]} and {names[1]} separate"
+        if len(names) == 2
+        else "the right one is known"
     )
+    if p.alike is None:
+        same = f"more than {MOST_THROWS} of them would do the same"
+    else:
+        same = f"{p.alike} of them would do the same"
     return (
-        f"{with_throws} the right one is told with probability "
-        f"{_chance(p.chance_then)}; today {_chance(p.chance_now)}. As many more of the "
-        f"present kind reach {_chance(p.chance_alike)}; {alike}."
+        f"{with_throws} {told} with probability {_chance(p.chance_then)}; today "
+        f"{today}. As many throws of the present kind reach "
+        f"{_chance(p.chance_alike)}; {same}."
     )
 
 
 def _one_still(p: Proposal) -> list[str]:
     """Returns which explanations stay one even then."""
     both = np.minimum(p.distances, p.distances.T)
-    names = [e.name for e in p.explanations]
+    likely = [i for i, e in enumerate(p.explanations) if e.probability >= _NAMED]
     pairs = [
-        f"{names[i]} and {names[j]}"
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
+        f"{p.explanations[i].name} and {p.explanations[j].name}"
+        for i, j in itertools.combinations(likely, 2)
         if both[i, j] < _ALIKE
     ]
     if not pairs:
@@ -110,4 +132,6 @@ def _up_or_down(angle: float) -> str:
 
 
 def _chance(value: float) -> str:
+    if value < 0.01:
+        return "under 0.01"
     return "over 0.99" if value > 0.99 else f"{value:.2f}"

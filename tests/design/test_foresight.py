@@ -59,7 +59,7 @@ def test_foreseen_evidence_is_the_mean_of_noisy_flights(late):
     foresight = foresight_of(late, pair)
     throw = flown_throw(task.records[0])
     [grams] = foresight.grams(foresight.logs([throw]))
-    foreseen = foresight.distances(grams)[0, 1]
+    foreseen = foresight.distances(foresight.futures(grams))[0, 1]
     assert foreseen > 2.0  # Else the test would show nothing.
     scales, rng = pair[0].model.scales, np.random.default_rng(0)
     clean = log_of(throw, foresight.place, task.layout, pair[0].model.theta, NO_FIELD)
@@ -81,6 +81,10 @@ def test_foreseen_evidence_is_the_mean_of_noisy_flights(late):
     error = np.sqrt(2.0 * foreseen / len(gained))
     assert np.mean(gained) == pytest.approx(foreseen, abs=3.5 * error)
     assert np.var(gained) == pytest.approx(2.0 * foreseen, rel=0.6)
+    drawn = foresight.futures(grams)[0]
+    drawn = drawn[:, 0] - drawn[:, 1]
+    assert np.mean(gained) == pytest.approx(np.mean(drawn), abs=3.5 * error)
+    assert np.std(gained) == pytest.approx(np.std(drawn), rel=0.4)
 
 
 def test_free_numbers_take_away_what_they_can_explain(late):
@@ -96,25 +100,60 @@ def test_free_numbers_take_away_what_they_can_explain(late):
     for rival in (moved, loose):
         foresight = foresight_of(late, (lag, rival))
         [grams] = foresight.grams(foresight.logs([throw]))
-        foreseen.append(foresight.distances(grams)[0, 1])
-        total = 0.5 * grams[0, 1][-1, -1]
-        assert foreseen[-1] < total
+        # The room that a loose rival had beforehand is no part of what is told.
+        odds = foresight.odds(grams[0], np.zeros((1, len(grams[0]))))[0]
+        room = 0.5 * np.log(
+            1.0
+            + grams[0][[0, 2], [0, 2]] / [lag.precision[0, 0], rival.precision[0, 0]]
+        )
+        foreseen.append((odds + room) @ [1.0, -1.0])
     assert foreseen[1] < 0.05 * foreseen[0]
 
 
-def test_chance_and_surprise_of_two(late):
+def alike(late, probabilities, precision=0.0):
+    """Explanations that differ in nothing but how probable they are."""
     first = late[3][0]
-    pair = tuple(dataclasses.replace(first, probability=0.5) for _ in range(2))
-    foresight = foresight_of(late, pair)
-    apart = np.array([[0.0, 1.0], [1.0, 0.0]])
-    assert foresight.chance(0.0 * apart) == pytest.approx(0.5)
-    for delta in (0.1, 1.0, 4.0):
-        expected = norm.cdf(np.sqrt(0.5 * delta))
-        assert foresight.chance(delta * apart) == pytest.approx(expected)
-    surprises = [foresight.surprise(d * apart) for d in (0.0, 0.01, 1.0, 50.0)]
-    assert surprises[0] == pytest.approx(np.log(2.0))
-    assert np.all(np.diff(surprises) < 0.0)
-    assert surprises[-1] == pytest.approx(0.0, abs=1e-12)
+    return tuple(
+        dataclasses.replace(
+            first, probability=p, precision=first.precision * (1.0 + precision * k)
+        )
+        for k, p in enumerate(probabilities)
+    )
+
+
+def test_throws_that_show_nothing_leave_the_posterior_of_today(late):
+    foresight = foresight_of(late, alike(late, (0.6, 0.3)))
+    nothing = tuple(np.zeros((4, 4)) for _ in range(2))
+    futures = foresight.futures(nothing)
+    assert np.exp(futures) == pytest.approx(
+        np.broadcast_to([2 / 3, 1 / 3], (2, 128, 2))
+    )
+    assert foresight.chance(futures) == pytest.approx(0.6)
+
+
+def test_a_chance_leaves_room_for_what_is_not_among_the_rivals(late):
+    """However much throws tell."""
+    foresight = foresight_of(late, fixed(late))
+    told = np.array([[0.0, 0.0], [0.0, 900.0]])  # Δ of 450 nats.
+    futures = foresight.futures((told, told[::-1, ::-1]))
+    assert foresight.chance(futures) == pytest.approx(1.0)
+    some = tuple(
+        dataclasses.replace(e, probability=0.45) for e in foresight.explanations
+    )
+    foresight = dataclasses.replace(foresight, explanations=some)
+    futures = foresight.futures((told, told[::-1, ::-1]))
+    assert foresight.chance(futures) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("delta", [0.1, 1.0, 4.0])
+def test_the_chance_of_two_is_that_of_their_bayes_factor(late, delta):
+    """Φ(√(Δ/2)), where log K ~ N(Δ, 2 Δ) and nothing is free."""
+    foresight = foresight_of(late, fixed(late))
+    told = 2.0 * delta * np.diag([0.0, 1.0])
+    futures = foresight.futures((told, told[::-1, ::-1]))
+    expected = norm.cdf(np.sqrt(0.5 * delta))
+    assert foresight.chance(futures) == pytest.approx(expected, abs=0.03)
+    assert foresight.distances(futures)[0, 1] == pytest.approx(delta, rel=1e-9)
 
 
 def test_more_flights_tell_more_and_leave_less_open(late):
@@ -122,9 +161,45 @@ def test_more_flights_tell_more_and_leave_less_open(late):
     throws = [flown_throw(r) for r in late[1].records[:2]]
     grams = foresight.grams(foresight.logs(throws))
     both = added(grams)
-    apart = [foresight.distances(g) for g in (grams[0], both, times(both, 10.0))]
-    off = ~np.eye(len(late[3]), dtype=bool)
-    assert np.all(apart[0][off] < apart[1][off])
-    assert np.all(apart[1][off] < apart[2][off])
+    told = [foresight.futures(g) for g in (grams[0], both, times(both, 10.0))]
+    opens = [foresight.open(f) for f in told]
+    assert opens[0] > opens[1] > opens[2] > 0.0
     before, after = foresight.covariance(), foresight.covariance(both)
     assert np.all(np.diag(after) < np.diag(before))
+
+
+def test_promises_are_kept_where_the_world_is_as_foreseen(late):
+    """What the futures say of themselves: of those told with p, a share p is right."""
+    foresight = foresight_of(late)
+    throws = [flown_throw(r) for r in late[1].records]
+    grams = times(added(foresight.grams(foresight.logs(throws))), 3.0)
+    futures = np.exp(foresight.futures(grams))
+    p = foresight.probabilities
+    said = p @ futures.max(axis=2).mean(axis=1)
+    right = [np.mean(np.argmax(own, axis=1) == i) for i, own in enumerate(futures)]
+    assert p @ right == pytest.approx(said, abs=0.06)
+
+
+def test_gliders_that_are_flown_bear_out_what_is_linear(late):
+    foresight = foresight_of(late)
+    throws = [flown_throw(r) for r in late[1].records] * 3
+    linear = foresight.chance(
+        foresight.futures(added(foresight.grams(foresight.logs(throws))))
+    )
+    tried = foresight.tried(throws, np.random.default_rng(0), 32)
+    assert 0.6 < linear < 0.99
+    assert tried == pytest.approx(linear, abs=0.12)
+
+
+def test_a_rival_that_lies_far_off_is_not_promised(late):
+    """Where the truth is not linear over what is open, the chance falls."""
+    foresight = foresight_of(late)
+    throws = [flown_throw(r) for r in late[1].records]
+    rng = np.random.default_rng
+    near = foresight.tried(throws, rng(0), 32)
+    loose = tuple(
+        dataclasses.replace(e, precision=e.precision / 400.0)
+        for e in foresight.explanations
+    )
+    far = dataclasses.replace(foresight, explanations=loose)
+    assert far.tried(throws, rng(0), 32) < near + 0.05

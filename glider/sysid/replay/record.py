@@ -218,6 +218,8 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(time)
     usual = np.median(steps)
     more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
+    if np.all(more == 1):
+        return time, np.arange(len(time))
     parts = [
         time[k] + steps[k] * np.arange(more[k]) / more[k] for k in range(len(steps))
     ]
