@@ -67,6 +67,7 @@ class Range:
         limits: of launch, flight and elevator; none open.
         x: of the release [m].
         rest: where the elevator stands before the first command [rad].
+        stops: of the elevator, as flown flights show them [rad]; None for none.
         duration: of a flight [s].
         pose_rate: of the log [Hz].
         command_rate: of the commands [Hz].
@@ -75,6 +76,7 @@ class Range:
     limits: ThrowLimits
     x: float
     rest: float
+    stops: tuple[float, float] | None
     duration: float
     pose_rate: float
     command_rate: float
@@ -97,6 +99,7 @@ def range_of(
         limits=limits,
         x=float(np.median([r.nodes[0, 0] for r in records])),
         rest=float(np.median([r.rest for r in records])),
+        stops=records[0].limits,
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,
         command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
@@ -167,7 +170,6 @@ def log_of(
 ) -> Flight:
     """Returns the log that a model expects of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
-    low, high = place.limits.elevator
     return fly_commands(
         layout,
         theta,
@@ -175,7 +177,7 @@ def log_of(
         throw.times,
         throw.commands,
         np.arange(rows) / place.pose_rate,
-        limits=(low, high),
+        limits=place.stops,
         rest=float(throw.launch[ELEVATOR]),
         field=field,
         fine=_FINE,

@@ -26,7 +26,13 @@ LIMITS = ThrowLimits(
     elevator_rate=13.0,
 )
 PLACE = Range(
-    limits=LIMITS, x=-3.5, rest=0.02, duration=0.85, pose_rate=120.0, command_rate=50.0
+    limits=LIMITS,
+    x=-3.5,
+    rest=0.02,
+    stops=(-0.4463, 0.9473),
+    duration=0.85,
+    pose_rate=120.0,
+    command_rate=50.0,
 )
 
 

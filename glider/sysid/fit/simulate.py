@@ -159,7 +159,7 @@ def fly_commands(
     commands: np.ndarray,
     time: np.ndarray,
     *,
-    limits: tuple[float, float],
+    limits: tuple[float, float] | None,
     rest: float = 0.0,
     field: Field = NO_FIELD,
     fine: int = FINE,
@@ -174,7 +174,7 @@ def fly_commands(
         switches: (k,) when each command begins, the first at 0 [s].
         commands: (k,) elevator rates, each held until the next [rad/s].
         time: (n,) of the log's rows, from 0, equal steps [s].
-        limits: travel of the elevator [rad].
+        limits: stops of the elevator [rad]; None for none.
         rest: where it stands before the first command [rad].
         field: the residual field.
         fine: integration steps between two rows.
