@@ -24,6 +24,7 @@ class Findings:
         flights: names that were used; None for all.
         grades: grades that were used; None for all.
         own: kinds of the caller's own.
+        campaign: name of the campaign that was analysed; None where nobody tells.
     """
 
     model: GliderModel
@@ -33,6 +34,7 @@ class Findings:
     flights: tuple[str, ...] | None = None
     grades: tuple[str, ...] | None = None
     own: tuple[EffectKind, ...] = ()
+    campaign: str | None = None
 
     @property
     def swapped(self) -> list[frozenset[str]]:
@@ -59,6 +61,7 @@ def findings_of(result: Result) -> Findings:
         [c.kinds for c in result.combinations],
         result.settings,
         result.own_effects,
+        result.campaign,
     )
 
 
@@ -81,14 +84,14 @@ def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findi
             for e in data["effects"]
         }
         combinations = [tuple(map(str, c["kinds"])) for c in data["combinations"]]
-        settings = dict(data["settings"])
+        settings, name = dict(data["settings"]), str(data["campaign"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{path}: is no report ({type(error).__name__}: {error}); one that "
             "close-the-loop of this version wrote is needed."
         ) from None
     model = load_model(path.with_name("model.yaml"), own_effects)
-    return _findings(model, rivals, combinations, settings, tuple(own_effects))
+    return _findings(model, rivals, combinations, settings, tuple(own_effects), name)
 
 
 def _findings(
@@ -97,6 +100,7 @@ def _findings(
     combinations: Sequence[tuple[str, ...]],
     settings: Mapping[str, Any],
     own: tuple[EffectKind, ...],
+    campaign: str,
 ) -> Findings:
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
     kinds = tuple(kind for kind in rivals if kind in carried)
@@ -109,4 +113,5 @@ def _findings(
         flights=None if flights is None else tuple(flights),
         grades=None if grades is None else tuple(grades),
         own=own,
+        campaign=campaign,
     )

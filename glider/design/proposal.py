@@ -154,6 +154,11 @@ def next_throw(
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
         )
+    if findings.campaign not in (None, campaign.name):
+        raise InputError(
+            f"{campaign.path}: the report is of the campaign '{findings.campaign}'; "
+            f"one of '{campaign.name}' is needed."
+        )
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress("reading the flights")
         campaign, task, noise = read_task(campaign, findings)

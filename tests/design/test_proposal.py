@@ -97,6 +97,8 @@ def test_what_cannot_be_proposed_for_is_told():
     turned = GliderModel(effects=(ANGLE_SIGN(pitch=-1.0, elevator=1.0, command=1.0),))
     with pytest.raises(InputError, match="angle_sign"):
         next_throw(campaign, replace(FINDINGS, model=turned, kinds=()))
+    with pytest.raises(InputError, match="of the campaign 'other'"):
+        next_throw(campaign, replace(FINDINGS, campaign="other"))
     with pytest.raises(InputError, match="0 launches"):
         next_throw(campaign, FINDINGS, launches=0)
     with pytest.raises(InputError, match="'z'"):

@@ -47,17 +47,17 @@ RIVALS = {
 SIZES = {
     "servo_lag": (0.001, 0.002),
     "command_delay": (0.001, 0.002),
-    "center_of_pressure": (0.0015, 0.003),
-    "pitch_moment": (0.0005, 0.001),
+    "center_of_pressure": (0.0005, 0.001),
+    "pitch_moment": (0.00015, 0.0003),
     "wing_incidence": (0.006, 0.012),
     "camber": (0.006, 0.012),
     "pitch_offset": (0.006, 0.012),
     "mass": (0.01, 0.02),
     "airspeed_dependence": (0.03, 0.06),
-    "elevator_area": (0.02, 0.04),
-    "tail_wake": (0.05, 0.1),
-    "downwash": (0.02, 0.04),
-    "pitch_damping": (0.0005, 0.001),
+    "elevator_area": (0.006, 0.012),
+    "tail_wake": (0.015, 0.03),
+    "downwash": (0.008, 0.016),
+    "pitch_damping": (0.0002, 0.0004),
 }
 """Least and largest size of an effect, so small that two flights hardly name it."""
 
