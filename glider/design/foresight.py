@@ -122,6 +122,15 @@ class Foresight:
 
         return in_parallel(check, zip(throws, logs, strict=True))
 
+    def foreseen(self, throws: Sequence[Throw]) -> list[Grams | None]:
+        """Returns what throws will tell; None for those that leave the limits."""
+        logs = self.logs(throws)
+        good = [k for k, safe in enumerate(self.safe(throws, logs)) if safe]
+        found: list[Grams | None] = [None] * len(throws)
+        for k, own in zip(good, self.grams([logs[k] for k in good]), strict=True):
+            found[k] = own if is_finite(own) else None
+        return found
+
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
         """Returns what throws will tell, from their records by each explanation."""
         return in_parallel(lambda own: tuple(map(self._gram, own)), logs)
@@ -311,6 +320,11 @@ def _root(gram: np.ndarray) -> np.ndarray:
 def _normalised(odds: np.ndarray) -> np.ndarray:
     top = odds.max(axis=-1, keepdims=True)
     return odds - top - np.log(np.sum(np.exp(odds - top), axis=-1, keepdims=True))
+
+
+def is_finite(grams: Grams) -> bool:
+    """Returns whether no explanation blew up on the way."""
+    return all(bool(np.all(np.isfinite(own))) for own in grams)
 
 
 def added(parts: Sequence[Grams]) -> Grams:

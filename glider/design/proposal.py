@@ -19,7 +19,7 @@ from glider.compiled.parallel import in_parallel
 from glider.design.ending import Ending, ending_of
 from glider.design.explanations import Explanation, explain, with_probabilities
 from glider.design.findings import Findings
-from glider.design.foresight import Foresight, Grams, added, times
+from glider.design.foresight import Foresight, Grams, added, is_finite, times
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.throws import (
     GENES,
@@ -231,13 +231,10 @@ def propose(
         explanations=tuple(explanations),
         place=place,
     )
-    searched = dataclasses.replace(
-        everything, explanations=with_probabilities(explanations[:SEARCHED])
-    )
     likely = task.thinned(_LIKE_FLOWN)
     ending = ending_of(likely, explanations[0])
     rng = np.random.default_rng(seed)
-    throws = _search(searched, ending, launches, rng, progress)
+    throws = _search(everything, ending, launches, rng, progress)
     progress("weighing the throws")
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
@@ -271,13 +268,15 @@ def propose(
 
 
 def _search(
-    foresight: Foresight,
+    everything: Foresight,
     ending: Ending,
     launches: int,
     rng: np.random.Generator,
     progress: Progress,
 ) -> list[Throw]:
     """Returns the throws that together leave least open, of all that were foreseen."""
+    few = with_probabilities(everything.explanations[:SEARCHED])
+    searched = dataclasses.replace(everything, explanations=few)
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
     grams: list[Grams] = []
@@ -293,27 +292,29 @@ def _search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-        new = [throw_of(g, foresight.place) for g in drawn]
-        logs = foresight.logs(new)
-        good = [k for k, safe in enumerate(foresight.safe(new, logs)) if safe]
-        foreseen = foresight.grams([logs[k] for k in good])
-        finite = [all(np.all(np.isfinite(g)) for g in own) for own in foreseen]
-        good = [k for k, ok in zip(good, finite, strict=True) if ok]
-        told = [own for own, ok in zip(foreseen, finite, strict=True) if ok]
+        new = [throw_of(g, searched.place) for g in drawn]
+        told = searched.foreseen(new)
+        good = [k for k, own in enumerate(told) if own is not None]
         genes += [drawn[k] for k in good]
         throws += [new[k] for k in good]
-        grams += told
-        alone += in_parallel(lambda g: open_after(foresight, ending, g), told)
-        if throws:
-            promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
-            best = choose(foresight, ending, [grams[k] for k in promising], launches)
-            chosen = [promising[k] for k in best]
-    if not throws:
-        raise InputError(
-            "No throw that was tried keeps within the limits; wider limits of the "
-            "launch or of the flight (floor, pitch, speed) are needed."
-        )
-    return [throws[k] for k in chosen]
+        grams += [own for own in told if own is not None]
+        fresh = grams[len(alone) :]
+        alone += in_parallel(lambda g: open_after(searched, ending, g), fresh)
+        promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    while chosen:  # What the search weighs less must not end on the floor either.
+        told = everything.foreseen([throws[k] for k in chosen])
+        bad = {k for k, own in zip(chosen, told, strict=True) if own is None}
+        if not bad:
+            return [throws[k] for k in chosen]
+        promising = [k for k in promising if k not in bad]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    raise InputError(
+        "No throw that was tried keeps within the limits; wider limits of the "
+        "launch or of the flight (floor, pitch, speed) are needed."
+    )
 
 
 def choose(
@@ -346,11 +347,16 @@ def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
 
 def _present_kind(foresight: Foresight, flights: Task) -> Grams:
     """Returns what a throw of the present kind tells, the mean of flown ones."""
+    count = len(foresight.explanations)
     throws = [flown_throw(r) for r in flights.records]
-    logs = [
-        own for own in foresight.logs(throws) if len(own) == len(foresight.explanations)
-    ]
-    return times(added(foresight.grams(logs)), 1.0 / len(logs))
+    logs = [own for own in foresight.logs(throws) if len(own) == count]
+    told = [own for own in foresight.grams(logs) if is_finite(own)]
+    if not told:
+        raise InputError(
+            f"{foresight.campaign.path}: no flown flight can be flown again by all "
+            "explanations; flights that close-the-loop explains are needed."
+        )
+    return times(added(told), 1.0 / len(told))
 
 
 def _count_alike(foresight: Foresight, one: Grams, chance: float) -> int | None:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from glider.design.explanations import Explanation
 from glider.design.foresight import Foresight, added, times
@@ -168,16 +168,69 @@ def test_more_flights_tell_more_and_leave_less_open(late):
     assert np.all(np.diag(after) < np.diag(before))
 
 
-def test_promises_are_kept_where_the_world_is_as_foreseen(late):
-    """What the futures say of themselves: of those told with p, a share p is right."""
-    foresight = foresight_of(late)
-    throws = [flown_throw(r) for r in late[1].records]
-    grams = times(added(foresight.grams(foresight.logs(throws))), 3.0)
-    futures = np.exp(foresight.futures(grams))
-    p = foresight.probabilities
-    said = p @ futures.max(axis=2).mean(axis=1)
-    right = [np.mean(np.argmax(own, axis=1) == i) for i, own in enumerate(futures)]
-    assert p @ right == pytest.approx(said, abs=0.06)
+def made_up(late, rng, apart=1.0):
+    """Two explanations with two free numbers each, and a throw's columns (30, 6)."""
+    columns = rng.normal(size=(30, 6))
+    columns[:, [2, 5]] *= apart / np.sqrt(30.0)
+    columns[:, 2] = 0.0  # The first is true.
+    explanations = []
+    for k, p in enumerate((0.6, 0.4)):
+        root = rng.normal(size=(2, 2))
+        model = dataclasses.replace(
+            late[3][0].model,
+            free=tuple(late[1].layout.slots_of("wind")),
+            theta=late[1].vehicle.theta,
+        )
+        explanations.append(
+            Explanation(
+                model=model,
+                log_evidence=0.0,
+                probability=p,
+                precision=(0.3 + k) * (root @ root.T + np.eye(2)),
+            )
+        )
+    return tuple(explanations), columns
+
+
+def test_odds_are_those_of_normal_distributions(late):
+    """N(y; model k, 1 + X_k A_k⁻¹ X_k'), with no formula of the squares."""
+    rng = np.random.default_rng(3)
+    explanations, columns = made_up(late, rng)
+    foresight = foresight_of(late, explanations)
+    shift = rng.normal(size=30)  # X_i δ + ν, of one future.
+    odds = foresight.odds(columns.T @ columns, (shift @ columns)[None])[0]
+    whole = []
+    for e, first in zip(explanations, (0, 3), strict=True):
+        x = columns[:, first : first + 2]
+        covariance = np.eye(30) + x @ np.linalg.inv(e.precision) @ x.T
+        seen = columns[:, first + 2] + shift
+        density = multivariate_normal(np.zeros(30), covariance).logpdf(seen)
+        whole.append(np.log(e.probability) + density)
+    assert odds[0] - odds[1] == pytest.approx(whole[0] - whole[1], rel=1e-9)
+
+
+def test_futures_are_drawn_as_the_flights_leave_the_numbers(late):
+    """Mean and spread of the log-odds by drawing δ and ν row by row."""
+    rng = np.random.default_rng(4)
+    explanations, columns = made_up(late, rng, apart=2.0)
+    foresight = foresight_of(late, explanations)
+    gram = columns.T @ columns
+    drawn = foresight.futures((gram, gram))[0]
+    drawn = drawn[:, 0] - drawn[:, 1]
+    root = np.linalg.cholesky(np.linalg.inv(explanations[0].precision))
+    numbers = np.clip(rng.normal(size=(4000, 2)) @ root.T, *_bounds(late))
+    shifts = numbers @ columns[:, :2].T + rng.normal(size=(4000, 30))
+    odds = foresight.odds(gram, shifts @ columns)
+    odds = odds[:, 0] - odds[:, 1]
+    assert np.mean(drawn) == pytest.approx(np.mean(odds), abs=0.3 * np.std(odds))
+    assert np.std(drawn) == pytest.approx(np.std(odds), rel=0.25)
+
+
+def _bounds(late):
+    task = late[1]
+    slots = list(task.layout.slots_of("wind"))
+    own = task.vehicle.theta[slots]
+    return task.layout.lower[slots] - own, task.layout.upper[slots] - own
 
 
 def test_gliders_that_are_flown_bear_out_what_is_linear(late):
