@@ -60,9 +60,7 @@ class Explanation:
         return " + ".join(self.model.kinds) or "plate alone"
 
 
-def explain(
-    task: Task, noise: Noise, findings: Findings, unknown: float = UNKNOWN
-) -> tuple[Explanation, ...]:
+def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
     """Fits the sets of effects that the flights may be explained by, best first.
 
     The chosen set; what differs from it by one effect and is nearly as good, as the
@@ -73,7 +71,6 @@ def explain(
         task: all the flights.
         noise: of the sensors.
         findings: of the analysis.
-        unknown: probability beforehand that none of the library's sets is right.
     """
     price = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
@@ -104,10 +101,15 @@ def explain(
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, m, price) for m in acting or [chosen]]
     # What was not fitted counts by its closed form, against the chosen set's.
-    listed = sum(np.exp(e.log_evidence - weighed[0].log_evidence) for e in weighed)
-    left = [v for k, (v, _) in near.items() if k not in {k for k, _ in ranked}]
-    unlisted = float(np.sum(np.exp(np.array(left) - base)))
-    missing = 1.0 - (1.0 - unknown) * listed / (listed + unlisted)
+    fitted = {kinds for kinds, _ in ranked}
+    left = [value for kinds, (value, _) in near.items() if kinds not in fitted]
+    every = np.array(
+        [e.log_evidence for e in weighed]
+        + [weighed[0].log_evidence + value - base for value in left]
+    )
+    shares = np.exp(every - every.max())
+    listed = float(shares[: len(weighed)].sum() / shares.sum())
+    missing = 1.0 - (1.0 - UNKNOWN) * listed
     return with_probabilities(_in_one_air(task, weighed, price), missing)
 
 
