@@ -27,6 +27,7 @@ FLOORS = [
     "glider.control",
     "glider.estimation",
     "glider.simulation",
+    "glider.design",
     "glider.verification.dynamics",
     "glider.verification.sos",
     "glider.verification.funnel",

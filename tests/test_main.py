@@ -145,4 +145,38 @@ def test_an_interrupt_is_one_sentence_and_130(tmp_path):
     assert said == ""
     assert "Traceback" not in error
     assert error.strip().splitlines()[-1].startswith("interrupted: ")
+
+
+def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
+    out = tmp_path / "next"
+    campaign = str(campaign_path("attached_lift"))
+    arguments = ["--report", str(done[1]), "--launches", "1", "--out", str(out)]
+    assert main(["next-throw", campaign, *arguments]) == 0
+    text = capsys.readouterr().out
+    assert "attached_lift" in text
+    assert "Throw 1: release at" in text
+    data = json.loads((out / "next_throw.json").read_text())
+    assert data["explanations"][0]["effects"] == ["attached_lift"]
+    assert data["seconds"] < 60.0  # Ten, on cores that are not shared.
+    assert (out / "commands_1.csv").exists()
+    assert (out / "next_throw.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "nowhere"),
+        (["{campaign}", "--report", "nowhere"], "report.json"),
+        (["{campaign}", "--launches", "0"], "--launches"),
+        (["{campaign}", "--seed", "-1"], "--seed"),
+        (["{campaign}", "--limits", "nowhere.yaml"], "nowhere.yaml"),
+    ],
+)
+def test_bad_input_of_next_throw_is_told(arguments, words, capsys, tmp_path):
+    campaign = str(campaign_path("still_air"))
+    filled = [a.format(campaign=campaign) for a in arguments]
+    out = tmp_path / "out"
+    assert main(["next-throw", *filled, "--out", str(out)]) == 2
+    message = capsys.readouterr().err.strip()
+    assert words in message
     assert not out.exists()

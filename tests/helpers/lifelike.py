@@ -226,7 +226,7 @@ def draw_throws(seed: int, flights: int = 16) -> tuple[Campaign, Truth]:
     motion = fly(glider, start, np.broadcast_to(trim + departures, shape), air)
     landed = np.argmax(motion.position.imag < 0.1, axis=0) * STEP
     seconds = np.where(landed > 0.0, np.minimum(seconds, landed), seconds)
-    logged = _log(streams.sensors, glider, motion, capture, None)
+    logged = log_flights(streams.sensors, glider, motion, capture, None)
     campaign = Campaign(
         name=f"throws_{seed:03d}",
         path=Path(f"throws_{seed:03d}"),
@@ -340,7 +340,7 @@ def _make(
     std, correlation = air
     moving = gusts(streams.air, std, correlation, elevator.shape) if std else None
     motion = fly(glider, draw_starts(streams.flights, flights), elevator, moving)
-    logged = _log(streams.sensors, glider, motion, capture, commands)
+    logged = log_flights(streams.sensors, glider, motion, capture, commands)
     faults: dict[str, tuple[str, ...]] = {}
     if broken:
         logged, faults = _break_rows(streams.sensors, logged)
@@ -408,7 +408,7 @@ def draw_commands(rng: np.random.Generator, flights: int) -> np.ndarray:
     return tape
 
 
-def _log(
+def log_flights(
     rng: np.random.Generator,
     glider: Glider,
     motion: Motion,

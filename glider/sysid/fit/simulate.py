@@ -16,7 +16,7 @@ from glider.campaign.logs import (
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
 from glider.physics.actuator_replay import latest_command
-from glider.physics.effects import LIBRARY
+from glider.physics.effects import LIBRARY, NO_FIELD, Field
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
 from glider.sysid.replay.signals import replayed_path
@@ -115,7 +115,6 @@ def random_commands(
 def _fly(
     model: GliderModel, plan: CampaignPlan, rng: np.random.Generator, name: str
 ) -> Flight:
-    layout, theta = layout_for(model), theta_of(model)
     low, high, rate_limit = model.parameters.servo
     rows = round(plan.duration * plan.capture.rate) + 1
     time = np.arange(rows) / plan.capture.rate
@@ -127,39 +126,93 @@ def _fly(
         rate_limit,
         rng,
     )
+    launch = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
+    flight = fly_commands(
+        layout_for(model),
+        theta_of(model),
+        launch,
+        switches,
+        commands,
+        time,
+        limits=(low, high),
+        field=model.residual_field,
+        name=name,
+    )
+    return turn(_measured(flight, plan.capture, rng), signs_of(model))
+
+
+def _measured(
+    flight: Flight, capture: MotionCapture, rng: np.random.Generator
+) -> Flight:
+    """Returns a flight with the noise of its sensors."""
+    pose = flight.pose + rng.normal(size=flight.pose.shape) * capture.std[:3]
+    assert flight.elevator is not None
+    elevator = flight.elevator + rng.normal(size=len(flight.time)) * capture.elevator
+    return dataclasses.replace(flight, pose=pose, elevator=elevator)
+
+
+def fly_commands(
+    layout: Layout,
+    theta: np.ndarray,
+    launch: np.ndarray,
+    switches: np.ndarray,
+    commands: np.ndarray,
+    time: np.ndarray,
+    *,
+    limits: tuple[float, float] | None,
+    rest: float = 0.0,
+    field: Field = NO_FIELD,
+    fine: int = FINE,
+    name: str = "flight",
+) -> Flight:
+    """Flies a launch under a tape of commands, and logs it without noise.
+
+    Args:
+        layout: of theta.
+        theta: the glider's numbers.
+        launch: (7,) state at the first time; its elevator is where the tape has it.
+        switches: (k,) when each command begins, the first at 0 [s].
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        time: (n,) of the log's rows, from 0, equal steps [s].
+        limits: stops of the elevator [rad]; None for none.
+        rest: where it stands before the first command [rad].
+        field: the residual field.
+        fine: integration steps between two rows.
+        name: of the flight.
+    """
+    replay = layout.replay(theta)
 
     def path(query: np.ndarray) -> np.ndarray:
-        return replayed_path(replay, switches, commands, query, limits=(low, high))
+        return replayed_path(
+            replay, switches, commands, query, start=rest, limits=limits
+        )
 
-    replay = layout.replay(theta)
-    fine_rate = plan.capture.rate * FINE
+    rows = len(time)
+    fine_rate = fine * (rows - 1) / time[-1]
     before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
-    fine = np.arange(-before, (rows - 1) * FINE + 1) / fine_rate
+    fine_times = np.arange(-before, (rows - 1) * fine + 1) / fine_rate
     start = np.zeros(layout.num_states)
-    start[:7] = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
-    here, middle = path(fine), path(0.5 * (fine[1:] + fine[:-1]))
+    start[:7] = launch
+    here, middle = path(fine_times), path(0.5 * (fine_times[1:] + fine_times[:-1]))
     rate = np.diff(here) * fine_rate
     start[OFFSET] = here[0]
-    start[7:] = layout.steady_states(fine[0], start, rate[0], theta)
+    start[7:] = layout.steady_states(fine_times[0], start, rate[0], theta)
     start[OFFSET] = 0.0
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     states = roll_out(
         layout.compiled_kinds,
-        fine,
+        fine_times,
         start,
         elevator,
         rate,
         np.zeros((len(rate), 2)),
         np.ones(len(rate)),
         layout.dynamics(theta),
-        model.residual_field,
+        field,
     )
     shown = sensed(layout, states, theta)
     pose = np.stack(
-        [np.interp(time - replay.latency, fine, column) for column in shown.T], axis=1
+        [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
     )
-    pose = pose + rng.normal(size=pose.shape) * plan.capture.std[:3]
-    measured = path(time) + rng.normal(size=rows) * plan.capture.elevator
     command = commands[latest_command(switches, time)]
-    flight = Flight(name=name, time=time, pose=pose, elevator=measured, command=command)
-    return turn(flight, signs_of(model))
+    return Flight(name=name, time=time, pose=pose, elevator=path(time), command=command)

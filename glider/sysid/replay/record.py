@@ -111,6 +111,7 @@ def prepare(
     noise: Noise,
     layout: Layout = LIBRARY_LAYOUT,
     masks: Mapping[str, Masks] | None = None,
+    maps: dict[bytes, list[np.ndarray]] | None = None,
 ) -> list[Record]:
     """Smooths flights; the maps of equal time grids are shared.
 
@@ -120,8 +121,9 @@ def prepare(
         noise: of its channels.
         layout: of the models that will fly them.
         masks: name of a flight to its rows that are set aside; none by default.
+        maps: of time grids, from earlier calls with the same noise; written.
     """
-    maps: dict[bytes, list[np.ndarray]] = {}
+    maps = {} if maps is None else maps
     stops = None
     if campaign.elevator == "servo":
         stops = find_stops(campaign, masks or {}, noise.elevator)
@@ -216,6 +218,8 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(time)
     usual = np.median(steps)
     more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
+    if np.all(more == 1):
+        return time, np.arange(len(time))
     parts = [
         time[k] + steps[k] * np.arange(more[k]) / more[k] for k in range(len(steps))
     ]

@@ -1,0 +1,337 @@
+"""What throws will tell: futures of a campaign, before the throws are flown.
+
+A throw is flown by one explanation i without noise and filtered by every explanation k,
+as a log would be. With the scales that all share, the whitened innovations of k are
+    e_k + X_i δ + ν - X_k δ_k,
+δ ~ N(0, A_i⁻¹) what the flights so far leave open of the true numbers, ν ~ N(0, 1) all
+noise: of the sensors, of the moving air and of what differs from flight to flight; and
+δ_k ~ N(0, A_k⁻¹) are refitted. So in a future (i, δ, ν) throws change the log-evidence
+of k by
+    -½ min_δk (|e_k + X_i δ + ν - X_k δ_k|² + δ_k' A_k δ_k)
+    -½ log |1 + A_k⁻¹ X_k' X_k|,
+which needs the squares of the columns alone, summed over throws. Drawn from the
+posterior, the futures say how probable the right explanation will be (Box and Hill,
+Technometrics 9, 1967; Lindley, Annals of Mathematical Statistics 27, 1956).
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.campaign.logs import Campaign, Flight
+from glider.compiled.parallel import in_parallel
+from glider.design.explanations import Explanation
+from glider.design.throws import Range, Throw, is_safe, log_of, missed
+from glider.physics.effects import Field
+from glider.sysid.likelihood.directions import Direction, slopes
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.model_fit import field_of
+from glider.sysid.likelihood.scales import whiten
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.record import Record, prepare
+
+Grams = tuple[np.ndarray, ...]
+"""By the true explanation: squares of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""
+
+DRAWN_FUTURES = 128
+"""Futures that are drawn of each explanation: in pairs, noise and numbers mirrored."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Foresight:
+    """Foresees throws under the explanations of a campaign.
+
+    Attributes:
+        campaign: whose clocks count.
+        task: its flights.
+        noise: of its sensors.
+        explanations: the most probable first.
+        place: where throws are flown.
+        maps: that smooth logs, by their times: kept from one call to the next.
+    """
+
+    campaign: Campaign
+    task: Task
+    noise: Noise
+    explanations: tuple[Explanation, ...]
+    place: Range
+    maps: dict[bytes, list[np.ndarray]] = dataclasses.field(
+        default_factory=dict, repr=False
+    )
+
+    @functools.cached_property
+    def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
+        """Numbers, field and directions of each explanation."""
+        task = self.task
+        return [
+            (
+                e.model.theta,
+                field_of(task, e.model),
+                slopes(task.layout, e.model.theta, e.model.free),
+            )
+            for e in self.explanations
+        ]
+
+    @property
+    def probabilities(self) -> np.ndarray:
+        """Of the explanations; together less than 1, none of them may be right."""
+        return np.array([e.probability for e in self.explanations])
+
+    def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
+        """Returns the records of throws by each explanation, one list a throw.
+
+        Throws of one duration share their smoothing.
+        """
+        count = len(self.explanations)
+        flights = [(t, k, self._filters[k][0]) for t in throws for k in range(count)]
+        made = self._fly(flights)
+        return [
+            [r for r in made[k : k + count] if r is not None]
+            for k in range(0, len(made), count)
+        ]
+
+    def _fly(
+        self, flights: Sequence[tuple[Throw, int, np.ndarray]]
+    ) -> list[Record | None]:
+        """Returns the records of throws by explanations with some numbers."""
+        layout = self.task.layout
+
+        def fly(one: tuple[Throw, int, np.ndarray]) -> Flight:
+            throw, k, theta = one
+            return log_of(throw, self.place, layout, theta, self._filters[k][1])
+
+        flown = in_parallel(fly, flights)
+        finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
+        whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
+        made = iter(prepare(whole, self.campaign, self.noise, layout, maps=self.maps))
+        return [next(made) if ok else None for ok in finite]
+
+    def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:
+        """Returns whether each throw keeps the limits by every explanation."""
+        limits = self.place.limits
+
+        def check(pair: tuple[Throw, list[Record]]) -> bool:
+            throw, own = pair
+            return len(own) == len(self.explanations) and all(
+                is_safe(throw, record, theta, field, limits)
+                for record, (theta, field, _) in zip(own, self._filters, strict=True)
+            )
+
+        return in_parallel(check, zip(throws, logs, strict=True))
+
+    def foreseen(self, throws: Sequence[Throw]) -> list[Grams | None]:
+        """Returns what throws will tell; None for those that leave the limits."""
+        logs = self.logs(throws)
+        good = [k for k, safe in enumerate(self.safe(throws, logs)) if safe]
+        found: list[Grams | None] = [None] * len(throws)
+        for k, own in zip(good, self.grams([logs[k] for k in good]), strict=True):
+            found[k] = own if is_finite(own) else None
+        return found
+
+    def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
+        """Returns what throws will tell, from their records by each explanation."""
+        return in_parallel(lambda own: tuple(map(self._gram, own)), logs)
+
+    def _gram(self, record: Record) -> np.ndarray:
+        """Returns the squares of all columns of one record, (c, c)."""
+        scales = self.explanations[0].model.scales
+        blocks = []
+        for theta, field, directions in self._filters:
+            whitened = whiten(linearize(record, theta, field, directions), scales)
+            innovations = whitened.innovations
+            blocks.append(innovations.reshape(-1, innovations.shape[2]))
+        columns = np.hstack(blocks)
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            return columns.T @ columns
+
+    @functools.cached_property
+    def _columns(self) -> list[slice]:
+        """Columns X_k of each explanation; e_k is the next after them."""
+        ends = np.cumsum([len(e.precision) + 1 for e in self.explanations])
+        return [
+            slice(int(end) - len(e.precision) - 1, int(end) - 1)
+            for end, e in zip(ends, self.explanations, strict=True)
+        ]
+
+    @functools.cached_property
+    def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Draws of each explanation: numbers δ (M, m), and noise (M, c)."""
+        rng = np.random.default_rng(0)
+        width = self._columns[-1].stop + 1
+        found = []
+        for e in self.explanations:
+            noise = rng.normal(size=(DRAWN_FUTURES // 2, width))
+            numbers = self.numbers(e, rng, DRAWN_FUTURES // 2)
+            both = numbers, np.vstack([noise, -noise])
+            found.append(both)
+        return found
+
+    def numbers(
+        self, explanation: Explanation, rng: np.random.Generator, pairs: int
+    ) -> np.ndarray:
+        """Draws departures δ of the true numbers from the fitted, (2 pairs, m)."""
+        precision, model = explanation.precision, explanation.model
+        standard = rng.normal(size=(pairs, len(precision)))
+        if not len(precision):
+            return np.zeros((2 * pairs, 0))
+        scale = 1.0 / np.sqrt(np.diag(precision))
+        factor = np.linalg.cholesky(precision * scale[:, None] * scale)
+        drawn = np.linalg.solve(factor.T, standard.T).T * scale
+        index, layout = list(model.free), self.task.layout
+        own = model.theta[index]
+        return np.clip(
+            np.vstack([drawn, -drawn]),
+            layout.lower[index] - own,
+            layout.upper[index] - own,
+        )
+
+    def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Returns log(probability) of each explanation in futures, (M, n).
+
+        Up to what all share; those of today where the columns are nothing.
+
+        Args:
+            gram: of the throws, by the explanation that is true.
+            moved: (M, c) products of all columns with what moves the log, X_i δ + ν.
+        """
+        found = np.empty((len(moved), len(self.explanations)))
+        for k, (own, e) in enumerate(
+            zip(self._columns, self.explanations, strict=True)
+        ):
+            error = own.stop
+            loss = gram[error, error] + 2.0 * moved[:, error]
+            room = 0.0
+            if len(e.precision):
+                known = gram[own, own] + e.precision
+                scale = 1.0 / np.sqrt(np.diag(known))
+                factor = np.linalg.cholesky(known * scale[:, None] * scale)
+                side = (gram[own, error] + moved[:, own]) * scale
+                loss = loss - np.sum(np.linalg.solve(factor, side.T) ** 2, axis=0)
+                room = 2.0 * float(np.sum(np.log(np.diag(factor) / scale)))
+                room -= float(np.linalg.slogdet(e.precision)[1])
+            found[:, k] = np.log(e.probability) - 0.5 * (loss + room)
+        return found
+
+    def futures(self, grams: Grams) -> np.ndarray:
+        """Returns log-probabilities of the explanations in drawn futures, (n, M, n).
+
+        By the true explanation; those of the last axis are together 1.
+        """
+        found = []
+        for i, gram in enumerate(grams):
+            numbers, noise = self._draws[i]
+            moved = numbers @ gram[self._columns[i]] + noise @ _root(gram)
+            found.append(_normalised(self.odds(gram, moved)))
+        return np.array(found)
+
+    def chance(self, futures: np.ndarray) -> float:
+        """Returns the probability that the best explanation will be the right one."""
+        p = self.probabilities
+        best = np.exp(futures.max(axis=2)).mean(axis=1)
+        # Explanations that are one to these throws leave the choice of today.
+        return float(max(p @ best, p.max()))
+
+    def open(self, futures: np.ndarray) -> float:
+        """Returns what will still be open about the explanations, -E log p_i [nats]."""
+        p = self.probabilities
+        own = np.array([futures[i, :, i].mean() for i in range(len(p))])
+        return float(-p @ own)
+
+    def distances(self, futures: np.ndarray) -> np.ndarray:
+        """Returns expected log-evidence of a true i (row) against each k [nats]."""
+        today = np.log(self.probabilities)
+        gained = np.mean(futures, axis=1) - today
+        return np.diag(gained)[:, None] - gained
+
+    def tried(
+        self, throws: Sequence[Throw], rng: np.random.Generator, draws: int
+    ) -> float:
+        """Returns the probability that the best explanation will be the right one.
+
+        By flights of gliders whose numbers are drawn, thrown as launches are missed:
+        nothing is linear in the truth, and it is counted who is right.
+
+        Args:
+            throws: all that are flown.
+            rng: draws numbers, launches and noise.
+            draws: gliders, the more probable the more; each is flown in several noises.
+        """
+        p = self.probabilities
+        counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
+        truths, flights = [], []
+        for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
+            for numbers in self.numbers(e, rng, int(count) // 2):
+                theta = e.model.theta.copy()
+                theta[list(e.model.free)] += numbers
+                truths.append(i)
+                flights += [
+                    (missed(t, self.place.limits, rng), i, theta) for t in throws
+                ]
+        records = self._fly(flights)
+        known = [r for r in records if r is not None]
+        made = iter(in_parallel(self._gram, known))
+        grams = [None if r is None else next(made) for r in records]
+        right: list[list[float]] = [[] for _ in p]
+        for d, i in enumerate(truths):
+            own = [
+                g
+                for g in grams[d * len(throws) : (d + 1) * len(throws)]
+                if g is not None
+            ]
+            gram = np.sum(own, axis=0)
+            if len(own) < len(throws) or not np.all(np.isfinite(gram)):
+                right[i].append(0.0)  # What cannot be foreseen is not promised.
+                continue
+            noise = rng.normal(size=(_NOISES, len(gram)))
+            odds = self.odds(gram, noise @ _root(gram))
+            right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
+        return float(p @ [np.mean(r) for r in right])
+
+    def covariance(self, grams: Grams | None = None) -> np.ndarray:
+        """Returns the covariance of the best explanation's free numbers, then.
+
+        Args:
+            grams: of throws; None for today's.
+        """
+        precision = self.explanations[0].precision
+        if grams is not None:
+            own = self._columns[0]
+            precision = precision + grams[0][own, own]
+        scale = 1.0 / np.sqrt(np.diag(precision))
+        return (
+            scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
+        )
+
+
+_NOISES = 8
+"""Noises that a drawn glider is flown in."""
+
+
+def _root(gram: np.ndarray) -> np.ndarray:
+    """Returns R with R' R = gram, which has hardly full rank."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, vectors = np.linalg.eigh(gram / size[:, None] / size)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+
+
+def _normalised(odds: np.ndarray) -> np.ndarray:
+    top = odds.max(axis=-1, keepdims=True)
+    return odds - top - np.log(np.sum(np.exp(odds - top), axis=-1, keepdims=True))
+
+
+def is_finite(grams: Grams) -> bool:
+    """Returns whether no explanation blew up on the way."""
+    return all(bool(np.all(np.isfinite(own))) for own in grams)
+
+
+def added(parts: Sequence[Grams]) -> Grams:
+    """Returns what several throws will tell together."""
+    return tuple(np.sum(own, axis=0) for own in zip(*parts, strict=True))
+
+
+def times(grams: Grams, count: float) -> Grams:
+    """Returns what so many throws of one kind will tell."""
+    return tuple(count * gram for gram in grams)

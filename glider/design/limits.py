@@ -1,0 +1,172 @@
+"""What a proposed throw may do: its launch, and where its flight must stay."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.typed_yaml import load_typed
+from glider.sysid.replay.record import Record
+
+_PITCH, _X, _Z = (STATE_NAMES.index(name) for name in ("pitch", "x", "z"))
+
+
+@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+class ThrowLimits:
+    """Limits of a throw; where a pair is empty, or a number NaN, flown flights tell.
+
+    A file gives only those that are to differ from what was flown.
+    """
+
+    launch_height: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest z at release [m]."""
+
+    launch_speed: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest speed there [m/s]."""
+
+    launch_climb: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest angle of the velocity above the horizon there [rad]."""
+
+    launch_pitch: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest pitch there, nose down positive [rad]."""
+
+    x: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest x over the flight [m]."""
+
+    z: list[float] = dataclasses.field(default_factory=list)
+    """Least (the floor) and largest z over the flight [m]."""
+
+    pitch: list[float] = dataclasses.field(default_factory=list)
+    """Least and largest pitch over the flight [rad]."""
+
+    speed: float = math.nan
+    """Largest speed over the flight [m/s]."""
+
+    elevator: list[float] = dataclasses.field(default_factory=list)
+    """Travel of the elevator that is used [rad]."""
+
+    elevator_rate: float = math.nan
+    """Largest rate of the elevator that is asked for [rad/s]."""
+
+    missed_height: float = 0.03
+    """How far a launch may miss the height that was asked for [m]."""
+
+    missed_speed: float = 0.2
+    """The same of its speed [m/s]."""
+
+    missed_pitch: float = 0.05
+    """The same of its pitch [rad]."""
+
+    def allows(self, states: np.ndarray) -> bool:
+        """Returns whether a flight (n, 7 or more) keeps within the limits."""
+        if not np.all(np.isfinite(states)):
+            return False
+        inside = all(
+            low <= float(np.min(states[:, i])) and float(np.max(states[:, i])) <= high
+            for i, (low, high) in ((_X, self.x), (_Z, self.z), (_PITCH, self.pitch))
+        )
+        fastest = float(np.max(np.linalg.norm(states[:, VELOCITY], axis=1)))
+        return inside and fastest <= self.speed
+
+
+_PAIRS = (
+    "launch_height",
+    "launch_speed",
+    "launch_climb",
+    "launch_pitch",
+    "x",
+    "z",
+    "pitch",
+    "elevator",
+)
+_NUMBERS = ("speed", "elevator_rate")
+_ERRORS = ("missed_height", "missed_speed", "missed_pitch")
+
+_FASTER = 1.1
+"""Largest speed over the largest that was flown."""
+
+
+def load_limits(path: Path | str) -> ThrowLimits:
+    """Loads limits from a YAML file; what cannot be is an InputError."""
+    limits = load_typed(ThrowLimits, path, "a file of a throw's limits")
+    check_limits(limits, str(path))
+    return limits
+
+
+def check_limits(limits: ThrowLimits, source: str) -> None:
+    """Raises InputError, naming `source` and the field, where a limit cannot be."""
+    for name in _PAIRS:
+        pair = getattr(limits, name)
+        if len(pair) and not (
+            len(pair) == 2 and np.all(np.isfinite(pair)) and pair[0] < pair[1]
+        ):
+            raise InputError(
+                f"{source}: field '{name}' is {pair}; [lower, upper] with lower < "
+                "upper is needed, or nothing for what was flown."
+            )
+    for name in (*_NUMBERS, *_ERRORS):
+        value = getattr(limits, name)
+        may_be_open = name in _NUMBERS and math.isnan(value)
+        if not may_be_open and not (math.isfinite(value) and value >= 0.0):
+            raise InputError(
+                f"{source}: field '{name}' is {value}; a finite number, not negative, "
+                "is needed."
+            )
+
+
+def limits_flown(
+    records: Sequence[Record],
+    travel: tuple[float, float] | None,
+    rate: float | None,
+    given: ThrowLimits | None = None,
+) -> ThrowLimits:
+    """Returns limits, those that are not given as flown flights kept them.
+
+    Args:
+        records: the flights.
+        travel: of the elevator, if it is told [rad].
+        rate: the servo's limit, if it is told [rad/s].
+        given: limits that are to hold instead.
+    """
+    starts = np.array([r.nodes[0] for r in records])
+    nodes = np.vstack([r.nodes for r in records])
+    velocity = starts[:, VELOCITY]
+    angles = np.concatenate([r.elevator[r.seen[:, 3]] for r in records])
+    commands = np.abs(np.concatenate([r.commands for r in records]))
+    pitch = _range(nodes[:, _PITCH])
+    flown = ThrowLimits(
+        launch_height=_range(starts[:, _Z]),
+        launch_speed=_range(np.linalg.norm(velocity, axis=1)),
+        launch_climb=_range(np.arctan2(velocity[:, 1], velocity[:, 0])),
+        launch_pitch=_range(starts[:, _PITCH]),
+        x=_range(nodes[:, _X]),
+        z=_range(nodes[:, _Z]),
+        pitch=[min(pitch[0], -_STEEP), max(pitch[1], _STEEP)],
+        speed=_FASTER * float(np.max(np.linalg.norm(nodes[:, VELOCITY], axis=1))),
+        elevator=_range(angles) if travel is None else list(travel),
+        elevator_rate=float(commands.max()) if rate is None else rate,
+    )
+    if given is None:
+        return flown
+    check_limits(given, "ThrowLimits")
+    return dataclasses.replace(
+        given,
+        **{n: getattr(given, n) or getattr(flown, n) for n in _PAIRS},
+        **{
+            n: getattr(flown if math.isnan(getattr(given, n)) else given, n)
+            for n in _NUMBERS
+        },
+    )
+
+
+_STEEP = math.radians(60.0)
+"""Pitch that a flight may have either way, though none had [rad]."""
+
+
+def _range(values: np.ndarray) -> list[float]:
+    low, high = float(np.min(values)), float(np.max(values))
+    return [low, max(high, low + 1e-6)]

@@ -1,0 +1,389 @@
+"""Proposes the next throws: those that tell rival explanations apart, then the numbers.
+
+Throws are drawn within the limits, foreseen, and drawn again about the best
+(cross-entropy method); those that together leave least open are proposed.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from glider.campaign.checks.inspection import inspect
+from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
+from glider.compiled.parallel import in_parallel
+from glider.design.ending import Ending, ending_of
+from glider.design.explanations import Explanation, explain, with_probabilities
+from glider.design.findings import Findings
+from glider.design.foresight import Foresight, Grams, added, is_finite, times
+from glider.design.limits import ThrowLimits, limits_flown
+from glider.design.throws import (
+    GENES,
+    Range,
+    Throw,
+    flown_throw,
+    range_of,
+    throw_of,
+)
+from glider.errors import InputError
+from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.replay.noise import Noise, measure_noise
+from glider.sysid.replay.record import prepare
+from glider.sysid.replay.signs import signs_of
+from glider.sysid.replay.theta import layout_of
+from glider.sysid.replay.vehicle import make_vehicle
+
+DRAWN = 48
+"""Throws of a round."""
+
+_FIRST = 144
+"""Throws of a round that is drawn evenly: many leave the limits."""
+
+ROUNDS = 4
+"""Rounds: the first is drawn evenly, the others about the best so far."""
+
+ELITES = 8
+"""Throws that the next round is drawn about."""
+
+SEARCHED = 3
+"""Explanations that the search tells apart; all are weighed in what is promised."""
+
+_SPREAD = 0.15
+"""Spread of a round about an elite, in genes; halved from round to round."""
+
+_NUMBERS = 0.05
+"""Worth of a factor e in the variance of where flights end, beside one nat of what is
+open about the explanations: they come first."""
+
+PROMISING = 32
+"""Throws, the best alone, of which those that are the best together are chosen."""
+
+_TRIED = 64
+"""Gliders with drawn numbers that the proposed throws are tried on."""
+
+_LIKE_FLOWN = 12
+"""Flown flights that stand for the present kind of throw."""
+
+MOST_THROWS = 1000
+"""Throws of the present kind that are counted up to."""
+
+Progress = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """Throws to fly next, and what is expected of them.
+
+    Attributes:
+        campaign: its name.
+        explanations: those that the flights leave, the most probable first.
+        throws: proposed, in the order of what they tell.
+        paths: of each throw, (explanations, n, 3) poses that they expect.
+        flown: poses (n, 3) of the flights so far.
+        place: where they are flown.
+        chance_now: probability that the most probable explanation is the right one.
+        chance_then: after the throws.
+        chance_alike: after as many throws of the present kind.
+        alike: throws of the present kind that would do the same; None where more than
+            MOST_THROWS would be needed.
+        distances: (e, e) expected log-evidence of the throws against each explanation
+            (column), where another (row) is true [nats].
+        ending_air: how far the ends of flights like the flown ones scatter by moving
+            air and by what differs from flight to flight [m].
+        ending_now: how far by what is not known of the coefficients [m].
+        ending_then: the same after the throws.
+        ending_alike: the same after as many throws of the present kind.
+        stds: "kind.coefficient" of the most probable explanation to its standard error
+            now and then, and its unit.
+        seconds: that the proposal took, once the explanations were fitted.
+    """
+
+    campaign: str
+    explanations: tuple[Explanation, ...]
+    throws: tuple[Throw, ...]
+    paths: tuple[np.ndarray, ...]
+    flown: tuple[np.ndarray, ...]
+    place: Range
+    chance_now: float
+    chance_then: float
+    chance_alike: float
+    alike: int | None
+    distances: np.ndarray
+    ending_air: float
+    ending_now: float
+    ending_then: float
+    ending_alike: float
+    stds: dict[str, tuple[float, float, str]]
+    seconds: float
+
+    @property
+    def missing(self) -> float:
+        """Probability that none of the explanations is the right one."""
+        return 1.0 - sum(e.probability for e in self.explanations)
+
+
+def next_throw(
+    campaign: Path | str | Campaign,
+    findings: Findings,
+    *,
+    launches: int = 3,
+    limits: ThrowLimits | None = None,
+    seed: int = 0,
+    progress: Progress = lambda text: None,
+) -> Proposal:
+    """Proposes throws after an analysis of a campaign.
+
+    Args:
+        campaign: the folder that was analysed, or the campaign in memory.
+        findings: of the analysis, see `findings_of` and `load_findings`.
+        launches: how many throws to propose.
+        limits: of the throws; what they leave open is as it was flown.
+        seed: of the search.
+        progress: called with a line of text as the work goes on.
+
+    Raises:
+        InputError: there is no servo to command, or an argument cannot be used.
+    """
+    if launches < 1:
+        raise InputError(f"{launches} launches are asked for; at least 1 is needed.")
+    if not isinstance(campaign, Campaign):
+        campaign = load_campaign(
+            Path(campaign), flights=findings.flights, grades=findings.grades
+        )
+    if findings.campaign not in (None, campaign.name):
+        raise InputError(
+            f"{campaign.path}: the report is of the campaign '{findings.campaign}'; "
+            f"one of '{campaign.name}' is needed."
+        )
+    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
+        progress("reading the flights")
+        campaign, task, noise = read_task(campaign, findings)
+        progress("fitting the explanations")
+        explanations = explain(task, noise, findings)
+        return propose(
+            campaign,
+            task,
+            noise,
+            explanations,
+            launches=launches,
+            limits=limits,
+            seed=seed,
+            progress=progress,
+        )
+
+
+def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
+    """Returns a campaign as inspected, all its flights as a task, and their noise.
+
+    Raises:
+        InputError: no throw can be proposed for it.
+    """
+    if campaign.elevator != "servo":
+        raise InputError(
+            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo that can "
+            "be commanded is needed."
+        )
+    if not signs_of(findings.model).are_right:
+        raise InputError(
+            f"{campaign.path}: an angle is logged with the other sign (angle_sign); "
+            "logs with the right signs are needed before commands are sent."
+        )
+    inspection = inspect(campaign)
+    campaign = inspection.campaign
+    vehicle = make_vehicle(campaign, layout_of(findings.own))
+    if not vehicle.knows_forces:
+        raise InputError(
+            f"{campaign.path}: mass, wing_area or elevator_area is not told; all three "
+            "are needed to foresee a throw."
+        )
+    noise = measure_noise(campaign, inspection.masks)
+    records = prepare(
+        campaign.flights, campaign, noise, vehicle.layout, inspection.masks
+    )
+    return campaign, make_task(records, vehicle, vehicle.kinds), noise
+
+
+def propose(
+    campaign: Campaign,
+    task: Task,
+    noise: Noise,
+    explanations: Sequence[Explanation],
+    *,
+    launches: int = 3,
+    limits: ThrowLimits | None = None,
+    seed: int = 0,
+    progress: Progress = lambda text: None,
+) -> Proposal:
+    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
+    begin = time.perf_counter()
+    travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
+    place = range_of(
+        campaign, task.records, limits_flown(task.records, travel, rate, limits)
+    )
+    everything = Foresight(
+        campaign=campaign,
+        task=task,
+        noise=noise,
+        explanations=tuple(explanations),
+        place=place,
+    )
+    likely = task.thinned(_LIKE_FLOWN)
+    ending = ending_of(likely, explanations[0])
+    rng = np.random.default_rng(seed)
+    throws = _search(everything, ending, launches, rng, progress)
+    progress("weighing the throws")
+    logs = everything.logs(throws)
+    then = added(everything.grams(logs))
+    futures = everything.futures(then)
+    alike_one = _present_kind(everything, likely)
+    alike_same = times(alike_one, len(throws))
+    now, chance = float(everything.probabilities.max()), everything.chance(futures)
+    if len(explanations) > 1:
+        progress("trying the throws on drawn gliders")
+        chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
+    before, after = everything.covariance(), everything.covariance(then)
+    return Proposal(
+        campaign=campaign.name,
+        explanations=everything.explanations,
+        throws=tuple(throws),
+        paths=tuple(np.array([r.pose for r in own]) for own in logs),
+        flown=tuple(r.pose for r in task.records),
+        place=place,
+        chance_now=now,
+        chance_then=chance,
+        chance_alike=everything.chance(everything.futures(alike_same)),
+        alike=_count_alike(everything, alike_one, chance),
+        distances=everything.distances(futures),
+        ending_air=ending.air,
+        ending_now=ending.numbers(before),
+        ending_then=ending.numbers(after),
+        ending_alike=ending.numbers(everything.covariance(alike_same)),
+        stds=_stds(task, explanations[0], before, after),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _search(
+    everything: Foresight,
+    ending: Ending,
+    launches: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> list[Throw]:
+    """Returns the throws that together leave least open, of all that were foreseen."""
+    few = with_probabilities(everything.explanations[:SEARCHED])
+    searched = dataclasses.replace(everything, explanations=few)
+    genes: list[np.ndarray] = []
+    throws: list[Throw] = []
+    grams: list[Grams] = []
+    alone: list[float] = []
+    chosen: list[int] = []
+    for round_ in range(ROUNDS):
+        progress(f"searching for throws, round {round_ + 1} of {ROUNDS}")
+        if chosen:
+            spread = _SPREAD * 0.5 ** (round_ - 1)
+            elites = [*chosen, *np.argsort(alone)[:ELITES]]
+            parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
+            drawn = parents + spread * rng.normal(size=parents.shape)
+            drawn = np.clip(drawn, 0.0, 1.0)
+        else:
+            drawn = rng.random((_FIRST, GENES))
+        new = [throw_of(g, searched.place) for g in drawn]
+        told = searched.foreseen(new)
+        good = [k for k, own in enumerate(told) if own is not None]
+        genes += [drawn[k] for k in good]
+        throws += [new[k] for k in good]
+        grams += [own for own in told if own is not None]
+        fresh = grams[len(alone) :]
+        alone += in_parallel(lambda g: open_after(searched, ending, g), fresh)
+        promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    while chosen:  # What the search weighs less must not end on the floor either.
+        told = everything.foreseen([throws[k] for k in chosen])
+        bad = {k for k, own in zip(chosen, told, strict=True) if own is None}
+        if not bad:
+            return [throws[k] for k in chosen]
+        promising = [k for k in promising if k not in bad]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    raise InputError(
+        "No throw that was tried keeps within the limits; wider limits of the "
+        "launch or of the flight (floor, pitch, speed) are needed."
+    )
+
+
+def choose(
+    foresight: Foresight, ending: Ending, grams: Sequence[Grams], count: int
+) -> list[int]:
+    """Returns indices of the throws that together leave least open, one by one.
+
+    Each is chosen once, though twice the best might tell a little more: throws that
+    differ may show what none of the explanations foresees.
+    """
+    chosen: list[int] = []
+    for _ in range(count):
+        so_far = [grams[k] for k in chosen]
+        left = [k for k in range(len(grams)) if k not in chosen]
+        values = [
+            open_after(foresight, ending, added([*so_far, grams[k]])) for k in left
+        ]
+        if left:
+            chosen.append(left[int(np.argmin(values))])
+    return chosen
+
+
+def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
+    """Returns what throws leave open: explanations first, then numbers [nats]."""
+    numbers = ending.numbers(foresight.covariance(grams))
+    return foresight.open(foresight.futures(grams)) + 2.0 * _NUMBERS * np.log(
+        max(numbers, 1e-9)
+    )
+
+
+def _present_kind(foresight: Foresight, flights: Task) -> Grams:
+    """Returns what a throw of the present kind tells, the mean of flown ones."""
+    count = len(foresight.explanations)
+    throws = [flown_throw(r) for r in flights.records]
+    logs = [own for own in foresight.logs(throws) if len(own) == count]
+    told = [own for own in foresight.grams(logs) if is_finite(own)]
+    if not told:
+        raise InputError(
+            f"{foresight.campaign.path}: no flown flight can be flown again by all "
+            "explanations; flights that close-the-loop explains are needed."
+        )
+    return times(added(told), 1.0 / len(told))
+
+
+def _count_alike(foresight: Foresight, one: Grams, chance: float) -> int | None:
+    """Returns how many throws of one kind reach a chance; None if too many."""
+
+    def reached(count: int) -> bool:
+        return foresight.chance(foresight.futures(times(one, count))) >= chance
+
+    if not reached(MOST_THROWS):
+        return None
+    low, high = 0, MOST_THROWS
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if reached(middle) else (middle, high)
+    return high
+
+
+def _stds(
+    task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
+) -> dict[str, tuple[float, float, str]]:
+    found = {}
+    for k, slot in enumerate(explanation.model.free):
+        coefficient = task.coefficient(slot)
+        unit = "" if coefficient is None else coefficient.unit
+        found[".".join(task.layout.slots[slot])] = (
+            float(np.sqrt(before[k, k])),
+            float(np.sqrt(after[k, k])),
+            unit,
+        )
+    return found

@@ -1,0 +1,246 @@
+"""Throws: a launch and a tape of elevator rates, drawn within limits, and flown."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.campaign.logs import Campaign, Flight
+from glider.compiled.replay import roll_out
+from glider.design.limits import ThrowLimits
+from glider.physics.effects import Field
+from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
+from glider.sysid.fit.simulate import fly_commands
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.theta import OFFSET, Layout
+
+MOVES = 9
+"""Moves of the elevator in a throw: each to a target, from a time on."""
+
+GENES = 4 + 2 * MOVES + 1
+"""Numbers that a throw is made of: launch, targets, times, how fast it moves."""
+
+_USED = 0.95
+"""Share of the servo's rate that a tape asks for at most."""
+
+_MARGIN = 0.03
+"""Distance from the elevator's stops that its targets keep [rad]."""
+
+_FINE = 4
+"""Integration steps between two rows of a flight that is foreseen."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Throw:
+    """What to do in a throw.
+
+    Attributes:
+        launch: (7,) state at release, of STATE_NAMES [m, rad, m/s, rad/s].
+        times: (k,) when each command begins, from 0 [s].
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        duration: [s].
+    """
+
+    launch: np.ndarray
+    times: np.ndarray
+    commands: np.ndarray
+    duration: float
+
+    @property
+    def speed(self) -> float:
+        """At release [m/s]."""
+        return float(np.linalg.norm(self.launch[VELOCITY]))
+
+    @property
+    def climb(self) -> float:
+        """Angle of the velocity above the horizon at release [rad]."""
+        xdot, zdot = self.launch[VELOCITY]
+        return float(np.arctan2(zdot, xdot))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Range:
+    """Where throws are flown and how they are logged.
+
+    Attributes:
+        limits: of launch, flight and elevator; none open.
+        x: of the release [m].
+        rest: where the elevator stands before the first command [rad].
+        stops: of the elevator, as flown flights show them [rad]; None for none.
+        duration: of a flight [s].
+        pose_rate: of the log [Hz].
+        command_rate: of the commands [Hz].
+    """
+
+    limits: ThrowLimits
+    x: float
+    rest: float
+    stops: tuple[float, float] | None
+    duration: float
+    pose_rate: float
+    command_rate: float
+
+    @property
+    def times(self) -> np.ndarray:
+        """Rows of a log [s]."""
+        return np.arange(round(self.duration * self.pose_rate) + 1) / self.pose_rate
+
+
+USUAL_COMMAND_RATE = 50.0
+"""Rate of commands where a campaign does not tell it [Hz]."""
+
+
+def range_of(
+    campaign: Campaign, records: Sequence[Record], limits: ThrowLimits
+) -> Range:
+    """Returns where a campaign's throws were flown."""
+    return Range(
+        limits=limits,
+        x=float(np.median([r.nodes[0, 0] for r in records])),
+        rest=float(np.median([r.rest for r in records])),
+        stops=records[0].limits,
+        duration=float(np.median([r.time[-1] for r in records])),
+        pose_rate=campaign.pose_rate,
+        command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
+    )
+
+
+def throw_of(genes: np.ndarray, place: Range) -> Throw:
+    """Returns the throw that some numbers mean.
+
+    Args:
+        genes: (GENES,) in 0 .. 1: height, speed, climb, pitch; targets; times; rate.
+        place: whose limits it keeps.
+    """
+    limits = place.limits
+    height, speed, climb, pitch = (
+        low + gene * (high - low)
+        for gene, (low, high) in zip(
+            genes,
+            (
+                limits.launch_height,
+                limits.launch_speed,
+                limits.launch_climb,
+                limits.launch_pitch,
+            ),
+            strict=False,
+        )
+    )
+    launch = np.zeros(NUM_STATES)
+    launch[:3] = place.x, height, pitch
+    launch[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
+    launch[ELEVATOR] = place.rest
+    low, high = limits.elevator[0] + _MARGIN, limits.elevator[1] - _MARGIN
+    targets = low + genes[4 : 4 + MOVES] * (high - low)
+    begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * place.duration
+    fastest = _USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
+    times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
+    commands, angle = np.zeros(len(times)), place.rest
+    for k, time in enumerate(times):
+        move = int(np.searchsorted(begins, time, side="right")) - 1
+        if move < 0:
+            continue
+        wanted = (targets[move] - angle) * place.command_rate
+        commands[k] = np.clip(wanted, -fastest, fastest)
+        angle += commands[k] / place.command_rate
+    # A flight computer reads them from a file: the numbers flown are those it has.
+    return Throw(
+        launch=launch,
+        times=times,
+        commands=np.round(commands, 4),
+        duration=place.duration,
+    )
+
+
+def flown_throw(record: Record) -> Throw:
+    """Returns a flown flight as a throw, from its smoothed log."""
+    return Throw(
+        launch=np.append(
+            record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]
+        ),
+        times=record.switch_times,
+        commands=record.commands,
+        duration=float(record.time[-1]),
+    )
+
+
+def log_of(
+    throw: Throw, place: Range, layout: Layout, theta: np.ndarray, field: Field
+) -> Flight:
+    """Returns the log that a model expects of a throw, without noise."""
+    rows = round(throw.duration * place.pose_rate) + 1
+    return fly_commands(
+        layout,
+        theta,
+        throw.launch,
+        throw.times,
+        throw.commands,
+        np.arange(rows) / place.pose_rate,
+        limits=place.stops,
+        rest=float(throw.launch[ELEVATOR]),
+        field=field,
+        fine=_FINE,
+    )
+
+
+def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
+    """Returns a throw as hands throw it: by how far a launch may miss is twice σ."""
+    height, speed, pitch = 0.5 * rng.normal(size=3)
+    launch = throw.launch.copy()
+    launch[STATE_NAMES.index("z")] += limits.missed_height * height
+    launch[STATE_NAMES.index("pitch")] += limits.missed_pitch * pitch
+    launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
+    return dataclasses.replace(throw, launch=launch)
+
+
+def is_safe(
+    throw: Throw, record: Record, theta: np.ndarray, field: Field, limits: ThrowLimits
+) -> bool:
+    """Returns whether a throw keeps within limits, also where the launch is missed.
+
+    Args:
+        throw: what is done.
+        record: of it, as the model expects it.
+        theta: the model.
+        field: its residual field.
+        limits: none open.
+    """
+    layout = record.layout
+    elevator, rate = pose_signals(record, theta)
+    for launch in _launches(throw, limits):
+        start = np.zeros(layout.num_states)
+        start[:NUM_STATES] = launch
+        start[OFFSET] = elevator[0, 0]
+        start[NUM_STATES:] = layout.steady_states(0.0, start, rate[0], theta)
+        start[OFFSET] = 0.0
+        states = roll_out(
+            layout.compiled_kinds,
+            record.time,
+            start,
+            elevator,
+            rate,
+            np.zeros((len(rate), 2)),
+            np.ones(len(rate)),
+            layout.dynamics(theta),
+            field,
+        )
+        # Where the release is, is given: it may lie on the edge of what was flown.
+        if not limits.allows(states[1:]):
+            return False
+    return True
+
+
+def _launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
+    """Returns the launch as it is asked for, and as it may be missed."""
+    z, pitch = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+    found = [throw.launch]
+    for sign in (-1.0, 1.0):
+        for index, size in ((z, limits.missed_height), (pitch, limits.missed_pitch)):
+            moved = throw.launch.copy()
+            moved[index] += sign * size
+            found.append(moved)
+        moved = throw.launch.copy()
+        moved[VELOCITY] *= 1.0 + sign * limits.missed_speed / throw.speed
+        found.append(moved)
+    return found

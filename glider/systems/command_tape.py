@@ -1,0 +1,87 @@
+"""A tape of elevator-rate commands: as a file to play, and as a Drake source."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from glider.errors import InputError
+
+COLUMNS = ("time", "elevator_rate_command")
+"""Of a file of commands [s, rad/s]: each command is held until the next row; the last
+row is where the tape ends."""
+
+
+def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
+    """Returns a tape as the text of a CSV file; after its end the elevator stands.
+
+    Args:
+        times: (k,) when each command begins, from release [s].
+        commands: (k,) elevator rates [rad/s].
+        end: of the tape, after the last of the times [s].
+    """
+    rows = zip([*times, end], [*commands, 0.0], strict=True)
+    lines = [f"{time:.6g},{command:.4f}" for time, command in rows]
+    return "\n".join([",".join(COLUMNS), *lines, ""])
+
+
+def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
+    """Reads a tape as `tape_text` writes it.
+
+    Returns:
+        times (k,) [s] and commands (k,) [rad/s]; the last command is where it ends.
+
+    Raises:
+        InputError: it is none; the sentence names the line.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}).") from None
+    if not lines or tuple(lines[0]) != COLUMNS:
+        raise InputError(
+            f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; "
+            f"{','.join(COLUMNS)} is needed."
+        )
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            time, command = map(float, line)
+        except ValueError:
+            time = command = math.nan
+        if not (math.isfinite(time) and math.isfinite(command)):
+            raise InputError(
+                f"{path}: line {number} is {','.join(line)}; a time and a rate, finite "
+                "numbers, are needed."
+            )
+        if rows and time <= rows[-1][0]:
+            raise InputError(
+                f"{path}: line {number} has the time {time:g} s after {rows[-1][0]:g} "
+                "s; increasing times are needed."
+            )
+        rows.append((time, command))
+    if len(rows) < 2:
+        raise InputError(f"{path}: has {len(rows)} rows; at least 2 are needed.")
+    times, commands = np.array(rows).T
+    return times, commands
+
+
+def command_source(path: Path | str) -> TrajectorySource:
+    """Returns a Drake source that plays a file of commands.
+
+    [ TrajectorySource ] -> command, for the servo's input of that name
+
+    Each command is held until the next; after the end the last one, 0, stays.
+    """
+    times, commands = load_commands(path)
+    # A hold ends where it ends: the last value of Drake's is that of the time before.
+    held = PiecewisePolynomial.ZeroOrderHold(
+        np.append(times, times[-1] + 1.0), np.append(commands, commands[-1])[None, :]
+    )
+    source = TrajectorySource(held)
+    source.set_name("commands")
+    return source

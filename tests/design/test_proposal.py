@@ -1,0 +1,114 @@
+"""Proposed throws tell rivals apart better than those of the present kind."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glider.design.explanations import UNKNOWN, explain
+from glider.design.findings import Findings, load_findings
+from glider.design.limits import ThrowLimits
+from glider.design.proposal import next_throw, propose, read_task
+from glider.errors import InputError
+from glider.physics.effects import ANGLE_SIGN, KINDS
+from glider.physics.model import GliderModel
+from glider.report.next_throw_words import is_done, sentences
+from tests.helpers.late import LATE
+from tests.helpers.tasks import fly, typical
+
+FINDINGS = Findings(model=LATE, kinds=("servo_lag",), rivals={}, combinations=())
+
+
+def test_both_explanations_are_left_and_weighed(late):
+    explanations = late[3]
+    assert {e.model.kinds for e in explanations} == {("servo_lag",), ("command_delay",)}
+    assert sum(e.probability for e in explanations) == pytest.approx(1.0 - UNKNOWN)
+    assert all(e.probability > 0.05 for e in explanations)
+    best, *_, worst = explanations
+    assert best.log_evidence >= worst.log_evidence
+
+
+def test_a_small_lag_is_a_rival_of_a_delay_that_nobody_named(late):
+    """Closed forms miss it: they try lags of five milliseconds and more."""
+    _, task, noise, explanations = late
+    findings = Findings(
+        model=GliderModel(effects=(KINDS["command_delay"](delay=0.002),)),
+        kinds=("command_delay",),
+        rivals={},
+        combinations=(),
+    )
+    again = explain(task, noise, findings)
+    assert {e.model.kinds for e in again} == {e.model.kinds for e in explanations}
+    for one, other in zip(again, explanations, strict=True):
+        assert one.probability == pytest.approx(other.probability, abs=0.05)
+
+
+def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
+    assert proposal.chance_now == max(e.probability for e in late[3])
+    assert proposal.chance_then > 0.95
+    assert proposal.chance_then > proposal.chance_alike > proposal.chance_now - 1e-9
+    assert proposal.alike is None or proposal.alike >= 2 * len(proposal.throws)
+    assert proposal.ending_then < proposal.ending_alike < proposal.ending_now
+    said = " ".join(sentences(proposal))
+    assert "servo_lag" in said
+    assert "command_delay" in said
+    assert "With 2 such throws" in said
+    assert not is_done(proposal)
+
+
+def test_the_same_seed_proposes_the_same(late, proposal):
+    again = propose(*late, launches=2)
+    for one, other in zip(proposal.throws, again.throws, strict=True):
+        assert np.array_equal(one.commands, other.commands)
+        assert np.array_equal(one.launch, other.launch)
+
+
+def test_throws_differ(proposal):
+    first, second = proposal.throws
+    assert not np.array_equal(first.commands, second.commands)
+
+
+def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
+    """A slow servo, known to a thousandth."""
+    monkeypatch.setattr("glider.design.proposal.ROUNDS", 1)
+    campaign = fly(typical("servo_lag"), flights=6)
+    findings = Findings(
+        model=GliderModel(effects=(typical("servo_lag"),)),
+        kinds=("servo_lag",),
+        rivals={"servo_lag": ("command_delay",)},
+        combinations=(),
+    )
+    campaign, task, noise = read_task(campaign, findings)
+    explanations = explain(task, noise, findings)
+    assert [e.model.kinds for e in explanations] == [("servo_lag",)]
+    proposal = propose(campaign, task, noise, explanations, launches=1)
+    assert proposal.chance_now == pytest.approx(1.0 - UNKNOWN)
+    assert is_done(proposal)
+    assert "What is left is the air" in sentences(proposal)[-1]
+
+
+def test_what_cannot_be_proposed_for_is_told():
+    campaign = fly(flights=3)
+    with pytest.raises(InputError, match="servo"):
+        next_throw(replace(campaign, elevator="fixed"), FINDINGS)
+    vehicle = {k: v for k, v in campaign.vehicle.items() if k != "mass"}
+    with pytest.raises(InputError, match="mass"):
+        next_throw(replace(campaign, vehicle=vehicle), FINDINGS)
+    turned = GliderModel(effects=(ANGLE_SIGN(pitch=-1.0, elevator=1.0, command=1.0),))
+    with pytest.raises(InputError, match="angle_sign"):
+        next_throw(campaign, replace(FINDINGS, model=turned, kinds=()))
+    with pytest.raises(InputError, match="of the campaign 'other'"):
+        next_throw(campaign, replace(FINDINGS, campaign="other"))
+    with pytest.raises(InputError, match="0 launches"):
+        next_throw(campaign, FINDINGS, launches=0)
+    with pytest.raises(InputError, match="'z'"):
+        next_throw(campaign, FINDINGS, limits=ThrowLimits(z=[2.0, 1.0]))
+
+
+@pytest.mark.parametrize("text", ["{", "{}", "[]", '{"effects": 3}'])
+def test_what_is_no_report_is_told(tmp_path, text):
+    with pytest.raises(InputError, match=r"report\.json"):
+        load_findings(tmp_path)
+    (tmp_path / "report.json").write_text(text)
+    with pytest.raises(InputError, match=r"report\.json: is no report"):
+        load_findings(tmp_path)

@@ -1,0 +1,208 @@
+"""Hidden gliders with one small effect, of which a close rival is another: who is it?
+
+They fly in the simulator of `lifelike_flight`, which shares no physics with the
+library: in moving air, each flight with a trim of its own.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.campaign.logs import Campaign, Flight, campaign_of
+from glider.control.policy import sample_plan
+from glider.design.explanations import Explanation, explain, with_probabilities
+from glider.design.findings import Findings
+from glider.design.limits import ThrowLimits
+from glider.design.proposal import read_task
+from glider.design.throws import Throw
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
+from glider.physics.state import ELEVATOR
+from glider.planning.dircol import plan
+from glider.planning.problem import PerchingProblem
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
+from tests.helpers.lifelike import (
+    COMMAND_RATE,
+    Capture,
+    draw_commands,
+    draw_starts,
+    log_flights,
+)
+from tests.helpers.lifelike_flight import STEP, Glider, elevator_paths, fly, gusts
+
+RIVALS = {
+    "late": ("servo_lag", "command_delay"),
+    "pressure": ("center_of_pressure", "pitch_moment"),
+    "angle": ("wing_incidence", "camber", "pitch_offset"),
+    "mass": ("mass", "airspeed_dependence"),
+    "tail": ("elevator_area", "tail_wake"),
+    "wash": ("downwash", "pitch_damping"),
+}
+"""Close rivals by a short name."""
+
+SIZES = {
+    "servo_lag": (0.001, 0.002),
+    "command_delay": (0.001, 0.002),
+    "center_of_pressure": (0.0005, 0.001),
+    "pitch_moment": (0.00015, 0.0003),
+    "wing_incidence": (0.006, 0.012),
+    "camber": (0.006, 0.012),
+    "pitch_offset": (0.006, 0.012),
+    "mass": (0.01, 0.02),
+    "airspeed_dependence": (0.03, 0.06),
+    "elevator_area": (0.006, 0.012),
+    "tail_wake": (0.015, 0.03),
+    "downwash": (0.008, 0.016),
+    "pitch_damping": (0.0002, 0.0004),
+}
+"""Least and largest size of an effect, so small that two flights hardly name it."""
+
+_ONE_SIGN = ("servo_lag", "command_delay", "tail_wake")
+
+ROWS = round(0.85 * Capture().rate) + 1
+
+AIR = (0.1, 0.25)
+"""Standard deviation [m/s] and correlation time [s] of the gusts."""
+
+TRIM = 0.01
+"""Standard deviation of the flights' own trims [rad]."""
+
+
+def plant(glider: Glider, kind: str, rng: np.random.Generator) -> float:
+    """Gives a glider a small effect, and returns its size."""
+    size = rng.uniform(*SIZES[kind])
+    if kind not in _ONE_SIGN:
+        size *= rng.choice([-1.0, 1.0])
+    if kind == "servo_lag":
+        glider.servo.lag = size
+    elif kind == "command_delay":
+        glider.servo.delay = size
+    elif kind == "center_of_pressure":
+        glider.wing_shift.append(lambda f: size)
+    elif kind == "pitch_moment":
+        glider.moment.append(lambda f: size)
+    elif kind == "wing_incidence":
+        glider.wing_incidence = size
+    elif kind == "camber":
+        glider.normal.append(lambda f: 2.0 * (np.sin(f.alpha - size) - np.sin(f.alpha)))
+    elif kind == "pitch_offset":
+        glider.pitch_offset = size
+    elif kind == "mass":
+        glider.mass = glider.mass * (1.0 + size)
+    elif kind == "airspeed_dependence":
+        glider.wing_factor.append(lambda f: size * (f.speed / 7.0 - 1.0))
+    elif kind == "elevator_area":
+        glider.elevator_factor.append(lambda f: size)
+    elif kind == "tail_wake":
+        angle, width = rng.uniform(0.3, 0.7), rng.uniform(0.12, 0.25)
+        glider.elevator_factor.append(
+            lambda f: -size * np.exp(-0.5 * ((f.alpha - angle) / width) ** 2)
+        )
+    elif kind == "downwash":
+        glider.downwash.append(
+            lambda f: size * f.speed * np.sin(f.alpha) * np.cos(f.alpha)
+        )
+    elif kind == "pitch_damping":
+        glider.moment.append(lambda f: -size * f.pitchdot / np.maximum(f.speed, 0.3))
+    return float(size)
+
+
+class Thrower:
+    """Flies throws of a hidden glider, each in air and with a trim of its own."""
+
+    def __init__(self, kind: str, seed: int):
+        """Makes the glider with an effect."""
+        self.rng = np.random.default_rng([seed, 7])
+        self.glider = Glider()
+        self.size = plant(self.glider, kind, self.rng)
+
+    def fly(self, starts: np.ndarray, commands: np.ndarray, first: int) -> list[Flight]:
+        """Flies starts (4, F) under commands (H, F); names count from `first`."""
+        glider, rng, count = self.glider, self.rng, commands.shape[1]
+        trims = glider.elevator_trim + TRIM * rng.normal(size=count)
+        thrown = dataclasses.replace(glider, elevator_trim=trims)
+        steps = round((ROWS - 1) / Capture().rate / STEP)
+        elevator = elevator_paths(
+            glider.servo,
+            commands,
+            1.0 / COMMAND_RATE,
+            2 * steps,
+            glider.elevator_limits,
+        )
+        air = gusts(rng, *AIR, elevator.shape)
+        motion = fly(thrown, starts, elevator, air)
+        logged = log_flights(rng, thrown, motion, Capture(), commands)
+        return [
+            dataclasses.replace(f, name=f"flight_{first + i:03d}.csv")
+            for i, f in enumerate(logged)
+        ]
+
+    def random(self, count: int, first: int) -> list[Flight]:
+        """Flies throws of the kind that campaigns are made of."""
+        rng = self.rng
+        return self.fly(draw_starts(rng, count), draw_commands(rng, count), first)
+
+    def throw(self, throw: Throw, first: int) -> list[Flight]:
+        """Flies a throw, its launch a little missed."""
+        limits, noise = ThrowLimits(), self.rng.normal(size=3) / 2.0
+        x, z, pitch, _, xdot, zdot, _ = throw.launch
+        faster = 1.0 + limits.missed_speed * noise[0] / throw.speed
+        start = np.zeros((4, 1), complex)
+        start[0] = x + 1j * (z + limits.missed_height * noise[1])
+        start[1] = (xdot + 1j * zdot) * faster
+        start[2] = pitch + limits.missed_pitch * noise[2]
+        return self.fly(start, throw.commands[:, None], first)
+
+
+def campaign(flights: Sequence[Flight]) -> Campaign:
+    """Returns flights as a campaign of the glider as drawn."""
+    return campaign_of(
+        "hidden", GliderParameters(), flights, Capture().rate, COMMAND_RATE
+    )
+
+
+def weigh(
+    flights: Sequence[Flight], rivals: Sequence[str]
+) -> tuple[Campaign, Task, Noise, tuple[Explanation, ...]]:
+    """Returns campaign, task, noise and the explanations by some rivals, fitted.
+
+    An oracle's, who knows which effects it may be.
+    """
+    first, *others = rivals
+    size = KINDS[first].coefficients[0]
+    start = GliderModel(effects=(KINDS[first](**{size.name: 0.05 * size.scale}),))
+    findings = Findings(
+        model=start,
+        kinds=(first,),
+        rivals={first: tuple(others)},
+        combinations=(),
+    )
+    known, task, noise = read_task(campaign(flights), findings)
+    task = dataclasses.replace(task, kinds=tuple(rivals))
+    alone = [e for e in explain(task, noise, findings) if len(e.model.kinds) == 1]
+    return known, task, noise, with_probabilities(alone)
+
+
+def probability(explanations: Sequence[Explanation], kind: str) -> float:
+    """Returns the probability of one effect alone."""
+    return sum(e.probability for e in explanations if e.model.kinds == (kind,))
+
+
+@functools.cache
+def perch_throw() -> Throw:
+    """Returns the plain perch of the glider as drawn, as long as the logs are."""
+    planned = plan(GliderModel(), PerchingProblem())
+    duration = (ROWS - 1) / Capture().rate
+    times = np.arange(int(duration * COMMAND_RATE) + 1) / COMMAND_RATE
+    edges = np.append(times, times[-1] + 1.0 / COMMAND_RATE)
+    elevator = sample_plan(planned, edges)[0][:, ELEVATOR]
+    return Throw(
+        launch=planned.states[0],
+        times=times,
+        commands=np.diff(elevator) * COMMAND_RATE,
+        duration=duration,
+    )

@@ -1,0 +1,40 @@
+"""Four flights of a glider whose servo is a little late: by a lag, or by a delay?"""
+
+import functools
+
+import numpy as np
+
+from glider.campaign.logs import Campaign
+from glider.design.explanations import Explanation, explain
+from glider.design.findings import Findings
+from glider.design.proposal import Proposal, propose, read_task
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.noise import Noise
+
+LATE = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.002),))
+
+Posterior = tuple[Campaign, Task, Noise, tuple[Explanation, ...]]
+
+
+@functools.cache
+def late_posterior() -> Posterior:
+    """Returns campaign, task, noise and explanations."""
+    rng = np.random.default_rng(1)
+    campaign = simulate_campaign(LATE, CampaignPlan(flights=4), rng)
+    findings = Findings(
+        model=LATE,
+        kinds=("servo_lag",),
+        rivals={"servo_lag": ("command_delay",)},
+        combinations=(),
+    )
+    campaign, task, noise = read_task(campaign, findings)
+    return campaign, task, noise, explain(task, noise, findings)
+
+
+@functools.cache
+def late_proposal() -> Proposal:
+    """Returns two throws that are proposed for them."""
+    return propose(*late_posterior(), launches=2)

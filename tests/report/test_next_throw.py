@@ -1,0 +1,86 @@
+"""What is written of proposed throws."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from glider.errors import InputError
+from glider.report.next_throw import to_json, write_proposal
+from glider.report.next_throw_words import sentences
+from glider.systems.command_tape import load_commands
+from tests.helpers.late import late_proposal
+
+
+def test_the_folder_holds_commands_picture_and_numbers(tmp_path):
+    proposal = late_proposal()
+    folder = tmp_path / "next"
+    folder.mkdir()
+    (folder / "commands_7.csv").write_text("of an earlier proposal")
+    (folder / "notes.txt").write_text("kept")
+    write_proposal(proposal, folder)
+    names = sorted(p.name for p in folder.iterdir())
+    assert names == [
+        "commands_1.csv",
+        "commands_2.csv",
+        "next_throw.json",
+        "next_throw.png",
+        "notes.txt",
+    ]
+    for k, throw in enumerate(proposal.throws, start=1):
+        times, commands = load_commands(folder / f"commands_{k}.csv")
+        assert np.allclose(times[:-1], throw.times)
+        assert np.array_equal(commands[:-1], throw.commands)
+    data = json.loads((folder / "next_throw.json").read_text())
+    assert data == to_json(proposal)
+    assert data["chance"]["then"] > data["chance"]["now"]
+    assert [t["commands"] for t in data["throws"]] == names[:2]
+
+
+def test_a_file_in_the_way_is_told(tmp_path):
+    (tmp_path / "next").write_text("")
+    with pytest.raises(InputError, match="is a file"):
+        write_proposal(late_proposal(), tmp_path / "next")
+
+
+def weighed(*probabilities, **changes):
+    """The late servo's proposal with other probabilities."""
+    proposal = late_proposal()
+    explanations = tuple(
+        dataclasses.replace(e, probability=p)
+        for e, p in zip(proposal.explanations, probabilities, strict=False)
+    )
+    return dataclasses.replace(proposal, explanations=explanations, **changes)
+
+
+def test_two_rivals_are_named_with_their_chances():
+    proposal = weighed(
+        0.55, 0.43, chance_now=0.55, chance_then=0.97, chance_alike=0.6, alike=40
+    )
+    first, second = (e.name for e in proposal.explanations)
+    said = sentences(proposal)
+    assert said[0] == (
+        f"The flights leave 2 explanations: {first} (0.55), {second} (0.43); that it "
+        "is another has probability 0.02."
+    )
+    assert said[1] == (
+        f"With 2 such throws {first} and {second} separate with probability 0.97; "
+        "today 0.55. As many throws of the present kind reach 0.60; 40 of them would "
+        "do the same."
+    )
+
+
+def test_what_throws_cannot_tell_is_said():
+    proposal = weighed(0.55, 0.43, chance_now=0.55, chance_then=0.56)
+    assert "No throw within the limits helps much" in sentences(proposal)[1]
+    never = dataclasses.replace(proposal, chance_then=0.9, alike=None)
+    assert "more than 1000 of them" in sentences(never)[1]
+
+
+def test_what_is_hardly_probable_is_not_named_but_counted():
+    proposal = weighed(0.975, 0.005, chance_now=0.975)
+    said = sentences(proposal)
+    assert said[0].startswith("The flights leave one explanation, ")
+    assert said[0].endswith("(0.97); that it is another has probability 0.03.")
+    assert not any("With" in sentence for sentence in said)
