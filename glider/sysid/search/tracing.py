@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.candidates import (
     Candidates,
     gather,
@@ -19,8 +20,10 @@ from glider.sysid.likelihood.model_fit import (
     Fitted,
     fit_model,
     fit_strength,
+    linear_flights,
     start_of,
 )
+from glider.sysid.likelihood.scales import own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.search.attitude import trace_along_attitude
@@ -215,9 +218,49 @@ def by_sets(search: Search, model: Fitted) -> Fitted:
             break
         search.progress(f"fitting {', '.join(sorted(kinds)) or 'the plate'}")
         begun = begin(candidates, score.evidence, members, scales)
-        model = fit_strength(task, search.fit(begun))
+        model = with_means(search, fit_strength(task, search.fit(begun)))
         tried[kinds] = model
     return min(tried.values(), key=search.price, default=model)
+
+
+OWN_VALUES = {
+    "wind": {"x": 0, "z": 1},
+    "elevator_trim": {"angle": 2},
+    "pitch_offset": {"angle": 3},
+}
+"""Effects that each flight may have of its own: coefficient to place in `own_values`"""
+
+
+def with_means(search: Search, model: Fitted) -> Fitted:
+    """Returns a model with what flights have of their own, where its mean is not zero.
+
+    To first order a spread that took up the mean hides it; both are fitted anew.
+    """
+    task = search.task
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    own = np.array(in_parallel(lambda f: own_values(f, model.scales), flights))
+    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
+    for kind, places in OWN_VALUES.items():
+        slots = {task.layout.index[kind, name]: place for name, place in places.items()}
+        off = [place for place in slots.values() if abs(mean[place]) > OFF * error[place]]
+        if kind not in task.kinds or set(slots) & set(model.free) or not off:
+            continue
+        theta = model.theta.copy()
+        for slot, place in slots.items():
+            theta[slot] += mean[place]
+        kinds = (*model.kinds, kind)
+        search.progress(f"{kind} in all flights?")
+        other = dataclasses.replace(
+            model, kinds=kinds, theta=theta, free=task.free(kinds)
+        )
+        other = fit_strength(task, search.fit(other, iterations=4))
+        if search.price(other) < search.price(model):
+            model = other
+    return model
+
+
+OFF = 3.0
+"""Standard errors by which a mean over flights is off zero."""
 
 
 def with_fewer(search: Search, model: Fitted) -> Fitted | None:
