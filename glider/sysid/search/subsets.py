@@ -159,4 +159,6 @@ def best_of_sizes(score: Scorer) -> list[Members]:
 
 def best_set(score: Scorer, start: Members = ()) -> Members:
     """Returns the best set that a beam from nothing and a climb from a start find."""
-    return climb(score, max([(), climb(score, start), *best_of_sizes(score)], key=score))
+    return climb(
+        score, max([(), climb(score, start), *best_of_sizes(score)], key=score)
+    )

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from glider.sysid.likelihood.evidence import Evidence
-from glider.sysid.search.subsets import MOST_EFFECTS, Scorer, best_set, climb
-from glider.sysid.search.tracing import price_of_kind
+from glider.sysid.search.fits import price_of_kind
+from glider.sysid.search.subsets import (
+    MOST_EFFECTS,
+    Scorer,
+    best_of_sizes,
+    best_set,
+    climb,
+)
 
 PRICE = 3.0
 
@@ -50,6 +56,46 @@ def test_a_climb_swaps_what_another_does_better(decoyed):
     start = (("a", (0,)), ("decoy", (2,)))
     assert kinds_of(climb(decoyed, start)) == {"a", "b"}
     assert len(climb(decoyed, (("none", (3,)),), same_size=True)) == 1
+
+
+class Told:
+    """Evidence of sets of columns from a table."""
+
+    def __init__(self):
+        self.gains = {(): 0.0, (0,): 10.0, (1,): 10.0, (2,): 98.0, (0, 1): 100.0}
+        self.gains[0, 1, 2] = 101.0
+
+    def log_marginal(self, columns):
+        return self.gains.get(tuple(sorted(columns)), 99.0)
+
+    def step(self, columns):
+        raise AssertionError
+
+
+def test_a_climb_finds_one_in_the_place_of_two():
+    """No swap, drop or addition betters the pair."""
+    variants = {"turn": [(0,)], "thrust": [(1,)], "tilt": [(2,)]}
+    score = Scorer(Told(), variants, lambda kind: PRICE)
+    pair = (("turn", (0,)), ("thrust", (1,)))
+    steps = [*score.swapped(pair), *score.smaller(pair), *score.larger(pair)]
+    assert all(score(other) < score(pair) for other in steps)
+    assert kinds_of(climb(score, pair)) == {"tilt"}
+    assert climb(score, pair, same_size=True) == pair
+
+
+def test_the_best_of_each_size_is_told(decoyed):
+    sizes = best_of_sizes(decoyed)
+    assert [len(members) for members in sizes[:3]] == [1, 2, 3]
+    assert kinds_of(sizes[0]) == {"decoy"}
+    assert kinds_of(sizes[1]) == {"a", "b"}
+
+
+def test_a_price_can_be_raised_for_all(decoyed):
+    pair = (("a", (0,)), ("b", (1,)))
+    dear = decoyed.at_least(50.0)
+    assert dear(pair) == decoyed(pair) - 2.0 * (50.0 - PRICE)
+    assert decoyed.at_least(0.0)(pair) == decoyed(pair)
+    assert len(best_set(decoyed.at_least(1e6))) == 0
 
 
 def test_a_member_costs_its_price_and_order_does_not_count(decoyed):

@@ -7,8 +7,14 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.search.tracing import scoring
-from glider.sysid.search.weighing import uncertainty_of, weigh
+from glider.sysid.search.fits import scoring
+from glider.sysid.search.weighing import (
+    DOUBTED,
+    Weighed,
+    uncertainty_of,
+    weakest,
+    weigh,
+)
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -46,6 +52,18 @@ def test_what_can_hardly_be_told_apart_is_a_rival():
 def test_without_effects_there_is_nothing_to_weigh():
     task, noise = task_of(fly(flights=2, duration=0.3))
     assert weigh(task, begin(task, noise), scoring, np.random.default_rng(0)) == {}
+
+
+def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
+    def of(support):
+        return Weighed(rivals=(), inclusion=support, support=support)
+
+    both = {"camber": of(0.5), "wind": of(0.8), "mass": of(1.0)}
+    assert weakest(both, {"camber": 20.0, "wind": 20.0, "mass": 20.0}) == "camber"
+    sure = {"camber": DOUBTED + 1.0, "wind": 20.0, "mass": 20.0}
+    assert weakest(both, sure) == "wind"
+    assert weakest({"mass": of(1.0)}, {"mass": 20.0}) is None
+    assert weakest({}, {}) is None
 
 
 def test_what_is_not_free_has_no_standard_error():

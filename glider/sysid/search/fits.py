@@ -1,0 +1,110 @@
+"""Fits of sets of effects to known gliders, and what they are worth."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from glider.sysid.likelihood.candidates import Candidates, gather, saturated_scales
+from glider.sysid.likelihood.model_fit import Fitted, fit_model, fit_strength
+from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.task import Task
+from glider.sysid.search.sets_in_models import begin
+from glider.sysid.search.subsets import Members, Scorer
+
+PRICE = 10.0
+"""Evidence that an effect must bring [nats], of up to `FLIGHTS_OF_PRICE` flights."""
+
+FLIGHTS_OF_PRICE = 40
+"""Flights from which on the price grows with them: what making flights linear gets
+wrong in each adds up as evidence does. The price was tried on 12 to 40."""
+
+PRICE_OF_MORE = 4.0
+"""Evidence that each further coefficient of an effect must bring [nats]."""
+
+Progress = Callable[[str], None]
+
+
+@dataclasses.dataclass
+class Search:
+    """A search as it goes on: what was fitted is remembered."""
+
+    task: Task
+    progress: Progress
+    fitted: dict[frozenset[str], Fitted] = dataclasses.field(default_factory=dict)
+    alone: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    def price(self, model: Fitted) -> float:
+        """Returns a model's cost with the price of its effects [nats]."""
+        return price_of(self.task, model)
+
+    def fit(self, model: Fitted, iterations: int = 6) -> Fitted:
+        """Fits a model and remembers it."""
+        found = fit_model(self.task, model, iterations)
+        if found.extra is None:
+            key = frozenset(found.kinds)
+            if key not in self.fitted or found.cost < self.fitted[key].cost:
+                self.fitted[key] = found
+        return found
+
+    def fit_with_strength(self, model: Fitted, iterations: int = 6) -> Fitted:
+        """Fits a model, and the strength of its curves."""
+        return fit_strength(self.task, self.fit(model, iterations))
+
+
+def price_of(task: Task, model: Fitted) -> float:
+    """Returns a model's cost with the price of its effects [nats]."""
+    layout = task.layout
+    sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
+    more = len(sizes) - len(model.kinds)
+    price = price_of_kind(len(task.records))
+    names = price * len(model.kinds) + PRICE_OF_MORE * more
+    return model.cost + model.freedom + names
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FirstOrder:
+    """Sets of effects judged to first order about a model.
+
+    Attributes:
+        candidates: about the model.
+        scales: of noise, fitted with everything acting at once.
+        score: of sets.
+    """
+
+    candidates: Candidates
+    scales: Scales
+    score: Scorer
+
+    def begin(self, members: Members) -> Fitted:
+        """Returns the model with a set of effects, not fitted yet."""
+        return begin(self.candidates, self.score.evidence, members, self.scales)
+
+
+def to_first_order(task: Task, model: Fitted, rounds: int = 2) -> FirstOrder | None:
+    """Returns what sets are worth about a model; None where the model blows up.
+
+    Args:
+        task: of the flights.
+        model: to start from.
+        rounds: of fitting the scales.
+    """
+    candidates = gather(task, model)
+    scales, _ = saturated_scales(candidates, model.scales, rounds)
+    grams = candidates.grams(scales)
+    if not np.all(np.isfinite(grams)):
+        return None
+    score = scoring(candidates, grams, np.ones(len(task.records)))
+    return FirstOrder(candidates=candidates, scales=scales, score=score)
+
+
+def scoring(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Scorer:
+    """Returns the evidence of sets on flights that count so often, less their price."""
+    evidence, variants = candidates.evidence(np.tensordot(counts, grams, 1))
+    price = price_of_kind(len(candidates.task.records))
+    return Scorer(evidence, variants, lambda kind: price)
+
+
+def price_of_kind(flights: int) -> float:
+    """Returns the evidence that an effect must bring [nats]."""
+    return PRICE * max(1.0, flights / FLIGHTS_OF_PRICE)

@@ -1,0 +1,167 @@
+"""Moves of a search from one fitted set of effects to a better one, all refitted."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.compiled.parallel import in_parallel
+from glider.sysid.likelihood.model_fit import Fitted, linear_flights
+from glider.sysid.likelihood.scales import own_values
+from glider.sysid.likelihood.task import Task
+from glider.sysid.search.fits import Search, to_first_order
+from glider.sysid.search.sets_in_models import without
+from glider.sysid.search.subsets import best_of_sizes
+from glider.sysid.search.weighing import uncertainty_of
+
+OWN_VALUES = {
+    "wind": {"x": 0, "z": 1},
+    "elevator_trim": {"angle": 2},
+    "pitch_offset": {"angle": 3},
+}
+"""Effects that each flight may have of its own: coefficient to place in `own_values`"""
+
+
+def with_means(search: Search, model: Fitted) -> Fitted:
+    """Returns a model with what flights have of their own, where its mean is not zero.
+
+    To first order a spread that took up the mean hides it; both are fitted anew.
+    """
+    task = search.task
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    own = np.array(in_parallel(lambda f: own_values(f, model.scales), flights))
+    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
+    is_off = np.abs(mean) > OFF * error
+    for kind, places in OWN_VALUES.items():
+        slots = {task.layout.index[kind, name]: k for name, k in places.items()}
+        is_free = bool(set(slots) & set(model.free))
+        if kind not in task.kinds or is_free or not is_off[list(slots.values())].any():
+            continue
+        theta = model.theta.copy()
+        for slot, place in slots.items():
+            theta[slot] += mean[place]
+        kinds = (*model.kinds, kind)
+        search.progress(f"{kind} in all flights?")
+        other = dataclasses.replace(
+            model, kinds=kinds, theta=theta, free=task.free(kinds)
+        )
+        other = search.fit_with_strength(other, iterations=4)
+        if search.price(other) < search.price(model):
+            model = other
+    return model
+
+
+OFF = 3.0
+"""Standard errors by which a mean over flights is off zero."""
+
+
+def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
+    """Drops the effects that are not worth their price when all else is refitted.
+
+    Returns:
+        the model, and the evidence of each effect that stays [nats].
+    """
+    while True:
+        lost = {}
+        for kind in model.kinds:
+            search.progress(f"is {kind} needed?")
+            fewer = search.fit(without(search.task, model, kind), iterations=4)
+            if search.price(fewer) < search.price(model):
+                model = fewer
+                break
+            lost[kind] = fewer.cost - model.cost
+        else:
+            lighter = without_a_pair(search, model)
+            if lighter is None:
+                return model, lost
+            model = lighter
+
+
+def with_fewer(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model with fewer effects that is worth more, or None.
+
+    To first order about a set that is wrong, several effects may do as well as the few
+    that act: the best set of each smaller size is fitted.
+    """
+    task = search.task
+    if len(model.kinds) < 2:
+        return None
+    near = to_first_order(task, model)
+    if near is None:
+        return None
+    score = near.score
+    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
+    least = score(sizes[-1]) - SLACK * (score(sizes[-1]) - score(()))
+    for members in reversed(sizes):
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds in search.fitted or score(members) < least:
+            continue
+        search.progress(f"fitting {', '.join(sorted(kinds))} instead")
+        fewer = search.fit_with_strength(near.begin(members), iterations=4)
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
+
+
+SLACK = 0.1
+"""Share of the evidence of all that a smaller set may lack, to first order."""
+
+
+def without_a_pair(search: Search, model: Fitted) -> Fitted | None:
+    """Returns the model without two effects that only work against each other.
+
+    Where a formula has not quite the right shape, two others may be bought that nearly
+    cancel; each alone then seems needed. Curves, as strong as they must be, do better.
+    """
+    task = search.task
+    if not model.has_curves or len(model.kinds) < 3:
+        return None
+    for first, second in opposed_pairs(task, model):
+        search.progress(f"are {first} and {second} needed?")
+        fewer = without(task, model, first, second)
+        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
+        fewer = search.fit_with_strength(fewer, iterations=4)
+        fewer = search.fit_with_strength(fewer, iterations=4)
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
+
+
+OPPOSED = 0.7
+"""Correlation of two effects' coefficients from which on they may cancel."""
+
+
+def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
+    """Returns pairs of effects whose coefficients are hard to tell apart."""
+    known = uncertainty_of(task, model)
+    std = np.sqrt(np.diag(known.covariance))
+    correlation = np.abs(known.covariance / std[:, None] / std)
+    slots = {
+        kind: [
+            known.free.index(i)
+            for i in task.layout.slots_of(kind)
+            if i in known.free and not task.is_shape(i)
+        ]
+        for kind in model.kinds
+    }
+    found = []
+    for k, first in enumerate(model.kinds):
+        for second in model.kinds[k + 1 :]:
+            block = correlation[np.ix_(slots[first], slots[second])]
+            if block.size and block.max() > OPPOSED:
+                found.append((float(block.max()), first, second))
+    return [(a, b) for _, a, b in sorted(found, reverse=True)[:3]]
+
+
+def without_needless_curves(search: Search, model: Fitted) -> Fitted:
+    """Returns the model without its curves, unless they are worth their price."""
+    if not model.has_curves:
+        return model
+    search.progress("are curves needed?")
+    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
+    bare = search.fit(bare, iterations=4)
+    gained = bare.cost - model.cost - model.freedom
+    return model if gained > CURVE_PRICE else bare
+
+
+CURVE_PRICE = 15.0
+"""Evidence that curves beside the formulas must bring [nats]."""
