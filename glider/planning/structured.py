@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.compiled.barrier import Optimum, Program
-from glider.compiled.interior_point import Limits, optimize
+from glider.compiled.interior_point import Limits, Outcome, optimize
 from glider.physics.model import GliderModel
 from glider.planning.guess import Guess
 from glider.planning.problem import PerchingProblem
@@ -150,6 +150,22 @@ def to_guess(flight: CollocatedFlight) -> Guess:
     )
 
 
+def to_flight(
+    found: Outcome, num_states: int, name: str, seconds: float
+) -> CollocatedFlight:
+    """Returns what the solver ended with as a flight."""
+    return CollocatedFlight(
+        name=name,
+        optimum=found.optimum,
+        num_states=num_states,
+        cost=found.cost,
+        status=f"{found.status} ({found.iterations} iterations, "
+        f"error {found.error:.1e})",
+        solved=found.status == "solved",
+        seconds=seconds,
+    )
+
+
 def solve_structured(
     model: GliderModel,
     problem: PerchingProblem,
@@ -190,13 +206,4 @@ def solve_structured(
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
     program = make_program(model, problem, knots, arrive)
     found = optimize(model, program, start, barrier, Limits(tolerance, iterations))
-    return CollocatedFlight(
-        name=name,
-        optimum=found.optimum,
-        num_states=n,
-        cost=found.cost,
-        status=f"{found.status} ({found.iterations} iterations, "
-        f"error {found.error:.1e})",
-        solved=found.status == "solved",
-        seconds=time.perf_counter() - begin,
-    )
+    return to_flight(found, n, name, time.perf_counter() - begin)
