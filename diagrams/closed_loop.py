@@ -36,9 +36,9 @@ def closed_loop(
     Args:
         truth: the glider that flies. It may have effects that the regulator does
             not know: then the first states are fed back.
-        regulator: from the state to one command, as `tracking_regulator` and
-            `cruise_regulator` make it. It becomes a part of this diagram, and
-            fits into no other.
+        regulator: from the state to one command, its first output, as
+            `tracking_regulator` and `cruise_regulator` make it. It becomes a part of
+            this diagram, and fits into no other.
         planned: the model that the regulator was made for, where its effects have
             states of their own. Nobody measures these: "observer" runs them
             beside the flight. None: the regulator knows of none.
@@ -102,7 +102,7 @@ def closed_loop(
         signal = observer.GetOutputPort("state")
     builder.AddNamedSystem("regulator", regulator)
     builder.Connect(signal, regulator.get_input_port())
-    command = hold_command(builder, regulator.get_output_port(), command_rate)
+    command = hold_command(builder, regulator.get_output_port(0), command_rate)
     builder.Connect(command, servo.GetInputPort("command"))
     if motion_capture is not None:
         add_motion_capture(builder, glider, servo, motion_capture)

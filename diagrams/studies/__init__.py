@@ -2,5 +2,6 @@
 
 perch_study: a plan, replayed and defended. rehearsal: plan with one glider, fly
 another. sampled: a controller that samples. funnel_*: funnels, made, flown in and
-shown. filter_report: filters. figures: pictures of paths.
+shown. controllers: who plans anew, against TVLQR. filter_report: filters. figures:
+pictures of paths.
 """

@@ -36,6 +36,9 @@ class Program(NamedTuple):
     place: np.ndarray
     """(2,) where the flight ends, (x, z) [m]."""
 
+    is_held: bool
+    """Whether it has to end there; else the cost alone draws it to its goal."""
+
 
 class Optimum(NamedTuple):
     """A flight and its multipliers."""
@@ -188,7 +191,8 @@ def lean_on(program, optimum, scratch):
     for i in range(last + 1):
         scratch.lagrangian[i] = cost_slope[i]
     for i in range(2):
-        scratch.misses[i] = w[last - width + i] - program.place[i]
+        miss = w[last - width + i] - program.place[i]
+        scratch.misses[i] = miss if program.is_held else 0.0
         scratch.lagrangian[last - width + i] += optimum.pull[i]
 
 

@@ -152,8 +152,12 @@ def optimize(
     end = slice(-n - 2, -n)
 
     def measure(w):
-        return dynamics.collocate(w) + float(np.abs(w[end] - program.place).sum())
+        missed = dynamics.collocate(w)
+        if program.is_held:
+            missed += float(np.abs(w[end] - program.place).sum())
+        return missed
 
+    penalty = limits.penalty if program.is_held else 0.0
     enter(program, barrier, scratch, at.w, at.forces)
     missed = measure(at.w)
     known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
@@ -184,7 +188,7 @@ def optimize(
         barrier = lower
         dynamics.curve()
         add_barrier(barrier, at.forces, scratch)
-        added = _step_down(limits.penalty, damping, path, at, scratch)
+        added = _step_down(penalty, damping, path, at, scratch)
         if added is None:
             status = "stuck"
             break

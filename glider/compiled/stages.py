@@ -229,7 +229,7 @@ def newton_step(
         added: to each of D.
         gradient: (N (n + 1) + 1,) q of cost and barrier alone.
         misses: (2,) by which the end leaves its place.
-        penalty: on them.
+        penalty: on them; 0 where the end is free.
         change: (N (n + 1) + 1,), written: d.
         ahead: (N - 1, n), written: new multipliers.
         pull: (2,), written: multipliers of the place at the end.
@@ -353,10 +353,13 @@ def newton_step(
     left = -misses[0] - paths[0, segments, 0]
     below = -misses[1] - paths[0, segments, 1]
     determinant = a * d - b * c
-    if not determinant > 0.0:
+    if penalty == 0.0:
+        pull[0], pull[1] = 0.0, 0.0
+    elif determinant > 0.0:
+        pull[0] = (d * left - b * below) / determinant
+        pull[1] = (a * below - c * left) / determinant
+    else:
         return False
-    pull[0] = (d * left - b * below) / determinant
-    pull[1] = (a * below - c * left) / determinant
     path = paths[0]
     for k in range(count):
         for i in range(m):

@@ -1,8 +1,9 @@
 """Plans a perch by direct collocation: first on few knots, then on more.
 
 A ladder of attempts: first our own solver, which takes the stages one by one. Where it
-fails, Drake's solvers, other guesses and a looser tolerance are tried. The plan tells
-what was tried.
+fails, a search from many guesses tells whether the wire can be reached at all; if so,
+Drake's solvers, other guesses and a looser tolerance are tried. The plan tells what was
+tried.
 """
 
 import contextlib
@@ -29,6 +30,7 @@ from glider.planning.audit import (
     path_defect,
     segment_drift,
 )
+from glider.planning.closest import Closest, find_closest
 from glider.planning.guess import (
     Guess,
     straight_line,
@@ -84,6 +86,7 @@ class PlanningError(RuntimeError):
         arrived: whether some flight kept every constraint, but no solver went on
             from it to one of least cost. If not, and without violations, no flight
             within the limits was found at all.
+        closest: what a search from many guesses says, None where there was none.
     """
 
     def __init__(
@@ -91,8 +94,10 @@ class PlanningError(RuntimeError):
         violations: dict[str, float],
         attempts: tuple[Attempt, ...],
         arrived: bool = False,
+        closest: Closest | None = None,
     ):
         """Takes what `PlanningError` holds."""
+        self.closest = closest
         self.violations = violations
         self.attempts = attempts
         self.arrived = arrived
@@ -104,13 +109,19 @@ class PlanningError(RuntimeError):
         else:
             what = "no flight within the limits was found at all"
         meshes = " and ".join(dict.fromkeys(str(a.knots) for a in attempts))
-        super().__init__(
-            f"No plan in {len(attempts)} attempts on {meshes} knots; {what}."
-        )
+        text = f"No plan in {len(attempts)} attempts on {meshes} knots; {what}."
+        if closest:
+            text += f" Most probably there is none: {closest.describe()}."
+        super().__init__(text)
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (self.violations, self.attempts, self.arrived)
+        return type(self), (
+            self.violations,
+            self.attempts,
+            self.arrived,
+            self.closest,
+        )
 
 
 def plan(
@@ -158,6 +169,9 @@ def plan(
             is_last = count == knots[-1]
             start = found if isinstance(found, CollocatedFlight) else guess
             flight = ladder.go_first(count, start, is_last)
+            if flight is None and dynamics.fast:
+                near = ladder.come_close()
+                flight = ladder.go_first(count, near, is_last) if near else None
         if flight is not None:
             found = flight
         elif isinstance(found, CollocatedFlight):
@@ -214,6 +228,20 @@ class _Ladder:
             )
         )
         return flight if flight.solved else None
+
+    def come_close(self) -> CollocatedFlight | None:
+        """Returns the flight that comes closest to the wire, on the most knots.
+
+        Raises:
+            PlanningError: no flight comes to the wire.
+        """
+        self._progress(f"{self._finest} knots, how close a flight can come")
+        model, problem = self._dynamics.model, self._problem
+        closest = find_closest(model, problem, self._finest)
+        if closest.is_out_of_reach:
+            short = {"position at the wire": float(closest.misses[0])}
+            raise PlanningError(short, tuple(self.attempts), closest=closest)
+        return closest.flight
 
     def climb(self, knots: int, warm: Guess | None) -> Solution:
         """Returns a solved program; raises PlanningError after the last rung."""

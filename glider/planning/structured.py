@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.compiled.barrier import Optimum, Program
-from glider.compiled.interior_point import Limits, optimize
+from glider.compiled.interior_point import Limits, Outcome, optimize
 from glider.physics.model import GliderModel
 from glider.planning.guess import Guess
 from glider.planning.problem import PerchingProblem
@@ -87,8 +87,19 @@ class CollocatedFlight:
         )
 
 
-def make_program(model: GliderModel, problem: PerchingProblem, knots: int) -> Program:
-    """Returns the bounds and the cost of a problem on so many knots."""
+def make_program(
+    model: GliderModel, problem: PerchingProblem, knots: int, arrive: bool = True
+) -> Program:
+    """Returns the bounds and the cost of a problem on so many knots.
+
+    Args:
+        model: the glider.
+        problem: what to fly.
+        knots: number of them.
+        arrive: whether place, pitch and speed at the end are held to what the problem
+            asks; else its cost alone draws them to the goal, and there is a plan from
+            everywhere.
+    """
     n, servo = model.num_states, model.parameters.servo
     low = np.full((knots, n + 1), -np.inf)
     high = -low
@@ -97,10 +108,11 @@ def make_program(model: GliderModel, problem: PerchingProblem, knots: int) -> Pr
         low[1:, i], high[1:, i] = limits
     low[:, n], high[:, n] = -servo.rate, servo.rate
     low[-1, :2], high[-1, :2] = -np.inf, np.inf  # The wire's place is an equation.
-    final = problem.final_pitch_limits
-    low[-1, 2], high[-1, 2] = max(low[-1, 2], final[0]), min(high[-1, 2], final[1])
-    low[-1, 4:6] = -problem.final_speed_limit
-    high[-1, 4:6] = problem.final_speed_limit
+    if arrive:
+        final = problem.final_pitch_limits
+        low[-1, 2], high[-1, 2] = max(low[-1, 2], final[0]), min(high[-1, 2], final[1])
+        low[-1, 4:6] = -problem.final_speed_limit
+        high[-1, 4:6] = problem.final_speed_limit
     shortest, longest = np.array(problem.duration_limits) / knots
     own = np.zeros(n - len(problem.goal))
     return Program(
@@ -110,6 +122,7 @@ def make_program(model: GliderModel, problem: PerchingProblem, knots: int) -> Pr
         goal=np.append(problem.goal, own),
         goal_weights=np.append(problem.goal_weights, own),
         place=np.array(problem.wire, dtype=float),
+        is_held=arrive,
     )
 
 
@@ -137,12 +150,30 @@ def to_guess(flight: CollocatedFlight) -> Guess:
     )
 
 
+def to_flight(
+    found: Outcome, num_states: int, name: str, seconds: float
+) -> CollocatedFlight:
+    """Returns what the solver ended with as a flight."""
+    return CollocatedFlight(
+        name=name,
+        optimum=found.optimum,
+        num_states=num_states,
+        cost=found.cost,
+        status=f"{found.status} ({found.iterations} iterations, "
+        f"error {found.error:.1e})",
+        solved=found.status == "solved",
+        seconds=seconds,
+    )
+
+
 def solve_structured(
     model: GliderModel,
     problem: PerchingProblem,
     knots: int,
     guess: Guess | CollocatedFlight,
     *,
+    launch: np.ndarray | None = None,
+    arrive: bool = True,
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
     iterations: int = 150,
@@ -155,6 +186,9 @@ def solve_structured(
         problem: what to fly; of a launch elsewhere than the guess's, too.
         knots: at least 3.
         guess: to start from.
+        launch: (n,) all states to start from; None for the problem's launch, the
+            effects' own states at rest.
+        arrive: see `make_program`.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `Limits`.
         iterations: see `Limits`; fewer bound the time.
@@ -169,16 +203,7 @@ def solve_structured(
     else:
         start, barrier = to_optimum(guess, knots), COLD_BARRIER
     n = model.num_states
-    start.w[:n] = model.initial_state(problem.launch)
-    program = make_program(model, problem, knots)
+    start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
+    program = make_program(model, problem, knots, arrive)
     found = optimize(model, program, start, barrier, Limits(tolerance, iterations))
-    return CollocatedFlight(
-        name=name,
-        optimum=found.optimum,
-        num_states=n,
-        cost=found.cost,
-        status=f"{found.status} ({found.iterations} iterations, "
-        f"error {found.error:.1e})",
-        solved=found.status == "solved",
-        seconds=time.perf_counter() - begin,
-    )
+    return to_flight(found, n, name, time.perf_counter() - begin)

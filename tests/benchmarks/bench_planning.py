@@ -20,10 +20,7 @@ from glider.planning.dircol import (
     PlanningError,
     plan,
 )
-from glider.planning.guess import (
-    straight_line,
-    swoop,
-)
+from glider.planning.guess import straight_line
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import solve_structured
@@ -131,26 +128,6 @@ def draw_launches(rng: np.random.Generator, count: int) -> list[list[float]]:
     return (middle + half * rng.uniform(-1, 1, (count, 7))).tolist()
 
 
-def closest_misses(problem: PerchingProblem, guesses: int) -> list[float]:
-    """Returns how far flights from several guesses miss what the wire asks.
-
-    Each is a local minimum of the summed violations, in m, rad and m/s. Where all
-    agree on the same distance, the launch is most probably infeasible.
-    """
-    model, rng = GliderModel(), np.random.default_rng(0)
-    program = transcribe(Dynamics(model), problem, KNOTS[-1], arrive=False)
-    line = straight_line(model, problem)
-    misses = []
-    for _ in range(guesses):
-        duration = rng.uniform(0.8, 1.6) * line.states.end_time()
-        guess = swoop(model, problem, rng.uniform(-0.3, 0.8), duration)
-        program.SetInitialTrajectory(guess.inputs, guess.states)
-        result = SnoptSolver().Solve(program.prog(), None, None)
-        if result.is_success():
-            misses.append(result.get_optimal_cost())
-    return misses
-
-
 def main() -> None:
     """Prints the table."""
     time_compiling()
@@ -184,8 +161,6 @@ def main() -> None:
     for trial, error in failed:
         x, z, pitch, _, speed, *_ = trial.launch
         print(f"x {x:.3f} z {z:.3f} pitch {pitch:.3f} speed {speed:.3f}: {error}")
-        misses = closest_misses(trial, 6)
-        print("  from other guesses:", ", ".join(f"{miss:.4f}" for miss in misses))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Our own solver of the transcription finds what Drake's find, and says when not."""
 
 import dataclasses
+import pickle
 
 import numba
 import numpy as np
@@ -12,6 +13,8 @@ from glider.compiled.points import PathDynamics
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
+from glider.planning import dircol
+from glider.planning.closest import find_closest
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.guess import straight_line
 from glider.planning.optimality import check_optimality
@@ -180,8 +183,55 @@ def test_a_wire_out_of_reach_is_told_not_found():
     assert found.status.startswith(("stuck", "out of steps"))
     with pytest.raises(PlanningError) as caught:
         plan(MODEL, unreachable, knots=(5,))
-    assert caught.value.attempts[0].solver == "interior point"
-    assert {"SNOPT", "IPOPT"} <= {a.solver for a in caught.value.attempts}
+    error = caught.value
+    assert error.closest is None  # Nor does a search say anything of it.
+    assert error.attempts[0].solver == "interior point"
+    assert {"SNOPT", "IPOPT"} <= {a.solver for a in error.attempts}
+
+
+def test_a_launch_that_just_misses_is_told_by_how_much():
+    """The slowest of fifty launches; every search ends at the same 21 mm."""
+    launch = [-3.362, 0.117, 0.087, 0.0, 6.005, 0.0, 0.0]
+    slow = dataclasses.replace(PROBLEM, launch=launch, x_limits=[-4.0, 1.0])
+    closest = find_closest(MODEL, slow, 25)
+    assert closest.is_out_of_reach
+    assert closest.agreeing == len(closest.misses) == closest.tries
+    assert closest.misses[0] == pytest.approx(0.021, abs=1e-3)
+    with pytest.raises(PlanningError, match=r"40 of them 21\.\d mm from") as caught:
+        plan(MODEL, slow, knots=(15, 25))
+    error = caught.value
+    assert [a.solver for a in error.attempts] == ["interior point"]
+    assert error.violations["position at the wire"] == closest.misses[0]
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error)
+    assert again.closest.agreeing == error.closest.agreeing
+    faster = dataclasses.replace(slow, launch=[*launch[:4], 6.6, 0.0, 0.0])
+    nearest = find_closest(MODEL, faster, 25, tries=8)
+    assert not nearest.is_out_of_reach
+    found = solve_structured(MODEL, faster, 25, nearest.flight)
+    assert found.solved
+
+
+def test_a_first_try_that_fails_goes_on_from_the_closest_flight(monkeypatch):
+    """And where that fails too, to Drake."""
+    solve, tried = dircol.solve_structured, []
+
+    def fail(times):
+        def wrapped(*args, **options):
+            tried.append(args[3].name)
+            flight = solve(*args, **options)
+            return dataclasses.replace(flight, solved=len(tried) > times)
+
+        return wrapped
+
+    monkeypatch.setattr(dircol, "solve_structured", fail(1))
+    found = plan(MODEL, PROBLEM, knots=(9,))
+    assert tried[1] == "the flight that comes closest"
+    assert {a.solver for a in found.attempts} == {"interior point"}
+    tried.clear()
+    monkeypatch.setattr(dircol, "solve_structured", fail(2))
+    found = plan(MODEL, PROBLEM, knots=(9,))
+    assert [a.solver for a in found.attempts][2] == "SNOPT"
 
 
 def test_bounds_are_the_problem_s_and_the_vehicle_s():

@@ -1,0 +1,82 @@
+"""TVLQR, MPPI and planning anew by collocation over the seven truths: README's table.
+
+    python -m tests.benchmarks.bench_controllers [LAUNCHES] [TRUTH ...]
+
+The drawn model knows nothing of a truth's effect; the corrected one is what the logs of
+100 flights tell. Launches err as today, and two and three times as wide. A flight
+perches if the hook takes it: near enough, slow enough, the nose up as it should be.
+"""
+
+import sys
+
+import numpy as np
+
+from diagrams.studies.controllers import CONTROLLERS, race
+from diagrams.studies.rehearsal import load_truth, trace_model
+from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+
+TRUTHS = (
+    "head_wind",
+    "slow_servo",
+    "attached_flow",
+    "rough_skin",
+    "set_wing",
+    "wing_wash",
+    "floor_vent",
+)
+WIDTHS = (1, 2, 3)
+FLIGHTS = 100
+
+
+def widened(times: int) -> LaunchSpread:
+    """Returns launches that err so many times as much."""
+    usual = LaunchSpread()
+    return LaunchSpread(
+        height=times * usual.height,
+        speed=times * usual.speed,
+        pitch=times * usual.pitch,
+    )
+
+
+def main(launches: int = 20, truths: tuple[str, ...] = TRUTHS) -> None:
+    """Prints the table, a row as soon as it is known."""
+    problem, seconds, failures = PerchingProblem(), [], 0
+    print(f"Perches of {launches}, launches 1, 2 and 3 times as wide; median miss [mm]")
+    print("| truth | model | " + " | ".join(CONTROLLERS) + " |")
+    print("|---|---|" + "---|" * len(CONTROLLERS))
+    for name in truths:
+        truth = load_truth(name)
+        models = {
+            "drawn": GliderModel(parameters=truth.parameters),
+            "corrected": trace_model(truth, FLIGHTS, np.random.default_rng(0)),
+        }
+        for label, model in models.items():
+            cells = {controller: [] for controller in CONTROLLERS}
+            for times in WIDTHS:
+                rng = np.random.default_rng([1, times])
+                starts = draw_launches(problem, widened(times), launches, rng)
+                raced = race(truth, model, problem, starts)
+                seconds.append(raced.seconds)
+                failures += raced.failures
+                for controller, flown in raced.flights.items():
+                    cells[controller].append(flown)
+            row = [
+                f"{', '.join(str(f.perched) for f in flown)} "
+                f"({', '.join(f'{1e3 * np.median(f.misses):.1f}' for f in flown)})"
+                for flown in cells.values()
+            ]
+            print(f"| `{name}` | {label} | " + " | ".join(row) + " |", flush=True)
+    times_ms = 1e3 * np.concatenate(seconds)
+    half, most = np.percentile(times_ms, [50, 99])
+    print(
+        f"{len(times_ms)} plans anew, {failures} failed: median {half:.1f} ms, 99th "
+        f"percentile {most:.1f} ms, worst {times_ms.max():.1f} ms, of 20 ms"
+    )
+
+
+if __name__ == "__main__":
+    words = sys.argv[1:]
+    count = int(words.pop(0)) if words else 20
+    main(count, tuple(words) or TRUTHS)

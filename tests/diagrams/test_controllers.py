@@ -1,0 +1,19 @@
+"""Who plans anew copes with what feedback along a plan does not."""
+
+import numpy as np
+
+from diagrams.studies.controllers import CONTROLLERS, race
+from diagrams.studies.rehearsal import load_truth
+from tests.helpers.flights import NOMINAL, PROBLEM
+
+
+def test_planning_anew_perches_a_wing_that_is_set_otherwise():
+    """With the drawn model, which knows nothing of the incidence."""
+    raced = race(load_truth("set_wing"), NOMINAL, PROBLEM, [PROBLEM.launch])
+    assert tuple(raced.flights) == CONTROLLERS
+    assert raced.flights["TVLQR"].perched == 0
+    assert raced.flights["MPC"].perched == 1
+    assert raced.flights["MPC"].misses[0] < raced.flights["TVLQR"].misses[0]
+    assert 35 < len(raced.seconds) < 55
+    assert raced.failures == 0
+    assert np.median(raced.seconds) > 0.0
