@@ -103,8 +103,13 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
     return found
 
 
-def draw_proposal(proposal: Proposal) -> bytes:
-    """Returns a picture of the proposed throws beside the flown flights, as PNG."""
+def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
+    """Returns a picture of the proposed throws beside the flown flights, as a file.
+
+    Args:
+        proposal: its throws.
+        form: of the file, one that Matplotlib writes.
+    """
     p = proposal
     several = len(p.explanations) > 1
     with matplotlib.rc_context(STYLE):
@@ -135,7 +140,7 @@ def draw_proposal(proposal: Proposal) -> bytes:
             axes[2].set_xlabel("time since release [s]")
         legend(figure, side)
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=160)
+        figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
 
 

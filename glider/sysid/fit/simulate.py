@@ -138,10 +138,10 @@ def _fly(
         field=model.residual_field,
         name=name,
     )
-    return turn(_measured(flight, plan.capture, rng), signs_of(model))
+    return turn(measured(flight, plan.capture, rng), signs_of(model))
 
 
-def _measured(
+def measured(
     flight: Flight, capture: MotionCapture, rng: np.random.Generator
 ) -> Flight:
     """Returns a flight with the noise of its sensors."""

@@ -1,0 +1,38 @@
+"""Two rivals are told apart by throws that are proposed."""
+
+import pytest
+
+from examples import next_throw
+from glider.errors import InputError
+from glider.studies.throw_study import ENOUGH, tell_rivals_apart
+from tests.helpers.examples import tell
+
+
+@pytest.fixture(scope="module")
+def found():
+    return next_throw.run("command_delay", launches=4)
+
+
+def test_few_throws_tell_the_hidden_effect(found):
+    assert found.found == found.truth == "command_delay"
+    assert found.probabilities[0]["command_delay"] < ENOUGH
+    assert found.probabilities[-1]["command_delay"] >= ENOUGH
+    assert 1 <= len(found.proposals) <= 3
+    assert len(found.flights) == found.given + len(found.proposals)
+    assert len(found.probabilities) == len(found.proposals) + 1
+
+
+def test_it_is_told_as_it_is(found, tmp_path):
+    told = tell(next_throw, found, tmp_path, "--effect=command_delay")
+    assert told.figures == found.key_figures()
+    assert told.figures["throws"] == len(found.proposals)
+    assert "separate with probability" in told.words
+    assert "the hidden effect was command_delay" in told.words
+    assert told.asked.call_args.args[0] == "command_delay"
+    assert told.ink > 0.02
+    assert "proposed" in told.page
+
+
+def test_an_effect_that_is_no_rival_is_told():
+    with pytest.raises(InputError, match="servo_lag"):
+        tell_rivals_apart("wind")
