@@ -61,7 +61,7 @@ SIZES = {
 }
 """Least and largest size of an effect, so small that two flights hardly name it."""
 
-_ONE_SIGN = ("servo_lag", "command_delay", "tail_wake")
+ONE_SIGN = ("servo_lag", "command_delay", "tail_wake")
 
 ROWS = round(0.85 * Capture().rate) + 1
 
@@ -72,11 +72,14 @@ TRIM = 0.01
 """Standard deviation of the flights' own trims [rad]."""
 
 
-def plant(glider: Glider, kind: str, rng: np.random.Generator) -> float:
-    """Gives a glider a small effect, and returns its size."""
-    size = rng.uniform(*SIZES[kind])
-    if kind not in _ONE_SIGN:
-        size *= rng.choice([-1.0, 1.0])
+def draw_size(kind: str, rng: np.random.Generator) -> float:
+    """Draws the size of a small effect."""
+    sign = 1.0 if kind in ONE_SIGN else rng.choice([-1.0, 1.0])
+    return float(sign * rng.uniform(*SIZES[kind]))
+
+
+def plant(glider: Glider, kind: str, size: float, rng: np.random.Generator) -> None:
+    """Gives a glider an effect of a size; the rest of its shape is drawn."""
     if kind == "servo_lag":
         glider.servo.lag = size
     elif kind == "command_delay":
@@ -108,17 +111,18 @@ def plant(glider: Glider, kind: str, rng: np.random.Generator) -> float:
         )
     elif kind == "pitch_damping":
         glider.moment.append(lambda f: -size * f.pitchdot / np.maximum(f.speed, 0.3))
-    return float(size)
 
 
 class Thrower:
     """Flies throws of a hidden glider, each in air and with a trim of its own."""
 
-    def __init__(self, kind: str, seed: int):
-        """Makes the glider with an effect."""
+    def __init__(self, kind: str | None, seed: int, size: float | None = None):
+        """Makes the glider with an effect; its size is drawn where none is given."""
         self.rng = np.random.default_rng([seed, 7])
         self.glider = Glider()
-        self.size = plant(self.glider, kind, self.rng)
+        if kind is not None:
+            drawn = draw_size(kind, self.rng) if size is None else size
+            plant(self.glider, kind, drawn, self.rng)
 
     def fly(self, starts: np.ndarray, commands: np.ndarray, first: int) -> list[Flight]:
         """Flies starts (4, F) under commands (H, F); names count from `first`."""
