@@ -11,8 +11,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from glider.errors import InputError
 
 COLUMNS = ("time", "elevator_rate_command")
-"""Of a file of commands [s, rad/s]: each command is held until the next row; the last
-row is where the tape ends."""
+"""Columns of a file of commands, in s and rad/s. Each command is held until the next
+row; the last row is where the tape ends."""
 
 
 def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
