@@ -252,7 +252,10 @@ class Foresight:
         """Returns the probability that the best explanation will be the right one.
 
         By flights of gliders whose numbers are drawn, thrown as launches are missed:
-        nothing is linear in the truth, and it is counted who is right.
+        nothing is linear in the truth, and it is counted who is right. How strong the
+        noises are is known from the flights so far alone, of which each is a sample of
+        what differs from flight to flight: with few, numbers and noise are drawn from
+        a Student distribution.
 
         Args:
             throws: all that are flown.
@@ -261,11 +264,19 @@ class Foresight:
         """
         p = self.probabilities
         counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
+        freedom = _PER_FLIGHT * len(self.task.records)
         truths, flights = [], []
+        strengths: list[float] = []
         for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
             for numbers in self.numbers(e, rng, int(count) // 2):
+                strengths.append(float(np.sqrt(freedom / rng.chisquare(freedom))))
+                index = list(e.model.free)
                 theta = e.model.theta.copy()
-                theta[list(e.model.free)] += numbers
+                theta[index] = np.clip(
+                    theta[index] + strengths[-1] * numbers,
+                    self.task.layout.lower[index],
+                    self.task.layout.upper[index],
+                )
                 truths.append(i)
                 flights += [
                     (missed(t, self.place.limits, rng), i, theta) for t in throws
@@ -285,7 +296,7 @@ class Foresight:
             if len(own) < len(throws) or not np.all(np.isfinite(gram)):
                 right[i].append(0.0)  # What cannot be foreseen is not promised.
                 continue
-            noise = rng.normal(size=(_NOISES, len(gram)))
+            noise = strengths[d] * rng.normal(size=(_NOISES, len(gram)))
             odds = self.odds(gram, noise @ _root(gram))
             right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
         return float(p @ [np.mean(r) for r in right])
@@ -305,6 +316,9 @@ class Foresight:
             scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
         )
 
+
+_PER_FLIGHT = 2
+"""Degrees of freedom that a flight adds: a trim, and a pitch zero or a wind."""
 
 _NOISES = 8
 """Noises that a drawn glider is flown in."""
