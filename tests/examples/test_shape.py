@@ -23,6 +23,7 @@ SHOWN = {"--json", "--html", "--figure"}
 WRITES = {name: SHOWN for name in NAMES} | {
     "close_the_loop": {"--json", "--model"},
     "residual_coefficients": {*SHOWN, "--model"},
+    "launch_map": {"--json", "--figure"},
     "van_der_pol": {"--json", "--figure"},
     "watch_log": {"--json", "--html"},
 }
