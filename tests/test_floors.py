@@ -42,6 +42,7 @@ FLOORS = [
     "glider.studies.basis",
     "glider.studies",
     "glider",
+    "glider.commands",
     "diagrams",
     "diagrams.studies",
     "glider.__main__",

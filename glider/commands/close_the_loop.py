@@ -1,0 +1,129 @@
+"""The command `close-the-loop`: find what the model lacks, from logs of flights."""
+
+import argparse
+import json
+from pathlib import Path
+
+from glider.commands.parsing import (
+    Commands,
+    add_command,
+    check_seed,
+    names,
+    output_folder,
+)
+
+_DESCRIPTION = """\
+Finds what a glider's model lacks, from logs of its flights.
+
+The logs are smoothed, the residual of the flat-plate model is traced to a physical
+effect of the library (wind, a slow servo, attached lift, ...), the effect is added
+to the model, and the errors on held-out flights are reported before and after.
+"""
+
+_EPILOG = """\
+A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
+and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
+positive pitch is nose down), or that folder as .zip, or the name of a sample:
+python -m glider samples lists them.
+
+examples:
+  python -m glider close-the-loop attached_lift
+  python -m glider close-the-loop throws --grade A,B --out out/throws
+  python -m glider close-the-loop throws --effects wind,servo_lag --json
+
+exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be written,
+130 when it was interrupted.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to a parser's."""
+    parser = add_command(
+        commands,
+        "close-the-loop",
+        run,
+        help="find what the model lacks, from logs of flights",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+    )
+    parser.add_argument(
+        "campaign", type=Path, help="folder of flight logs, its .zip, or a sample"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where to write report.json, report.html, model.yaml and figures/ "
+        "(default: out/CAMPAIGN)",
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
+        "--flights", metavar="FILE,...", type=names, help="use only these flights"
+    )
+    which.add_argument(
+        "--grade",
+        metavar="A,B",
+        type=names,
+        help="use only flights of these grades in index.csv",
+    )
+    parser.add_argument(
+        "--held-out",
+        metavar="FRACTION",
+        type=float,
+        default=0.3,
+        help="share of the flights that errors are measured on (default: 0.3)",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        default=0,
+        help="of the split into fitted and held-out flights (default: 0)",
+    )
+    parser.add_argument(
+        "--effects",
+        metavar="NAME,...",
+        type=names,
+        help="try only these effects; others cannot be found then "
+        "(default: the whole library)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print report.json instead of the summary"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    from rich.console import Console
+
+    check_seed(args.seed)
+    folder = output_folder(args.out, args.campaign)
+    progress_console = Console(stderr=True)
+    with progress_console.status("starting") as status:
+        from glider.sysid.pipeline import close_the_loop
+
+        result = close_the_loop(
+            args.campaign,
+            flights=args.flights,
+            grades=args.grade,
+            held_out=args.held_out,
+            seed=args.seed,
+            effects=args.effects,
+            progress=lambda text: status.update(f"{text} ..."),
+        )
+    # Matplotlib takes half a second to import: not before the input is read.
+    from glider.report.folder import write_report
+    from glider.report.json_report import to_json
+    from glider.report.terminal import print_summary
+
+    try:
+        with progress_console.status("writing the report ..."):
+            write_report(result, folder)
+    finally:  # What was found is told even where it cannot be kept.
+        if args.json:
+            print(json.dumps(to_json(result), indent=2), flush=True)
+        else:
+            print_summary(result, Console())
+    if not args.json:
+        print(f"Report: {folder / 'report.html'}")
+    return 0

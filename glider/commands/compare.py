@@ -1,0 +1,72 @@
+"""The command `compare`: what changed between two campaigns, from their reports."""
+
+import argparse
+import json
+from pathlib import Path
+
+from glider.commands.parsing import Commands, add_command
+
+_DESCRIPTION = """\
+Compares the reports of two campaigns, number by number: did last week's change to
+the glider show? A change is told where it is larger than the standard errors of both
+reports allow.
+
+exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to a parser's."""
+    parser = add_command(
+        commands,
+        "compare",
+        run,
+        help="what changed between two campaigns, from their reports",
+        description=_DESCRIPTION,
+    )
+    for name, letter in (("first", "A"), ("second", "B")):
+        parser.add_argument(
+            name,
+            type=Path,
+            metavar=letter,
+            help="folder that close-the-loop wrote, or its report.json",
+        )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where to write comparison.html and comparison.json (default: out/A_B)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print comparison.json, no tables"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    from glider.comparison.saved import load_report
+
+    first, second = load_report(args.first), load_report(args.second)
+
+    from rich.console import Console
+
+    from glider.comparison.as_json import to_json
+    from glider.comparison.differences import compare
+    from glider.comparison.page import to_html
+    from glider.comparison.terminal import print_comparison
+    from glider.files.writing import replace_files
+
+    comparison = compare(first, second)
+    folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
+    text = json.dumps(to_json(comparison), indent=2)
+    files = {
+        "comparison.html": to_html(comparison).encode(),
+        "comparison.json": f"{text}\n".encode(),
+    }
+    replace_files(folder, files, last="comparison.json")
+    if args.json:
+        print(text)
+    else:
+        print_comparison(comparison, Console())
+        print(f"Page: {folder / 'comparison.html'}")
+    return 0

@@ -1,0 +1,86 @@
+"""The command `import`: make a campaign of logs of other software."""
+
+import argparse
+from pathlib import Path
+
+from glider.commands.parsing import Commands, add_command
+from glider.errors import InputError
+
+_DESCRIPTION = """\
+Makes a campaign folder of logs of other software: CSV of any dialect, OptiTrack Motive
+and Vicon exports, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
+
+MAP.yaml says which columns are which, in which units and axes, and what is known of
+the vehicle. Long recordings are cut into flights, from release to contact. Nothing is
+written where the flights contradict the map: they must fall down, nose ahead, and turn
+the way their elevator says.
+"""
+
+_EPILOG = """\
+examples:
+  python -m glider import takes/*.csv --guess --map MAP.yaml   # proposes a map
+  python -m glider import takes/*.csv --map MAP.yaml --out throws
+  python -m glider close-the-loop throws
+
+Formats other than text need pip install 'drake-glider[import]'; docs/import.md has five
+maps by example.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to a parser's."""
+    parser = add_command(
+        commands,
+        "import",
+        run,
+        help="make a campaign of logs of other software",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+    )
+    parser.add_argument("files", metavar="FILES", type=Path, nargs="+", help="the logs")
+    parser.add_argument(
+        "--map",
+        type=Path,
+        required=True,
+        metavar="MAP.yaml",
+        help="columns, units and axes of the logs; with --guess: where to write them",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="CAMPAIGN",
+        help="the folder to write; needed without --guess",
+    )
+    parser.add_argument(
+        "--guess",
+        action="store_true",
+        help="propose a map and draw it, and import nothing",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    if args.guess:
+        from glider.campaign.importing.guess import guess_mapping
+        from glider.files.writing import replace_file, write_text
+        from glider.report.import_figure import save_import_figure
+
+        if args.map.exists():
+            raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
+        guess = guess_mapping(args.files)
+        figure = args.map.with_suffix(".png")
+        campaign = guess.imported.campaign
+        replace_file(figure, lambda path: save_import_figure(campaign, path))
+        write_text(args.map, guess.text)
+        print(guess.text, end="")
+        print(f"Map: {args.map}; what it makes of the logs: {figure}")
+        print("See that each line is right, then run the same with --out CAMPAIGN.")
+        return 0
+    if args.out is None:
+        raise InputError("--out is missing; the folder to write is needed.")
+    from glider.campaign.importing.run import import_campaign
+
+    imported = import_campaign(args.files, args.map, args.out)
+    print(imported.describe())
+    print(f"Campaign: {args.out}, {len(imported.campaign.flights)} flights")
+    return 0

@@ -1,0 +1,116 @@
+"""The command `next-throw`: which throws tell the explanations of a campaign apart."""
+
+import argparse
+import json
+from pathlib import Path
+
+from glider.commands.parsing import Commands, add_command, check_seed, output_folder
+from glider.errors import InputError
+
+_DESCRIPTION = """\
+Proposes the next throws of a campaign: launches and elevator commands that best tell
+apart the explanations that its flights leave, then tighten the coefficients that move
+where a flight ends. It says what it expects of them, how many throws of the present
+kind would do the same, and when nothing more is to be learned.
+"""
+
+_EPILOG = """\
+Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has others:
+
+  launch_height: [0.0, 0.4]   # m; launch_speed [m/s], launch_climb, launch_pitch [rad]
+  z: [-0.8, 1.5]              # m, floor and ceiling; x [m], pitch [rad]
+  speed: 9.0                  # m/s at most; elevator [rad], elevator_rate [rad/s]
+  missed_speed: 0.2           # how well a launch is met; missed_height, missed_pitch
+
+examples:
+  python -m glider close-the-loop throws --out out/throws
+  python -m glider next-throw throws --report out/throws --launches 3
+
+exit code: 0 when it ran, 2 when the input cannot be used.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to a parser's."""
+    parser = add_command(
+        commands,
+        "next-throw",
+        run,
+        help="which throws tell the explanations of a campaign apart",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+    )
+    parser.add_argument("campaign", type=Path, help="folder of flight logs")
+    parser.add_argument(
+        "--report",
+        type=Path,
+        metavar="DIR",
+        help="folder that close-the-loop wrote of it (default: closes the loop first)",
+    )
+    parser.add_argument(
+        "--launches",
+        metavar="N",
+        type=int,
+        default=3,
+        help="how many throws to propose (default: 3)",
+    )
+    parser.add_argument(
+        "--limits", type=Path, metavar="FILE.yaml", help="limits of the throws"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where to write commands_N.csv, next_throw.json and next_throw.png "
+        "(default: out/CAMPAIGN/next_throw)",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=int, default=0, help="of the search (default: 0)"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print next_throw.json, no sentences"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    check_seed(args.seed)
+    if args.launches < 1:
+        raise InputError(f"--launches is {args.launches}; at least 1 is needed.")
+    folder = output_folder(args.out, args.campaign, "next_throw")
+
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+
+        def follow(text: str) -> None:
+            status.update(f"{text} ...")
+
+        from glider.design.findings import findings_of, load_findings
+        from glider.design.limits import load_limits
+        from glider.design.proposal import next_throw
+
+        limits = load_limits(args.limits) if args.limits else None
+        if args.report:
+            findings = load_findings(args.report)
+        else:
+            from glider.sysid.pipeline import close_the_loop
+
+            findings = findings_of(close_the_loop(args.campaign, progress=follow))
+        proposal = next_throw(
+            args.campaign,
+            findings,
+            launches=args.launches,
+            limits=limits,
+            seed=args.seed,
+            progress=follow,
+        )
+        from glider.report.next_throw import print_proposal, to_json, write_proposal
+
+        write_proposal(proposal, folder)
+    if args.json:
+        print(json.dumps(to_json(proposal), indent=2))
+    else:
+        print_proposal(proposal, folder, Console())
+        print(f"Picture: {folder / 'next_throw.png'}")
+    return 0

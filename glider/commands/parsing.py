@@ -1,0 +1,68 @@
+"""What the commands share: how one is added, and arguments that several have."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from glider.errors import InputError
+from glider.files.writing import check_writable
+
+Commands = argparse._SubParsersAction
+"""What `ArgumentParser.add_subparsers` returns."""
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    *,
+    help: str,
+    description: str,
+    epilog: str | None = None,
+) -> argparse.ArgumentParser:
+    """Returns the parser of a new command.
+
+    Args:
+        commands: to add it to.
+        name: that it is called by.
+        run: what it does; returns the exit code.
+        help: a line.
+        description: laid out as it is, as is the epilogue.
+        epilog: below the arguments.
+    """
+    parser = commands.add_parser(
+        name,
+        help=help,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
+def names(text: str) -> list[str]:
+    """Returns names that commas part."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def check_seed(seed: int) -> None:
+    """Raises InputError where a seed is none."""
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; it must not be negative.")
+
+
+def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
+    """Returns the folder to write to, once it is known that it can be.
+
+    Args:
+        out: what was asked for, or None.
+        campaign: whose name the default has: out/CAMPAIGN/parts.
+        parts: of the default, below the campaign.
+    """
+    name = campaign.resolve().name.removesuffix(".zip")
+    folder = out or Path("out", name, *parts)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; a folder is needed.")
+    check_writable(folder)
+    return folder

@@ -1,0 +1,65 @@
+"""The command `samples`: list the campaigns that ship with this package."""
+
+import argparse
+from pathlib import Path
+
+from glider.commands.parsing import Commands, add_command
+from glider.errors import InputError
+
+_DESCRIPTION = """\
+Lists the campaigns that ship with this package: what their logs hold, and how to run
+one. With a name and --out, writes one as a folder of CSV files, to look at or to start
+from. With --tables, closes the loop on each and prints the README's table of them.
+"""
+
+
+def add(commands: Commands) -> None:
+    """Adds the command to a parser's."""
+    parser = add_command(
+        commands,
+        "samples",
+        run,
+        help="list the campaigns that ship with this package",
+        description=_DESCRIPTION,
+    )
+    parser.add_argument("name", nargs="?", help="a sample (default: all)")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--out", type=Path, metavar="DIR", help="write the named sample there, as CSV"
+    )
+    what.add_argument(
+        "--tables",
+        action="store_true",
+        help="close the loop on each, or on the named one; takes minutes",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Runs it; returns the exit code."""
+    from glider.campaign.samples import copy_sample, list_samples, sample_names
+
+    if args.name is not None and args.name not in sample_names():
+        raise InputError(
+            f"there is no sample '{args.name}'; there are {', '.join(sample_names())}."
+        )
+    if args.out is not None:
+        if args.name is None:
+            raise InputError("--out needs the name of the sample to write.")
+        copy_sample(args.name, args.out)
+        print(f"Campaign: {args.out}")
+        return 0
+    names = sample_names() if args.name is None else (args.name,)
+    if args.tables:
+        from glider.studies.known_truth import HEADING, line_of, trace_samples
+
+        print(HEADING)
+        for row in trace_samples(names):
+            print(line_of(row), flush=True)
+        return 0
+    print("sample         flights  what a flat plate in still air lacks")
+    for sample in list_samples():
+        if sample.name in names:
+            print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
+    print(f"\nTo run one:        python -m glider close-the-loop {names[0]}")
+    print(f"To see its files:  python -m glider samples {names[0]} --out mine")
+    return 0
