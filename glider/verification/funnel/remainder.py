@@ -73,7 +73,7 @@ def sample_remainder(
         picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
         return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-    highest = climb_sphere(climbed, starts.reshape(len(at), -1, n))
+    highest, _ = climb_sphere(climbed, starts.reshape(len(at), -1, n))
     found = np.zeros((len(at), n))
     found[:, rows] = highest.reshape(len(at), 2, count, CLIMBS).max(axis=(1, 3))
     return found
