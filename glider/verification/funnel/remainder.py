@@ -3,7 +3,7 @@
 Only the accelerations are not linear in the state. Where |R_k| <= β_k on the set,
     2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. Here the largest |R_k| is looked for;
-`glider.verification.proof.remainder_proof` proves a bound.
+`glider.verification.proof` proves a bound.
 """
 
 import numpy as np

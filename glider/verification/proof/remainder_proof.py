@@ -25,6 +25,9 @@ STRETCH = 1.05
 """Share by which a ball may be wider than the sets along an axis: R grows with its
 fourth power."""
 
+HOPELESS = 1.3
+"""Largest |R| / β that was seen, from which no tighter ball is tried."""
+
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
 
@@ -63,6 +66,7 @@ def prove_remainder(
     found = RemainderProof(proven=False, boxes=0, ratio=np.inf)
     if (stretch <= STRETCH or not halvings) and covers(interval, basis):
         found = bound_remainder(make_remainder(piece, basis, span), budget)
+        halvings = halvings if found.ratio <= HOPELESS else 0
     if found.proven or not halvings:
         return found
     boxes, ratio = found.boxes, 0.0
