@@ -40,7 +40,7 @@ def read_funnel_options(
     parser.add_argument(
         "--remainder", type=float, default=0.0, help="times the largest found"
     )
-    prove = "prove the remainder; takes minutes"
+    prove = "prove that no flight leaves; takes minutes"
     parser.add_argument("--prove", action="store_true", help=prove)
     add_count(parser, "--seed", 0, "of flights", least=0)
     parser.add_argument("--load", metavar="DIR", type=Path, help="funnels saved there")

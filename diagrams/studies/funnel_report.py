@@ -12,7 +12,7 @@ from diagrams.studies.funnel_study import (
     FunnelStudy,
 )
 from glider.physics.state import STATE_NAMES
-from glider.verification.proof.remainder_proof import (
+from glider.verification.proof.words import (
     describe_proof,
     remainder_status,
 )
@@ -63,6 +63,7 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "remainder": remainder_status(funnel, proof),
         "remainder_inflation": funnel.settings.remainder,
         "remainder_proof": describe_proof(funnel, proof) if proof else None,
+        "every_flight": bool(study.verdict.holds and proof and proof.is_whole),
         "solver": funnel.solver,
         "certificate_checked": study.verdict.holds,
         "checked_times": study.verdict.times,

@@ -23,9 +23,9 @@ from glider.verification.proof.check import (
     Verdict,
     check_funnel,
 )
-from glider.verification.proof.remainder_proof import (
-    RemainderProof,
-    prove_remainder,
+from glider.verification.proof.flight_proof import (
+    FlightProof,
+    prove_flights,
 )
 from glider.verification.sos.solving import SolverError
 from glider.verification.trials.estimated import EstimatedFlights
@@ -56,7 +56,7 @@ class FunnelTrials:
     """Step between the times at which a certificate is checked."""
 
     prove: bool = False
-    """Whether the remainder is proved too, where a funnel bears one."""
+    """Whether it is proven that no flight leaves, where a remainder is borne."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -72,8 +72,8 @@ class FunnelStudy:
     falsification: Falsification
     """Flights of its own glider from its boundary."""
 
-    proof: RemainderProof | None
-    """Proof of its remainder, where asked for."""
+    proof: FlightProof | None
+    """Proof that no flight leaves it, where asked for."""
 
     flights: np.ndarray
     """Paths (SHOWN, T, n) of launches from inside."""
@@ -144,10 +144,10 @@ def study_funnel(
     falsification = falsify_funnel(funnel, trials.samples, rng)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
-        proof = prove_remainder(
+        proof = prove_flights(
             funnel,
             trials.every,
-            progress=lambda share: progress(f"remainder: proof, {100.0 * share:.0f} %"),
+            progress=lambda share: progress(f"funnel: proof, {100.0 * share:.0f} %"),
         )
     flights = fly_inside(funnel, SHOWN, rng)
     progress("the funnel, flown by the true glider")

@@ -14,9 +14,10 @@ that the servo stays within its limits; and that it ends in the goal. Needs no s
 and no plan: all is in the file, the glider too. Whether that is your glider, --model
 tells; --problem names another problem than the article's.
 
-The certificate is of the third-order Taylor polynomials of the dynamics, with a bound
-of their remainder. With --prove, the remainder is proven to be within that bound, at
-the same times. Between them V is looked at in floating point only.
+That is of the third-order Taylor polynomials of the dynamics, with a bound of their
+remainder, and between the times V is looked at in floating point only. --prove proves
+it of the full dynamics and in continuous time: that no flight that starts in the inlet
+leaves the funnel. It takes minutes; with --resume FILE one that is broken off goes on.
 
 exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
 """
@@ -49,12 +50,18 @@ def add(commands: Commands) -> None:
         metavar="N",
         type=int,
         default=1,
-        help="check every N-th time only, and the last (default: all)",
+        help="check every N-th time or interval only, and the last (default: all)",
     )
     parser.add_argument(
         "--prove",
         action="store_true",
-        help="prove the bound of the Taylor remainder too; takes minutes",
+        help="prove that no flight leaves it, in continuous time; takes minutes",
+    )
+    parser.add_argument(
+        "--resume",
+        metavar="FILE",
+        type=Path,
+        help="with --prove: keep there what is proven, and go on from it",
     )
     parser.add_argument(
         "--json", action="store_true", help="print JSON instead of sentences"
@@ -67,6 +74,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.every < 1:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
+    if args.resume and not args.prove:
+        raise InputError("--resume is of no use without --prove, which is needed.")
     file = read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -77,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.planning.problem import PerchingProblem, load_problem
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
-    from glider.verification.proof.remainder_proof import prove_remainder
+    from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.words import check_report, describe_check
 
     funnel = funnel_of(file, args.funnel)
@@ -94,7 +103,9 @@ def run(args: argparse.Namespace) -> int:
             funnel, args.every, follow("certificate"), problem=problem, model=model
         )
         if args.prove and verdict.holds:
-            proof = prove_remainder(funnel, args.every, progress=follow("remainder"))
+            proof = prove_flights(
+                funnel, args.every, resume=args.resume, progress=follow("flights")
+            )
     good = verdict.holds and (proof is None or proof.complete)
     if args.json:
         report = check_report(funnel, verdict, proof, problem)

@@ -1,10 +1,11 @@
 """Weights of a tracking feedback, and the feedback as a table over time."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 
 from glider.errors import InputError, show
 from glider.physics.actuator_replay import latest_command
@@ -77,6 +78,10 @@ class TrackingPolicy:
     cost_slope: np.ndarray
     """(M + 1, n) s."""
 
+    is_linear: bool = False
+    """Whether K and k₀ are straight lines between the times, as a funnel has them; else
+    they are cubic splines."""
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states that are fed back."""
@@ -103,8 +108,10 @@ class TrackingPolicy:
             offset (J,) [rad/s] and gain (J, n).
         """
         at = np.clip(times, 0.0, self.duration)
-        gain = CubicSpline(self.times, self.gains)(at)
-        correction = CubicSpline(self.times, self.corrections)(at)
+        curve = functools.partial(make_interp_spline, k=1)
+        curve = curve if self.is_linear else CubicSpline
+        gain = curve(self.times, self.gains)(at)
+        correction = curve(self.times, self.corrections)(at)
         nominal, _, inputs = sample_plan(self.plan, at)
         return inputs - correction + np.sum(gain * nominal, axis=1), gain
 

@@ -1,4 +1,4 @@
-"""How long funnels take, how wide they are, and what a proof of the remainder takes.
+"""How long funnels take, how wide they are, and what a proof takes.
 
 python -m tests.benchmarks.bench_funnel
 """
@@ -14,14 +14,12 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.remainder_proof import (
-    prove_remainder,
-    remainder_status,
-)
+from glider.verification.proof.flight_proof import prove_flights
+from glider.verification.proof.words import remainder_status
 from glider.verification.trials.falsify import falsify_funnel
 
 EVERY = 5
-"""Of the times that the proof looks at."""
+"""Of the intervals that the proof looks at."""
 
 
 def main():
@@ -37,7 +35,7 @@ def main():
         verdict = check_funnel(funnel)
         checked = time.perf_counter() - began
         began = time.perf_counter()
-        proof = prove_remainder(funnel, EVERY) if remainder > 1.0 else None
+        proof = prove_flights(funnel, EVERY) if remainder > 1.0 else None
         proven = time.perf_counter() - began
         attack = falsify_funnel(funnel, 8000, np.random.default_rng(0))
         widths = funnel.half_widths()

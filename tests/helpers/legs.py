@@ -18,7 +18,10 @@ which are the same with any."""
 FILES = (
     "diagrams/test_browser.py",
     "verification/test_defect.py",
+    "verification/test_exact_time.py",
+    "verification/test_flight_proof.py",
     "verification/test_forged.py",
+    "verification/test_interval.py",
     "verification/test_remainder_proof.py",
     "verification/test_taylor_models.py",
 )

@@ -14,5 +14,11 @@ def funnel():
 
 
 @pytest.fixture(scope="session")
+def proven():
+    """The same with a remainder, of which it is proven that no flight leaves."""
+    return load_funnel(models_path("funnels", "proven", "drawn.npz"))
+
+
+@pytest.fixture(scope="session")
 def coefficients(funnel):
     return expand(funnel.nominal)

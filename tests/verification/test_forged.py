@@ -42,7 +42,7 @@ def test_a_copy_by_the_forger_passes(source, vehicle, tmp_path, capsys):
     assert main(["check-funnel", str(path), *FEW, "--model", vehicle]) == 0
     said = capsys.readouterr().out
     assert "holds at 3 of 201 times" in said
-    assert "at 3 points of some intervals" in said
+    assert "at 5 points of some intervals" in said
     assert "5.00 cm of the wire" in said
 
 

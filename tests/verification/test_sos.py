@@ -1,5 +1,6 @@
 """Sums of squares on the sphere, their solvers, and the exact check of a matrix."""
 
+import functools
 import os
 from fractions import Fraction
 
@@ -23,6 +24,7 @@ from glider.verification.sos.grams import (
     least_eigenvalue,
     nearby_gram,
     represent,
+    represent_rest,
 )
 from glider.verification.sos.programs import (
     largest_margin,
@@ -105,12 +107,36 @@ def test_a_near_polynomial_gets_its_gram_matrix_without_a_solver():
     _, margin, entries = largest_margin(polynomial, N)
     lifted = polynomial + (0.1 - margin) * TABLES.constant
     change = 0.02 * np.random.default_rng(6).normal(size=len(polynomial))
-    found = nearby_gram(TABLES, entries, lifted + change, 0.01)
+    closest = functools.partial(represent, TABLES, coefficients=lifted + change)
+    found = nearby_gram(TABLES, entries, closest, 0.01)
     assert found is not None
     assert TABLES.map @ found == pytest.approx(lifted + change, abs=1e-12)
     assert least_eigenvalue(TABLES, found) >= 0.01
     below = polynomial - (margin + 0.1) * TABLES.constant
-    assert nearby_gram(TABLES, entries, below, 0.01, rounds=20) is None
+    closest = functools.partial(represent, TABLES, coefficients=below)
+    assert nearby_gram(TABLES, entries, closest, 0.01, rounds=20) is None
+
+
+def test_a_gram_matrix_may_have_a_block_that_is_known():
+    rng = np.random.default_rng(7)
+    gram = rng.normal(size=(TABLES.size, TABLES.size))
+    gram, block = gram + gram.T, np.diag(rng.uniform(size=N))
+    cubic_and_quartic = rng.normal(size=len(TABLES.map))
+    found = represent_rest(TABLES, TABLES.entries(gram), block, cubic_and_quartic)
+    matrix = TABLES.matrix(found)
+    assert np.array_equal(matrix[:N, :N], block)
+    matrix[:N, :N] = 0.0  # What is left represents the forms without it.
+    assert TABLES.map @ TABLES.entries(matrix) == pytest.approx(cubic_and_quartic)
+
+
+def test_a_change_of_variables_moves_the_basis_of_gram_matrices():
+    rng = np.random.default_rng(8)
+    turn, z = rng.normal(size=(N, N)), rng.normal(size=N)
+
+    def basis(z):
+        return TABLES.scales * np.prod(z**TABLES.basis, axis=1)
+
+    assert TABLES.substitution(turn) @ basis(z) == pytest.approx(basis(turn @ z))
 
 
 def test_the_solver_may_die_and_the_program_goes_on():

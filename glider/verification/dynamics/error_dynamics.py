@@ -79,9 +79,20 @@ def expand(nominal: Nominal) -> np.ndarray:
     return coefficients
 
 
-def table_of(num_states: int) -> Monomials:
+def expand_rates(nominal: Nominal) -> np.ndarray:
+    """Returns the Taylor coefficients (T, n, M) of f in n states and the command.
+
+    The constant is f at the nominal; the monomials are those of `table_of(n + 1)`.
+    """
+    *states, command = variables(np.vstack([nominal.states.T, nominal.inputs]), ORDER)
+    rates = open_loop_rates(nominal.model, states, command)
+    coefficients = np.array([coefficients_of(rate, command) for rate in rates])
+    return np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
+
+
+def table_of(num_variables: int) -> Monomials:
     """Returns the monomials that `expand` gives coefficients of."""
-    return monomials(num_states, ORDER)
+    return monomials(num_variables, ORDER)
 
 
 def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:

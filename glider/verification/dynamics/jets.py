@@ -64,6 +64,13 @@ class Monomials:
             values[here] = values[self._lower[here]] * points.T[self._factor[here]]
         return values.T
 
+    def without(self, others: np.ndarray) -> np.ndarray:
+        """Returns which monomials have none of some variables, (M,).
+
+        They are those of the variables that are left, in the same order.
+        """
+        return np.logical_not(np.any(self.exponents[:, others], axis=1))
+
     def of_degree(self, degree: int) -> slice:
         """Returns where the monomials of one degree are."""
         return slice(*np.searchsorted(self.degrees, [degree, degree + 1]))

@@ -61,8 +61,8 @@ def largest_values(
     return value[rows, best], z[rows, best]
 
 
-def climb_sphere(function: Callable, z: np.ndarray) -> np.ndarray:
-    """Returns the values (K, B) that climbing on unit spheres from points reaches.
+def climb_sphere(function: Callable, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns what climbing on unit spheres reaches: values (K, B), points (K, B, n).
 
     Args:
         function: of points (K, B N, n), N in a row for each of B, to values (K, B N).
@@ -84,7 +84,7 @@ def climb_sphere(function: Callable, z: np.ndarray) -> np.ndarray:
         z = np.where(up, moved, z)
         value = np.maximum(value, reached)
         stride *= np.where(up, 1.2, 0.4)
-    return value
+    return value, z
 
 
 def _value_and_half_slope(quadratic, third, fourth, z):

@@ -1,6 +1,7 @@
 """The making of a funnel: shape it, scale it, certify it at every time."""
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable
 
@@ -232,7 +233,8 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
     for k in range(len(polynomials) - 1, -1, -1):
         gram = None
         if before is not None:
-            gram = nearby_gram(tables, before, polynomials[k], least)
+            closest = functools.partial(represent, tables, coefficients=polynomials[k])
+            gram = nearby_gram(tables, before, closest, least)
         if gram is None:
             gram = _solve(tables, polynomials[k])
             if least_eigenvalue(tables, gram) < least:

@@ -8,7 +8,8 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
     times   (T,)       times, increasing from 0 [s]
     states  (T, n)     x₀ of the nominal flight, in the order of `state_names`
     inputs  (T,)       u₀, the elevator's rate [rad/s]
-    gains   (T, n)     K of the feedback u = u₀ - K (x - x₀)
+    gains   (T, n)     K of the feedback u = u₀ - K (x - x₀); u₀ and K are straight
+                       lines between the times, x₀ is the cubic Hermite polynomial
     S       (T, n, n)  of the sets V = (x - x₀)ᵀ S (x - x₀) <= 1; symmetric
     slopes  (T, n, n)  Ṡ [1/s], symmetric; between the times S is the cubic Hermite
                        polynomial

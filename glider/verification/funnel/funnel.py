@@ -75,6 +75,14 @@ class Funnel:
         last = len(self.nominal.times) - 1
         return sorted({*range(0, last + 1, every), last})
 
+    def between(self, first: int, last: int) -> "Funnel":
+        """Returns the funnel from one of its times to another, given their indices."""
+        here = slice(first, last + 1)
+        parts = {name: getattr(self.nominal, name)[here] for name in _NOMINAL_ARRAYS}
+        own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
+        nominal = dataclasses.replace(self.nominal, **parts)
+        return dataclasses.replace(self, nominal=nominal, **own)
+
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
         return self._curves[1](self._inside(times))

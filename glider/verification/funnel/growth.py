@@ -20,8 +20,10 @@ from glider.verification.sos.forms import (
     to_ball,
 )
 
-SHARES = (0.25, 0.5, 0.75)
-"""Points of each interval between two times where V̇ is looked at."""
+SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Points of each interval between two times where V̇ is looked at. With three, a funnel
+was made that had no margin left between two of them, where a limit of the servo cuts it
+down, and that could not be proven."""
 
 
 class BoundaryForms(NamedTuple):

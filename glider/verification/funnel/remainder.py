@@ -3,7 +3,7 @@
 Only the accelerations are not linear in the state. Where |R_k| <= β_k on the set,
     2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. Here the largest |R_k| is looked for;
-`glider.verification.proof.remainder_proof` proves a bound.
+`glider.verification.proof` proves a bound.
 """
 
 import numpy as np
@@ -73,7 +73,7 @@ def sample_remainder(
         picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
         return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-    highest = climb_sphere(climbed, starts.reshape(len(at), -1, n))
+    highest, _ = climb_sphere(climbed, starts.reshape(len(at), -1, n))
     found = np.zeros((len(at), n))
     found[:, rows] = highest.reshape(len(at), 2, count, CLIMBS).max(axis=(1, 3))
     return found

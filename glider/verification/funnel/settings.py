@@ -50,7 +50,7 @@ class FunnelSettings:
     remainder: float = 0.0
     """Inflation: how many times the largest Taylor remainder that is found acts as a
     disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
-    proven that the true one is no larger."""
+    proven that the true one is no larger, at all times."""
 
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""

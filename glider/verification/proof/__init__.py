@@ -1,33 +1,50 @@
 """The proof of a funnel, without a solver and without trust in how it was made.
 
-check: the verdict about a certificate. purpose: whether it is of the problem and the
-glider that are meant. exact_check: the part in whole numbers. remainder_proof: that the
-Taylor remainder is within the bounds that the certificate assumes. enclosure: that
-remainder on boxes of deviations. boxes: polynomials on boxes. words: what was checked,
-in sentences.
+check: the verdict about a certificate, at its times. purpose: whether it is of the
+problem and the glider that are meant. exact_check: the part in whole numbers.
+flight_proof: that no flight leaves, interval by interval. interval_proof: one of them.
+interval: its polynomials in time. interval_sets: the servo, and a ball that holds the
+sets. interval_growth: that V falls. remainder_proof, enclosure, boxes: that the Taylor
+remainder is within the bounds that the certificate assumes. counterexample: where it
+may fail. words: what was checked, in sentences.
 
-Theorem. Let a funnel pass `check_funnel` with a problem, and `prove_remainder`, both
-with every = 1. Then at each of its times t_k the set E_k = {x₀ + e: eᵀ S_k e <= 1} is
-an ellipsoid on which the servo does as it is told, and on its boundary
-    eᵀ Ṡ e + 2 eᵀ S (f(x₀ + e, u₀ - K e) - f(x₀, u₀) + d) <= -slack eᵀ S e
-for every d with |d_i| <= δ_i, the nominal's largest defect over the intervals that meet
-in t_k (`glider.verification.dynamics.defect`). E_0 is about the problem's launch. The
-last set lies in the goal about the nominal's end, and that within the hook's reach of
-the wire.
+Between its times t_k a funnel is this: with τ from 0 to 1, x₀ and S are cubic Hermite
+polynomials, u₀ and K straight lines; its sets are E(t) = {x₀ + e: eᵀ S e <= 1}, and its
+feedback is u = u₀ - K (x - x₀).
 
-Nothing follows between the times: there `check_funnel` looks for V̇ >= 0 by ascent, in
-floating point, at three points of each interval, and does not look at R or the servo.
-So "every flight stays inside" is not proven, but at each t_k that V falls.
+Theorem. Let a funnel pass `check_funnel` with a problem, and let `prove_flights` be
+whole. Then every flight of its glider, ẋ = f(x, servo(u)), that starts in E(0), which
+is about the problem's launch, is in E(t) at every time 0 <= t <= T; its servo does on
+all the way as it is told; and it ends in the goal, within the hook's reach of the wire.
 
-Enclosed or exact: S_k > 0, the servo's limits, V̇ of the polynomials with β and δ (whole
-numbers); δ (Taylor models in time); |R| <= β (Taylor models on boxes, what rounding
-leaves of dropped coordinates included); E_T in the goal, to 1e-9 of it.
+Proof. With V = eᵀ S e, on each interval and for all of its times and deviations
+1. S is positive definite, and on E neither limit of the servo is met: b > 0 and
+   b² S - a aᵀ > 0 for each limit aᵀ e < b. So ẋ = f(x, u) there.
+2. ė = P(τ, e) + R + d, P a straight line in time between the third-order Taylor
+   polynomials of f at both ends, with the feedback put in. d is the nominal's defect in
+   the rates that are linear, |d| <= δ; R is all else that f(x, u) - ẋ₀ - P is in the
+   others, and |R_k| <= β_k, a straight line in time, on E.
+3. On V = 1, for λ_k and μ_k straight lines between λ_k and β_k² / λ_k,
+   2 eᵀ S R <= Σ λ_k (S e)_k² + μ_k V, because β_k² <= λ_k μ_k: √(λ μ) is concave.
+   And 2 eᵀ S d <= 2 √(δᵀ |S| δ).
+4. So V̇ <= -slack there, if a polynomial in e and τ is positive, which it is where a
+   Gram matrix with its Bernstein coefficients is (`interval_growth`).
+A flight that left had a last time with V = 1, and V > 1 after it: against 4.
+
+After `check_funnel` alone, or with every > 1, this is known at the times, or on the
+intervals, that were looked at, and no flight's future follows.
+
+Exact, in whole numbers: 1 and 4, and that the balls of 2 hold E; at the end, E(T) in
+the goal but for 1e-9 of it. Enclosed, rounding included: R (Taylor models on boxes of
+deviations and time) and δ (Taylor models in time).
 Floating point: the launch, the wire and the problem's bounds are compared to 1e-6 and
 1e-4; of the rates that are linear (positions, pitch, elevator) the coefficients are
-taken as computed, so that their rounding, 1e-16 of them, is left out.
+taken as computed, so that their rounding, 1e-16 of them, is left out, and so is that of
+the cubic polynomials' coefficients.
 
 Assumed: IEEE arithmetic; NumPy's functions err by less than 100 units in the last
 place; f is the text of `glider.physics.chain` with the glider's numbers, in real
 arithmetic; the feedback knows the true state and acts at once; the servo is
-`glider.physics.servo`; Python, NumPy and this package do what they say.
+`glider.physics.servo`; Python, NumPy and this package do what they say; so did they
+when what a proof resumes from was written.
 """

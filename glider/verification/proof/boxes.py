@@ -1,6 +1,7 @@
 """Polynomials on boxes of a ball: their Taylor models there, and how large they are.
 
-A box is w = center + half v with |v_i| <= 1, the ball is |w| <= RADIUS.
+A box is w = center + half v with |v_i| <= 1, the ball is |w| <= 1. A coordinate that
+the ball leaves free, as time, has center and half-width zero in it.
 """
 
 import functools
@@ -16,33 +17,9 @@ from glider.verification.dynamics.taylor_models import (
     TaylorModel,
 )
 
-BALL_ERROR = 1e-8
-"""Sum of the entries of |basisᵀ S basis - I|, where e = basis w; with less, the ball
-|w| <= RADIUS holds all deviations of a set."""
-
-RADIUS = 1.0 + BALL_ERROR
-"""Radius of the ball, a little above 1: deviations are brought to it with rounding."""
-
 SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
 of higher degree."""
-
-
-def row_on_boxes(table, row, center, half):
-    """Returns the Taylor model of row · (center + half v).
-
-    Args:
-        table: the Monomials in v.
-        row: (m,).
-        center: (m, B) of the boxes.
-        half: (m, B) their half-widths.
-    """
-    m, boxes = center.shape
-    coefficients = np.zeros((len(table.degrees), boxes))
-    coefficients[0] = row @ center
-    coefficients[1 : m + 1] = row[:, None] * half
-    remainder = ROUNDING * (np.abs(row) @ (np.abs(center) + half))
-    return TaylorModel(table, coefficients, remainder)
 
 
 def shifted(table, polynomial, center, half):
@@ -85,6 +62,8 @@ def _shift(polynomial, centers, halves, left, right, binomials):
     shifted, sizes = np.zeros_like(centers), np.zeros(centers.shape[1])
     for p in range(len(left)):
         factor = polynomial[where[p]] * times[p]
+        if factor == 0.0:
+            continue
         for box in range(centers.shape[1]):
             part = factor * centers[right[p], box] * halves[left[p], box]
             shifted[left[p], box] += part
@@ -96,7 +75,7 @@ def bound_in_ball(coefficients, remainder, center, half, exponents):
     """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in the ball.
 
     For any λ >= 0 the maximum of p in the ball is at most that of
-        p(v) + λ (RADIUS² - |center + half v|²)
+        p(v) + λ (1 - |center + half v|²)
     over the box; there, what is mixed in v or cubic counts by its size, and the others
     are a sum of quadratic functions of one v_i each. λ is the best of a few.
 
@@ -108,13 +87,13 @@ def bound_in_ball(coefficients, remainder, center, half, exponents):
         exponents: (M, m) of the monomials.
     """
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    constants = RADIUS * RADIUS, ROUNDING, WIDER
+    constants = ROUNDING, WIDER
     return _bound_in_ball(coefficients, remainder, center, half, exponents, constants)
 
 
 @machine_code
 def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
-    square_radius, rounding, wider = constants
+    rounding, wider = constants
     count, boxes = coefficients.shape
     m = len(center)
     square = np.zeros(count, dtype=np.int64)
@@ -138,7 +117,7 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
         if not np.isfinite(known):  # min and max would drop a NaN.
             bounds[box] = np.inf
             continue
-        room = square_radius
+        room = 1.0
         for i in range(m):
             room -= center[i, box] ** 2
         worst = 0.0
@@ -156,7 +135,7 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
                 if not weight >= 0.0:
                     continue
                 value = weight * room
-                size = weight * (abs(room) + square_radius)
+                size = weight * (abs(room) + 1.0)
                 for i in range(m):
                     first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
                     second = sign * quadratic[i] - weight * half[i, box] ** 2

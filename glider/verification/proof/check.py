@@ -3,9 +3,9 @@
 `purpose`: the funnel is one of the problem and the glider that are meant.
 `glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
 `exact_check`: V falls on the boundary at each time, in whole numbers. Then, in floating
-point: no remainder larger than β_k is seen, and V falls between the times too. That the
-remainder is within β_k everywhere is for `remainder_proof`. What follows from it all is
-a theorem in `glider.verification.proof`.
+point: no remainder larger than β_k is seen, and V falls between the times too. Proof of
+both, and in continuous time, is for `flight_proof`. What follows from it all is a
+theorem in `glider.verification.proof`.
 """
 
 import dataclasses
@@ -17,20 +17,23 @@ from threadpoolctl import threadpool_limits
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.error_dynamics import expand, nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
     SHARES,
     GrowthBetween,
 )
-from glider.verification.funnel.remainder import LEAST_REMAINDER
-from glider.verification.proof.enclosure import make_remainder
+from glider.verification.funnel.remainder import LEAST_REMAINDER, remainder_of
 from glider.verification.proof.exact_check import (
     exact_faults,
     proven_slack,
 )
 from glider.verification.proof.purpose import model_faults, problem_faults
+from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
+
+SAMPLES = 1000
+"""Points of the boundary where the remainder is looked at, at each time."""
 
 STARTS = 8
 """Points where the ascent to the largest growth starts, besides the axes of its
@@ -145,12 +148,17 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
         funnel: the funnel.
         at: indices of the times.
     """
-    coefficients, ratios = expand(funnel.nominal), [0.0]
+    nominal, n = funnel.nominal, funnel.num_states
+    coefficients, ratios = expand(nominal), [0.0]
+    points = normalized(np.random.default_rng(0).normal(size=(SAMPLES, n)))
+    _, rows = nonlinear_parts(nominal.model, n)
     for k in at:
-        remainder = make_remainder(funnel.nominal, k, coefficients, funnel.S[k])
-        counts = ~(remainder.largest <= LEAST_REMAINDER)  # What is no number counts.
+        errors = points @ to_ball(funnel.S[k])[1].T
+        found = remainder_of(nominal, coefficients, np.array([k]), errors[None])[0]
+        largest = np.abs(found).max(axis=0)[rows]
+        counts = ~(largest <= LEAST_REMAINDER)  # What is no number counts.
         with np.errstate(divide="ignore"):
-            ratios.extend((remainder.largest / funnel.beta[k, remainder.rows])[counts])
+            ratios.extend((largest / funnel.beta[k, rows])[counts])
     return float(np.max(ratios))  # np.max keeps a NaN, max does not.
 
 

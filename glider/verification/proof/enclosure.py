@@ -1,40 +1,41 @@
-"""An enclosure of the Taylor remainder R on boxes of deviations.
+"""An enclosure of the Taylor remainder R over an interval of time, on boxes.
 
-Deviations of the set are e = basis w with |w| <= 1. The rates that are not linear
-depend on a few combinations of e only, so that w has fewer entries than e; the basis is
-turned so that R varies most along w₁, then along w₂, and so on. What rounding leaves of
-the other entries of w in these combinations is enclosed too.
+The rates that are not linear depend on some of the deviations e and of the command's,
+which is -K e: y = C(τ) e, with C linear in τ from 0 to 1 along the interval. About the
+nominal they have Taylor polynomials P in y, a straight line in time between those at
+its ends, and
+    R(τ, y) = f(x₀(τ) + y, u₀(τ) + y) - ẋ₀(τ) - P(τ, y):
+what the degree, the straight line and the nominal's defect leave out. All y of the sets
+are basis w with |w| <= 1, and boxes are of w and of time, s = 2 τ - 1. The basis is
+turned so that R varies most along w₁, then along w₂, and so on.
 """
 
 import dataclasses
 
 import numpy as np
 
+from glider.physics.model import GliderModel
 from glider.verification.dynamics.error_dynamics import (
     ORDER,
-    closed_loop_rates,
+    expand_rates,
     nonlinear_parts,
+    open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.dynamics.taylor_models import (
     ROUNDING,
     WIDER,
 )
 from glider.verification.funnel.ascent import DIFFERENCE
-from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import (
-    BALL_ERROR,
-    RADIUS,
     blame_of,
     bound_in_ball,
-    row_on_boxes,
     shifted,
 )
-from glider.verification.sos.forms import (
-    change_variables,
-    to_ball,
-)
+from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
 TURN_SAMPLES = 1000
@@ -43,148 +44,183 @@ TURN_SAMPLES = 1000
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TaylorRemainder:
-    """R over a set at one time, ready to be enclosed on boxes of w."""
+    """R over the sets of an interval, ready to be enclosed on boxes of (w, s).
 
-    nominal: Nominal
-    """Nominal flight."""
+    Polynomials are in (w, s), by `jets.monomials(m + 1, ORDER)`.
+    """
 
-    at: int
-    """Index of the time."""
+    model: GliderModel
+    """Glider whose rates they are."""
 
     rows: list[int]
-    """Indices (r,) of the rates that are not linear; R of the others is rounding."""
+    """Indices (r,) of the rates that are not linear."""
 
     basis: np.ndarray
-    """Matrix (n, m) of e = basis w."""
+    """Matrix (m, m) of y = basis w."""
+
+    inputs: np.ndarray
+    """Polynomials (n + 1, M) of the states x₀ + y, and of the command."""
 
     polynomials: np.ndarray
-    """Taylor polynomials (r, M) of these rates' deviations, in w."""
+    """Polynomials (r, M) of ẋ₀ + P, without what is of degree ORDER + 1."""
 
-    dropped: np.ndarray
-    """Bounds (n + 1,) of what each deviation and the command may differ by from what w
-    makes of it, where the rates that are not linear depend on it; else zero."""
-
-    nominal_rates: np.ndarray
-    """These rates (r,) at the nominal."""
+    highest: np.ndarray
+    """What these lack, divided by s: polynomials (r, M)."""
 
     rounding: np.ndarray
     """Bounds (r,) of what rounding leaves out of the two."""
 
-    largest: np.ndarray
-    """Largest |R| (r,) that was seen: no proof can be of less. Infinite where no proof
-    can be at all, because the set is nearly flat."""
+    limits: np.ndarray
+    """Polynomials (r, M) of the bounds β that R has to keep, linear in s."""
+
+    span: tuple[float, float]
+    """First and last s."""
+
+    seen: np.ndarray
+    """Largest |R| / β (r,) that was seen at the middle of that."""
 
     def bounds(
         self, center: np.ndarray, half: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Encloses |R| on boxes.
+        """Encloses |R| / β on boxes.
 
         Args:
-            center: (m, B) of boxes.
-            half: (m, B) their half-widths.
+            center: (m + 1, B) of boxes.
+            half: (m + 1, B) their half-widths.
 
         Returns:
-            bounds (r, B) of |R| on the parts of the boxes with |w| <= RADIUS; what it
-            surely reaches in their centers, if in the unit ball, (r, B); how much each
-            w_i is to blame for the bounds, (r, m, B).
+            bounds (r, B) on the parts of the boxes with |w| <= 1; what is surely
+            reached in their centers, if in the unit ball, (r, B); how much each w_i and
+            s are to blame for the bounds, (r, m + 1, B).
         """
-        table = table_of(len(center))
-        rates = _rates_on(
-            table, self.nominal, self.at, self.basis, self.dropped, center, half
-        )
-        within = np.sum(center**2, axis=0) <= 1.0
+        m = len(self.basis)
+        table = monomials(m + 1, ORDER)
+
+        def on_boxes(polynomial):
+            return shifted(table, polynomial, center, half)
+
+        *states, command = map(on_boxes, self.inputs)
+        rates = open_loop_rates(self.model, states, command)
+        time = on_boxes(np.eye(1, len(table.degrees), m + 1)[0])
+        free = np.arange(m + 1)[:, None] == m
+        in_ball = np.where(free, 0.0, center), np.where(free, 0.0, half)
+        within = np.sum(center[:m] ** 2, axis=0) <= 1.0
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
-            polynomial = shifted(table, self.polynomials[i], center, half)
-            difference = rates[row] - self.nominal_rates[i] - polynomial
-            coefficients = difference.coefficients
-            unknown = (difference.remainder + self.rounding[i]) * WIDER
-            most.append(
-                bound_in_ball(coefficients, unknown, center, half, table.exponents)
-            )
-            least.append(np.where(within, np.abs(coefficients[0]) - unknown, 0.0))
-            blame.append(blame_of(difference, rates[row]))
+            rate = rates[row]
+            difference = rate - on_boxes(self.polynomials[i])
+            difference = difference - time * on_boxes(self.highest[i])
+            difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
+            ratio = difference / on_boxes(self.limits[i])
+            sizes, unknown = ratio.coefficients, ratio.remainder
+            most.append(bound_in_ball(sizes, unknown, *in_ball, table.exponents))
+            least.append(np.where(within, np.abs(sizes[0]) - unknown, 0.0))
+            blame.append(blame_of(ratio, rate))
         return np.array(most), np.array(least), np.array(blame)
 
 
 def make_remainder(
-    nominal: Nominal, at: int, coefficients: np.ndarray, S: np.ndarray
+    piece: Funnel, basis: np.ndarray, span: tuple[float, float] = (-1.0, 1.0)
 ) -> TaylorRemainder:
-    """Prepares the enclosure of R = ė - p(e) over {eᵀ S e <= 1} at one time.
+    """Prepares the enclosure of R on a part of a funnel of two times.
 
     Args:
-        nominal: the flight.
-        at: index of the time.
-        coefficients: (T, n, M) of p, as `expand` gives them.
-        S: (n, n).
+        piece: the funnel.
+        basis: (m, m): all y of the sets there are basis w with |w| <= 1.
+        span: first and last s of the part.
     """
-    n = len(S)
+    nominal, n = piece.nominal, piece.num_states
     which, rows = nonlinear_parts(nominal.model, n)
     m = len(which)
-    variables = np.vstack([np.eye(n), -nominal.gains[at]])[which]
-    L_inv_T = to_ball(S)[1]
-    # z = V w: the first m columns of V move the variables, the others do not.
-    basis = L_inv_T @ np.linalg.svd(variables @ L_inv_T)[2].T
-    turn, largest = _active(nominal, at, coefficients, basis[:, :m], rows)
-    basis[:, :m] = basis[:, :m] @ turn
-    error = np.abs(basis.T @ S @ basis - np.eye(n)).sum()
-    error += ROUNDING * (np.abs(basis).T @ np.abs(S) @ np.abs(basis)).sum()
-    if not error < BALL_ERROR:
-        largest = np.full(len(rows), np.inf)  # S is all but singular.
-    dropped = np.zeros(n + 1)
-    dropped[which] = np.abs(variables @ basis[:, m:]).sum(axis=1)
-    dropped[which] += ROUNDING * (np.abs(variables) @ np.abs(basis)).sum(axis=1)
-    dropped *= RADIUS * WIDER
-    polynomials = change_variables(coefficients[at], basis)[rows]
-    sizes = change_variables(np.abs(coefficients[at]), np.abs(basis))[rows]
-    inside = ~table_of(n).exponents[:, m:].any(axis=1)
-    # Exactly, there would be nothing outside.
-    outside = np.abs(polynomials[:, ~inside]).sum(axis=1) * RADIUS**ORDER
-    point = np.zeros((m, 1))
-    none = np.zeros(n + 1)
-    rates = _rates_on(table_of(m), nominal, at, basis[:, :m], none, point, point)
-    at_nominal = [rates[row] for row in rows]
-    rounded = ROUNDING * sizes.sum(axis=1) * RADIUS**ORDER
-    rounded += [rate.remainder[0] for rate in at_nominal]
+    table, open_loop = monomials(m + 1, ORDER), table_of(n + 1)
+    own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
+    P = expand_rates(nominal)[:, rows][..., own]
+    P[..., 0] = 0.0  # That is in ẋ₀.
+    path, slopes = _path_and_slopes(nominal)
+    inputs_ends = _mean_and_half_change(nominal.inputs)
+    P_ends, beta_ends = map(_mean_and_half_change, (P, piece.beta[:, rows]))
+    s = 0.5 * sum(span)
+    middle = np.append(path @ s ** np.arange(ORDER + 1), inputs_ends @ [1.0, s])
+    P_here = P_ends[0] + s * P_ends[1]
+    basis, largest = _turned(nominal.model, middle, P_here, basis)
+    with np.errstate(all="ignore"):
+        ratios = largest / (beta_ends[0] + s * beta_ends[1])
+
+    plain = table.exponents[:, m] == 0
+    timed = table.exponents[:, m] == 1
+    powers = [j * np.eye(m + 1, dtype=int)[m] for j in range(ORDER + 1)]
+    times = [np.flatnonzero((table.exponents == p).all(axis=1))[0] for p in powers]
+    inputs = np.zeros((n + 1, len(table.degrees)))
+    inputs[:-1, times] = path
+    inputs[-1, times[:2]] = inputs_ends
+    inputs[which, 1 : m + 1] = basis
+    mean, change = (change_variables(p, basis) for p in P_ends)
+    sizes = change_variables(np.abs(P).max(axis=0), np.abs(basis)).sum(axis=1)
+    low = table_of(m).degrees < ORDER
+    polynomials, highest, limits = np.zeros((3, len(rows), len(table.degrees)))
+    polynomials[:, plain], polynomials[:, timed] = mean, change[:, low]
+    polynomials[:, times[:-1]] += slopes[rows]
+    highest[:, plain] = np.where(low, 0.0, change)
+    limits[:, times[:2]] = beta_ends.T
     return TaylorRemainder(
-        nominal=nominal,
-        at=at,
+        model=nominal.model,
         rows=rows,
-        basis=basis[:, :m],
-        polynomials=polynomials[:, inside],
-        dropped=dropped,
-        nominal_rates=np.array([rate.coefficients[0, 0] for rate in at_nominal]),
-        rounding=(outside + rounded) * WIDER,
-        largest=largest,
+        basis=basis,
+        inputs=inputs,
+        polynomials=polynomials,
+        highest=highest,
+        rounding=2.0 * ROUNDING * WIDER * sizes,
+        limits=limits,
+        span=span,
+        seen=np.nan_to_num(ratios, nan=np.inf),
     )
 
 
-def _rates_on(table, nominal, at, basis, dropped, center, half):
-    """Returns ẋ of the closed loop as Taylor models on boxes of w."""
-    x0, nothing = nominal.states[at], np.zeros(basis.shape[1])
-    states = []
-    for row, x, missing in zip(basis, x0, dropped[:-1], strict=True):
-        state = row_on_boxes(table, row, center, half).plus(x)
-        state.remainder = state.remainder + missing
-        states.append(state)
-    command = row_on_boxes(table, nothing, center, half).plus(nominal.inputs[at])
-    command.remainder = command.remainder + dropped[-1]
-    return closed_loop_rates(nominal.model, states, nominal.gains[at], x0, command)
+def _mean_and_half_change(ends):
+    """Returns a and b of the straight line a + b s, s from -1 to 1."""
+    return 0.5 * np.array([ends[0] + ends[1], ends[1] - ends[0]])
 
 
-def _active(nominal, at, coefficients, basis, rows):
-    """Returns axes of w (columns) by how much R varies along them, and max |R|."""
-    m = basis.shape[1]
+def _path_and_slopes(nominal):
+    """Returns x₀ (n, 4) and ẋ₀ (n, 3) as powers of s, lowest first."""
+    half = 0.5 * (nominal.times[1] - nominal.times[0])
+    since = np.polynomial.Polynomial([half, half])
+    curves = nominal_path(nominal).c[::-1, 0].T
+    path = np.zeros((len(curves), ORDER + 1))
+    for row, curve in zip(path, curves, strict=True):
+        powers = np.polynomial.Polynomial(curve)(since).coef
+        row[: len(powers)] = powers
+    return path, path[:, 1:] * np.arange(1, ORDER + 1) / half
+
+
+def _turned(model, center, polynomials, basis):
+    """Returns a basis with axes in the order of how much R varies, and max |R| (r,).
+
+    Args:
+        model: the glider.
+        center: (n + 1,) x₀ and u₀.
+        polynomials: (r, M) P.
+        basis: (m, m) before.
+    """
+    n = len(center) - 1
+    which, rows = nonlinear_parts(model, n)
+    table = table_of(len(which))
+
+    def rates(y):
+        inputs = np.repeat(center[:, None], len(y), axis=1)
+        inputs[which] += y.T
+        found = open_loop_rates(model, list(inputs[:-1]), inputs[-1])
+        return np.array([found[row] for row in rows]).T
 
     def remainder(w):
-        e = w @ basis.T
-        found = remainder_of(nominal, coefficients, np.array([at]), e[None])
-        return found[0][:, rows]
+        y = w @ basis.T
+        return rates(y) - rates(0.0 * y) - table.values(y) @ polynomials.T
 
+    m = len(basis)
     w = normalized(np.random.default_rng(0).normal(size=(TURN_SAMPLES, m)))
     steps = DIFFERENCE * np.eye(m)
     slopes = np.array([remainder(w + step) - remainder(w - step) for step in steps])
     largest = np.abs(remainder(w)).max(axis=0)
     slopes /= np.maximum(largest, 1e-300)
     _, axes = np.linalg.eigh(np.einsum("ibr,jbr->ij", slopes, slopes))
-    return axes[:, ::-1], largest
+    return basis @ axes[:, ::-1], largest

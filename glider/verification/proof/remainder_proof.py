@@ -1,195 +1,124 @@
 """The proof that the Taylor remainder is no larger than a funnel bears.
 
-The ball of deviations is covered with boxes; on each, Taylor models enclose R. A box on
-which the bound is too large is halved, until all are good or there are too many.
+The ball of deviations, times an interval of time, is covered with boxes; on each,
+Taylor models enclose R / β. A box on which the bound is above 1 is halved, until all
+are good or there are too many. The ball has to cover the sets of all of an interval;
+where it is too wide for that, there is one for each half.
 """
 
 import dataclasses
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.boxes import RADIUS
-from glider.verification.proof.enclosure import make_remainder
+from glider.verification.proof.enclosure import TaylorRemainder, make_remainder
+from glider.verification.proof.interval import Interval
+from glider.verification.proof.interval_sets import covers, tight_cover
 
 BUDGET = 400_000
-"""Boxes at one time until the search gives up; the shipped funnels take 30,000."""
+"""Boxes of one interval until the search gives up; the shipped funnels take 30,000."""
+
+HALVINGS = 4
+"""Times that an interval is halved for a ball that is tight enough."""
+
+STRETCH = 1.05
+"""Share by which a ball may be wider than the sets along an axis: R grows with its
+fourth power."""
+
+HOPELESS = 1.3
+"""Largest |R| / β that was seen, from which no tighter ball is tried."""
 
 BATCH = 256
 """Boxes that are bounded at once; more do not fit the cache."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class TimeProof:
-    """The outcome of a proof at one time."""
+class RemainderProof:
+    """The outcome of a proof on one interval."""
 
     proven: bool
-    """Whether |R_k| <= β_k on the whole set."""
+    """Whether |R| <= β on all of its sets."""
 
     boxes: int
     """Number of boxes that were bounded."""
 
     ratio: float
-    """Largest |R_k| / β_k that was seen; above 1 there is nothing to prove."""
+    """Largest |R| / β that was seen; above 1 there is nothing to prove."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RemainderProof:
-    """The outcome of the proof of a funnel's remainder."""
-
-    times: np.ndarray
-    """Times (N,) that were tried [s]."""
-
-    at_times: tuple[TimeProof, ...]
-    """Outcome at each time."""
-
-    @property
-    def until(self) -> float | None:
-        """Last time before which nothing is left unproven; None for no time [s]."""
-        last = None
-        for time, proof in zip(self.times, self.at_times, strict=True):
-            if not proof.proven:
-                break
-            last = float(time)
-        return last
-
-    @property
-    def complete(self) -> bool:
-        """Whether it is proven at all times that were tried."""
-        return all(proof.proven for proof in self.at_times)
-
-    @property
-    def boxes(self) -> int:
-        """Number of boxes at all times."""
-        return sum(proof.boxes for proof in self.at_times)
-
-
-def remainder_status(funnel: Funnel, proof: RemainderProof | None = None) -> str:
-    """Returns how a funnel's remainder is known.
-
-    "none" where it bears none, else "sampled", or with a proof of it "rigorous until
-    t=0.8795", the last time before which nothing that was tried is left unproven, and
-    "at 3 of 201 times" if these were not all.
-    """
-    if not funnel.beta.any():
-        return "none"
-    if proof is None or proof.until is None:
-        return "sampled"
-    status, count = f"rigorous until t={proof.until:.4f}", len(funnel.nominal.times)
-    tried = len(proof.times)
-    return status if tried == count else f"{status} at {tried} of {count} times"
-
-
-def describe_proof(funnel: Funnel, proof: RemainderProof) -> str:
-    """Returns a sentence about a proof."""
-    if not funnel.beta.any():
-        return "The certificate bears no remainder: it is of the polynomials alone."
-    if proof.complete:
-        return (
-            f"The remainder is proven: at {len(proof.times)} of "
-            f"{len(funnel.nominal.times)} times it is no larger than the certificate "
-            f"bears, on {proof.boxes:,} boxes."
-        )
-    count = sum(one.proven for one in proof.at_times)
-    largest = np.max([one.ratio for one in proof.at_times])
-    until = "at no time" if proof.until is None else f"until {proof.until:.4f} s"
-    words = (
-        f"The remainder is proven {until}, and at {count} of the {len(proof.times)} "
-        f"times that were tried, of {len(funnel.nominal.times)}"
-    )
-    if not np.isfinite(largest):
-        return f"{words}; at some, the certificate bears none."
-    return f"{words}; up to {largest:.2f} times what it bears was seen."
-
-
-@threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
 def prove_remainder(
-    funnel: Funnel,
-    every: int = 1,
+    piece: Funnel,
+    interval: Interval,
     budget: int = BUDGET,
-    progress: Callable[[float], None] | None = None,
+    span: tuple[float, float] = (-1.0, 1.0),
+    halvings: int = HALVINGS,
 ) -> RemainderProof:
-    """Tries to prove that the remainder is within the funnel's β at its times.
+    """Tries to prove that |R| <= β on the sets of a funnel of two times.
 
     Args:
-        funnel: the funnel.
-        every: look at every so many times only, the first and last included.
-        budget: boxes at one time, until the search gives up.
-        progress: called with the share that is done.
+        piece: the funnel.
+        interval: its polynomials in time, or those of a part.
+        budget: boxes, until the search gives up.
+        span: first and last s of the part, of -1 to 1.
+        halvings: how often it may be halved.
     """
-    nominal, coefficients = funnel.nominal, expand(funnel.nominal)
-    at = funnel.some_times(every)
+    basis, stretch = tight_cover(interval)
+    found = RemainderProof(proven=False, boxes=0, ratio=np.inf)
+    if (stretch <= STRETCH or not halvings) and covers(interval, basis):
+        found = bound_remainder(make_remainder(piece, basis, span), budget)
+        halvings = halvings if found.ratio <= HOPELESS else 0
+    if found.proven or not halvings:
+        return found
+    boxes, ratio = found.boxes, 0.0
+    middle = 0.5 * sum(span)
+    spans = (span[0], middle), (middle, span[1])
+    for half, part in zip(interval.halves(), spans, strict=True):
+        found = prove_remainder(piece, half, budget - boxes, part, halvings - 1)
+        boxes, ratio = boxes + found.boxes, max(ratio, found.ratio)
+        if not found.proven:
+            break
+    return RemainderProof(proven=found.proven, boxes=boxes, ratio=ratio)
 
-    def prove(k):
-        return prove_at(nominal, k, coefficients, funnel.S[k], funnel.beta[k], budget)
 
-    proofs = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for proof in pool.map(prove, at):
-            proofs.append(proof)
-            if progress:
-                progress(len(proofs) / len(at))
-    return RemainderProof(times=nominal.times[at], at_times=tuple(proofs))
-
-
-def prove_at(
-    nominal: Nominal,
-    at: int,
-    coefficients: np.ndarray,
-    S: np.ndarray,
-    beta: np.ndarray,
-    budget: int = BUDGET,
-) -> TimeProof:
-    """Tries to prove that |R_k| <= β_k over {eᵀ S e <= 1} at one time.
+def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> RemainderProof:
+    """Tries to prove that |R| <= β on all boxes of the ball.
 
     Args:
-        nominal: the flight.
-        at: index of the time.
-        coefficients: (T, n, M) of `expand`.
-        S: (n, n) of the set.
-        beta: (n,) β.
+        remainder: R in a part of an interval.
         budget: boxes, until the search gives up.
     """
-    remainder = make_remainder(nominal, at, coefficients, S)
-    limits = beta[remainder.rows, None]
-    with np.errstate(divide="ignore"):
-        ratio = float((remainder.largest / limits[:, 0]).max(initial=0.0))
-    m = remainder.basis.shape[1]
-    center, half = np.zeros((m, 1)), np.full((m, 1), RADIUS)
-    boxes = 0
+    ratio, boxes = float(remainder.seen.max(initial=0.0)), 0
+    size = len(remainder.basis) + 1
+    center, half = np.zeros((size, 1)), np.ones((size, 1))
+    first, last = remainder.span
+    center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
     while ratio <= 1.0 and center.shape[1] > 0 and boxes < budget:
-        here, size = center[:, -BATCH:], half[:, -BATCH:]
+        here, width = center[:, -BATCH:], half[:, -BATCH:]
         center, half = center[:, :-BATCH], half[:, :-BATCH]
         boxes += here.shape[1]
-        bounds, reached, blame = remainder.bounds(here, size)
-        ratio = max(ratio, float(np.nan_to_num(reached / limits, nan=0.0).max()))
-        bad = ~(bounds <= limits)
+        bounds, reached, blame = remainder.bounds(here, width)
+        ratio = max(ratio, float(np.nan_to_num(reached, nan=0.0).max()))
+        bad = ~(bounds <= 1.0)
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
-        blame = np.where(bad[:, None], blame / limits[:, None], 0.0).sum(axis=0)
-        halves = halve(here[:, split], size[:, split], blame[:, split])
+        blame = np.where(bad[:, None], blame, 0.0).sum(axis=0)
+        halves = halve(here[:, split], width[:, split], blame[:, split])
         center = np.concatenate([center, halves[0]], axis=1)
         half = np.concatenate([half, halves[1]], axis=1)
     proven = ratio <= 1.0 and center.shape[1] == 0
-    return TimeProof(proven=proven, boxes=boxes, ratio=ratio)
+    return RemainderProof(proven=proven, boxes=boxes, ratio=ratio)
 
 
 def halve(center, half, blame):
     """Returns both halves of boxes along an axis each, without what misses the ball.
 
     Args:
-        center: (m, B) of the boxes.
-        half: (m, B) their half-widths.
-        blame: (m, B); the axis is where it is largest.
+        center: (m + 1, B) of the boxes; the last coordinate is time.
+        half: (m + 1, B) their half-widths.
+        blame: (m + 1, B); the axis is where it is largest.
 
     Returns:
-        centers and half-widths, (m, up to 2 B) each.
+        centers and half-widths, (m + 1, up to 2 B) each.
     """
     # Where nothing is known yet, the widest.
     axis = np.where(np.isfinite(blame).all(axis=0), blame, half).argmax(axis=0)
@@ -202,6 +131,6 @@ def halve(center, half, blame):
     half[axis, boxes] += 1e-15
     center = np.concatenate([center - step, center + step], axis=1)
     half = np.concatenate([half, half], axis=1)
-    nearest = np.maximum(np.abs(center) - half, 0.0)
-    touches = np.sum(nearest**2, axis=0) <= RADIUS**2 * (1.0 + 1e-12)
+    nearest = np.maximum(np.abs(center[:-1]) - half[:-1], 0.0)
+    touches = np.sum(nearest**2, axis=0) <= 1.0 + 1e-12
     return center[:, touches], half[:, touches]

@@ -10,12 +10,8 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
+from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.purpose import Arrival, arrival, model_hash
-from glider.verification.proof.remainder_proof import (
-    RemainderProof,
-    describe_proof,
-    remainder_status,
-)
 
 HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
@@ -24,7 +20,7 @@ HASH_DIGITS = 16
 def check_report(
     funnel: Funnel,
     verdict: Verdict,
-    proof: RemainderProof | None,
+    proof: FlightProof | None,
     problem: PerchingProblem,
 ) -> dict[str, Any]:
     """Returns the outcome of `check-funnel` as it is written to JSON."""
@@ -37,9 +33,14 @@ def check_report(
     }
     if proof:
         report |= {
-            "remainder_until": proof.until,
-            "remainder_proven": proof.complete,
-            "remainder_times": len(proof.times),
+            "every_flight": proof.is_whole,
+            "intervals_proven": proof.count,
+            "intervals_tried": len(proof.intervals),
+            "of_intervals": proof.of_intervals,
+            "intervals_from_file": proof.from_file,
+            "proven_until": proof.until,
+            "fault": proof.fault,
+            "candidate": proof.candidate and dataclasses.asdict(proof.candidate),
             "boxes": proof.boxes,
         }
     return report
@@ -48,7 +49,7 @@ def check_report(
 def describe_check(
     funnel: Funnel,
     verdict: Verdict,
-    proof: RemainderProof | None,
+    proof: FlightProof | None,
     problem: PerchingProblem,
     model: Path | None,
 ) -> str:
@@ -57,7 +58,7 @@ def describe_check(
     Args:
         funnel: the funnel.
         verdict: of its check.
-        proof: of its remainder, where asked for.
+        proof: of its flights, where asked for.
         problem: that it was compared with.
         model: file of the glider that it was compared with; None for none.
     """
@@ -78,6 +79,60 @@ def describe_check(
     if proof:
         lines.append(describe_proof(funnel, proof))
     return "\n".join([*lines, describe_arrival(arrival(funnel, problem), problem)])
+
+
+def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
+    """Returns how a funnel's remainder is known.
+
+    "none" where it bears none, else "sampled", or with a proof "rigorous until
+    t=0.8795", the time before which nothing that was tried is left unproven, and "in 3
+    of 200 intervals" if these were not all.
+    """
+    if not funnel.beta.any():
+        return "none"
+    if proof is None or not proof.count:
+        return "sampled"
+    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.intervals)
+    if tried == proof.of_intervals or not proof.complete:
+        return status
+    return f"{status} in {tried} of {proof.of_intervals} intervals"
+
+
+def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
+    """Returns sentences about a proof: no more than is proven."""
+    if not funnel.beta.any():
+        return "The certificate bears no remainder: it is of the polynomials alone."
+    count, of = proof.count, proof.of_intervals
+    if proof.is_whole:
+        words = (
+            "Proven: every flight of this glider that starts in the inlet stays in the "
+            f"funnel and ends in its last set, in continuous time: {of} intervals, "
+            f"{proof.boxes:,} boxes"
+        )
+    elif proof.complete:
+        words = (
+            f"Proven: no flight leaves the funnel in {count} of its {of} intervals, "
+            f"{proof.boxes:,} boxes; of the others nothing is proven"
+        )
+    else:
+        words = _describe_failure(funnel, proof)
+    if proof.from_file:
+        words += f"; {proof.from_file} of the intervals were read from the file"
+    return f"{words}."
+
+
+def _describe_failure(funnel, proof):
+    k, worst = proof.failed, proof.candidate
+    names = zip(funnel.nominal.state_names, worst.state, strict=True)
+    state = ", ".join(f"{name} = {value:.4g}" for name, value in names)
+    rises = "so V rises" if worst.growth > 0.0 else "so it is no counterexample"
+    return (
+        f"Not proven from {proof.times[k]:.4f} to {proof.times[k + 1]:.4f} s: "
+        f"{proof.fault}; proven in {proof.count} of {proof.of_intervals} intervals.\n"
+        f"The worst state that was found there, at {worst.time:.4f} s on the boundary: "
+        f"{state}; with a servo without limits V̇/V is {worst.growth:.2g} 1/s, "
+        f"{rises}"
+    )
 
 
 def _describe_certificate(verdict):

@@ -7,6 +7,7 @@ definite exactly if its leading minors are positive, and fraction-free eliminati
 
 import math
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,8 @@ class Exact:
 
     def __init__(self, numbers: np.ndarray, exponent: int):
         """Takes the whole numbers and their common exponent."""
-        self.numbers, self.exponent = numbers, exponent
+        self.numbers = np.asarray(numbers, dtype=object)  # A sum of two is an int.
+        self.exponent = exponent
 
     def __add__(self, other: "Exact") -> "Exact":
         low = min(self.exponent, other.exponent)
@@ -41,6 +43,20 @@ class Exact:
     def times(self, other: "Exact") -> "Exact":
         """Returns the product entry by entry."""
         return Exact(self.numbers * other.numbers, self.exponent + other.exponent)
+
+    def of(self, index: Any) -> "Exact":
+        """Returns a part of the array."""
+        return Exact(self.numbers[index], self.exponent)
+
+    def summed(self) -> "Exact":
+        """Returns the sum of all entries."""
+        return Exact(self.numbers.sum(), self.exponent)
+
+    def padded(self, size: int) -> "Exact":
+        """Returns a square matrix with zeros below and to the right, up to a size."""
+        numbers = np.zeros((size, size), dtype=object)
+        numbers[: len(self.numbers), : len(self.numbers)] = self.numbers
+        return Exact(numbers, self.exponent)
 
     def transposed(self) -> "Exact":
         """Returns the transpose."""

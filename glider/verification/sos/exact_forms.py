@@ -22,21 +22,40 @@ def substituted(forms: Exact, matrix: Exact, degree: int) -> Exact:
         degree: of the forms.
     """
     n = len(forms.numbers)
+    tensor = form_tensor(forms, n, degree)
+    for _ in range(degree):
+        tensor = contracted(tensor, matrix)
+    return gathered(tensor, n, degree + 1).scaled(2)
+
+
+def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
+    """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
     rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
-    tensor = np.zeros((n,) * (degree + 1), dtype=object)
+    tensor = np.zeros((len(forms.numbers), *(n,) * degree), dtype=object)
     for column, row in enumerate(rows):
         tensor[(slice(None), *row)] = forms.numbers[:, column]
-    for _ in range(degree):
-        tensor = np.tensordot(tensor, matrix.numbers, axes=(1, 0))
-    exponent = forms.exponent + degree * matrix.exponent
-    return Exact(2 * _gather(tensor, n, degree + 1), exponent)
+    return Exact(tensor, forms.exponent)
+
+
+def contracted(tensor: Exact, matrix: Exact, axis: int = 1) -> Exact:
+    """Returns a tensor with an axis times a matrix; that comes last then."""
+    numbers = np.tensordot(tensor.numbers, matrix.numbers, axes=(axis, 0))
+    return Exact(numbers, tensor.exponent + matrix.exponent)
+
+
+def gathered(tensor: Exact, n: int, degree: int) -> Exact:
+    """Returns the coefficients (C,) of a form, given a tensor of it."""
+    places = tensor_places(n, degree)
+    total = np.zeros(places.max() + 1, dtype=object)
+    np.add.at(total, places, tensor.numbers.ravel())
+    return Exact(total, tensor.exponent)
 
 
 def quadratic_product(first: Exact, second: Exact) -> Exact:
     """Returns the coefficients (C₄,) of (zᵀ A z)(zᵀ B z), A and B (n, n)."""
     n = len(first.numbers)
     tensor = np.multiply.outer(first.numbers, second.numbers)
-    return Exact(_gather(tensor, n, 4), first.exponent + second.exponent)
+    return gathered(Exact(tensor, first.exponent + second.exponent), n, 4)
 
 
 def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
@@ -53,14 +72,20 @@ def gram_polynomial(tables: Sphere, gram: Exact, metric: Exact) -> Exact:
         gram: (s, s) Q, of which Q₁₁ is the block of z.
         metric: (n, n) G, nearly the identity.
     """
+    n = tables.n
+    lifted = quadratic_product(Exact(gram.numbers[:n, :n], gram.exponent), metric)
+    cubic, quartic = mixed_forms(tables, gram)
+    return odd_then_even(cubic, lifted + quartic)
+
+
+def mixed_forms(tables: Sphere, gram: Exact) -> tuple[Exact, Exact]:
+    """Returns the coefficients (C₃,) and (C₄,) of bᵀ Q b without zᵀ Q₁₁ z."""
     n, q = tables.n, gram.numbers
-    lifted = quadratic_product(Exact(q[:n, :n], gram.exponent), metric)
     quartic = np.zeros(len(tables.quartic), dtype=object)
     cubic = np.zeros(len(tables.cubic), dtype=object)
     np.add.at(quartic, _even_places(tables), q[n:, n:].ravel())
     np.add.at(cubic, _odd_places(tables), 2 * q[:n, n:].ravel())
-    exponent = gram.exponent
-    return odd_then_even(Exact(cubic, exponent), lifted + Exact(quartic, exponent))
+    return Exact(cubic, gram.exponent), Exact(quartic, gram.exponent)
 
 
 def sparse_gram(tables: Sphere, coefficients: Exact) -> Exact:
@@ -82,14 +107,6 @@ def sparse_gram(tables: Sphere, coefficients: Exact) -> Exact:
     numbers[n + rows, n + columns] += halves[count:]
     numbers[n + columns, n + rows] += halves[count:]
     return Exact(numbers, coefficients.exponent - 1)
-
-
-def _gather(tensor, n, degree):
-    """Returns the coefficients (C,) of a form, given a tensor of it."""
-    places = tensor_places(n, degree)
-    total = np.zeros(places.max() + 1, dtype=object)
-    np.add.at(total, places, tensor.ravel())
-    return total
 
 
 @functools.lru_cache(maxsize=8)

@@ -79,9 +79,22 @@ class Sphere:
     @functools.cached_property
     def correction(self) -> np.ndarray:
         """Matrix (E, C) from a change of coefficients to the least of a Gram matrix."""
+        return self._least_change(self.map)
+
+    @functools.cached_property
+    def rest_map(self) -> np.ndarray:
+        """The map (C, E), without the block of z."""
+        return np.where(self.rows < self.n, 0.0, self.map)
+
+    @functools.cached_property
+    def rest_correction(self) -> np.ndarray:
+        """The correction (E, C) that leaves the block of z as it is."""
+        return self._least_change(self.rest_map)
+
+    def _least_change(self, linear):
         weight = np.where(self.rows == self.columns, 1.0, 2.0)
-        scaled = self.map / weight
-        return scaled.T @ np.linalg.inv(scaled @ self.map.T)
+        scaled = linear / weight
+        return scaled.T @ np.linalg.inv(scaled @ linear.T)
 
     def matrix(self, entries: np.ndarray) -> np.ndarray:
         """Returns the symmetric matrices (..., s, s) of lower triangles (..., E)."""
@@ -93,6 +106,16 @@ class Sphere:
     def entries(self, matrix: np.ndarray) -> np.ndarray:
         """Returns the lower triangles (..., E) of symmetric matrices (..., s, s)."""
         return matrix[..., self.rows, self.columns]
+
+    def substitution(self, turn: np.ndarray) -> np.ndarray:
+        """Returns the matrix (s, s) of b(turn z) = matrix b(z)."""
+        n, scales = self.n, self.scales[self.n :]
+        i, j = np.array([np.repeat(np.arange(n), e) for e in self.basis[n:]]).T
+        both = turn[i][:, i] * turn[j][:, j] + turn[i][:, j] * turn[j][:, i]
+        matrix = np.zeros((self.size, self.size))
+        matrix[:n, :n] = turn
+        matrix[n:, n:] = scales[:, None] * both / (scales * np.where(i == j, 2.0, 1.0))
+        return matrix
 
     def coefficients(
         self, quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray

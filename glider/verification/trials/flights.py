@@ -40,6 +40,7 @@ def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
         corrections=np.zeros(len(times)),
         cost=funnel.S[first:],
         cost_slope=np.zeros((len(times), funnel.num_states)),
+        is_linear=True,
     )
 
 

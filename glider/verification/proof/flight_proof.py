@@ -1,0 +1,185 @@
+"""The proof that every flight that starts in a funnel stays there.
+
+Intervals are independent, so that they are proven in several processes, and what is
+proven can be kept in a file: one JSON object a line, of a header and of an interval
+each. A proof that was broken off goes on from there.
+"""
+
+import dataclasses
+import json
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+from glider.errors import InputError
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.counterexample import Candidate, worst_candidate
+from glider.verification.proof.interval_proof import IntervalProof, prove_interval
+from glider.verification.proof.remainder_proof import BUDGET
+
+_FORMAT = "drake-glider funnel proof 1"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FlightProof:
+    """The outcome of a proof, up to the first interval that is not proven."""
+
+    times: np.ndarray
+    """The funnel's times (T,) [s]."""
+
+    intervals: tuple[int, ...]
+    """Indices of those that were tried, in order."""
+
+    outcomes: tuple[IntervalProof, ...]
+    """Outcome of each; one at most is no proof."""
+
+    from_file: int
+    """Number of them that were read from a file."""
+
+    candidate: Candidate | None
+    """Where flights may leave, in an interval that is not proven."""
+
+    @property
+    def of_intervals(self) -> int:
+        """Number of intervals that the funnel has."""
+        return len(self.times) - 1
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that were tried are proven."""
+        return self.failed is None
+
+    @property
+    def until(self) -> float:
+        """Time before which nothing that was tried is left unproven [s]."""
+        last = self.intervals[-1] + 1 if self.complete else self.failed
+        return float(self.times[last])
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is proven of every interval: the theorem holds."""
+        return self.complete and len(self.intervals) == self.of_intervals
+
+    @property
+    def failed(self) -> int | None:
+        """Index of the interval that is not proven; None where all that were are."""
+        for k, outcome in zip(self.intervals, self.outcomes, strict=True):
+            if not outcome.proven:
+                return k
+        return None
+
+    @property
+    def fault(self) -> str:
+        """Reason why that one is not; empty where all are."""
+        return next((o.fault for o in self.outcomes if not o.proven), "")
+
+    @property
+    def count(self) -> int:
+        """Number of intervals that are proven."""
+        return sum(outcome.proven for outcome in self.outcomes)
+
+    @property
+    def boxes(self) -> int:
+        """Number of boxes in all intervals."""
+        return sum(outcome.boxes for outcome in self.outcomes)
+
+    @property
+    def ratio(self) -> float:
+        """Largest |R| / β that was seen."""
+        return float(np.max([outcome.ratio for outcome in self.outcomes]))
+
+
+def prove_flights(
+    funnel: Funnel,
+    every: int = 1,
+    *,
+    budget: int = BUDGET,
+    workers: int = -1,
+    resume: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> FlightProof:
+    """Tries to prove that no flight leaves a funnel between its ends.
+
+    Args:
+        funnel: the funnel.
+        every: look at every so many intervals only, the first and last included.
+        budget: boxes of one interval, until the search for a bound gives up.
+        workers: processes; as many as there are cores if -1.
+        resume: file that is read, if it is there, and that every outcome is added to.
+        progress: called with the share that is done.
+
+    Raises:
+        InputError: the file is none of this funnel's proof.
+    """
+    count = len(funnel.nominal.times) - 1
+    wanted = sorted({*range(0, count, every), count - 1})
+    known = _read(resume, funnel) if resume else {}
+    known = {k: known[k] for k in wanted if k in known}
+    left = [k for k in wanted if k not in known]
+    done = dict(known)
+    tasks = (
+        joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in left
+    )
+    parallel = joblib.Parallel(
+        n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs"
+    )
+    found = parallel(tasks)
+    for k, outcome in zip(left, found, strict=False):
+        done[k] = outcome
+        if resume and outcome.proven:
+            _append(resume, {"interval": k} | dataclasses.asdict(outcome))
+        if progress:
+            progress(len(done) / len(wanted))
+        if not outcome.proven:
+            break
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # That the rest is not needed any more.
+        found.close()
+    tried = sorted(done)
+    failed = [funnel.between(k, k + 1) for k in tried if not done[k].proven]
+    return FlightProof(
+        times=funnel.nominal.times,
+        intervals=tuple(tried),
+        outcomes=tuple(done[k] for k in tried),
+        from_file=len(known),
+        candidate=worst_candidate(failed[0]) if failed else None,
+    )
+
+
+def _read(path, funnel):
+    """Returns what a file says is proven of a funnel; starts it where there is none."""
+    header = {"format": _FORMAT, "funnel": funnel.sha256}
+    if not path.exists():
+        _append(path, header)
+        return {}
+    try:
+        # A line that was cut short is the last, and proven again.
+        text = path.read_text(encoding="utf-8")
+        whole = text[: text.rfind("\n") + 1]
+        first, *lines = map(json.loads, whole.splitlines())
+        if first != header:
+            raise ValueError("it is of another funnel or of another kind")
+        known = {line.pop("interval"): IntervalProof(**line) for line in lines}
+    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise InputError(
+            f"{path}: cannot be resumed: {reason}; a file that --resume wrote for "
+            "this funnel, or a new name, is needed."
+        ) from None
+    if whole != text:
+        path.write_text(whole, encoding="utf-8")
+    return {k: outcome for k, outcome in known.items() if outcome.proven}
+
+
+def _append(path, line):
+    try:
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(line) + "\n")
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}); a file that you may write "
+            "is needed."
+        ) from None

@@ -1,0 +1,149 @@
+"""A funnel between two of its times, as polynomials in time without rounding.
+
+With τ from 0 to 1 along the interval and h its duration: S is cubic, and so is x₀; u₀,
+the gains K, the weights λ and β² / λ, and the open loop's Taylor polynomials P in
+(e, δu) are straight lines. The deviation of the command is δu = -K e.
+"""
+
+import dataclasses
+import functools
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from glider.physics.servo import STOPPING_TIME
+from glider.physics.state import ELEVATOR
+from glider.verification.dynamics.error_dynamics import (
+    expand_rates,
+    nonlinear_parts,
+    table_of,
+)
+from glider.verification.dynamics.nominal_path import nominal_slopes
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.sos.exact import Exact, at_least, exact
+from glider.verification.sos.exact_time import (
+    InTime,
+    halves,
+    hermite,
+    line,
+    mapped,
+    total,
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Interval:
+    """An interval of a funnel, or a part of one; halving it changes no polynomial."""
+
+    step: Exact
+    """Duration h of the funnel's own interval [s]."""
+
+    rows: list[int]
+    """Indices (r,) of the rates that are not linear."""
+
+    which: list[int]
+    """Indices (m,) of the variables (e, δu) that these depend on."""
+
+    S: InTime
+    """S (n, n), cubic."""
+
+    rise: InTime
+    """h Ṡ (n, n), quadratic."""
+
+    outputs: InTime
+    """C (n + 1, n): (e, δu) = C e."""
+
+    linear: InTime
+    """Jacobian of the rates (n, n + 1), P₁."""
+
+    quadratic: InTime
+    """Coefficients (r, C₂) of P₂, in the variables that count."""
+
+    cubic: InTime
+    """Coefficients (r, C₃) of P₃."""
+
+    weights: InTime
+    """λ (n,)."""
+
+    bearing: InTime
+    """β² / λ (n,), rounded up."""
+
+    limits: tuple[tuple[InTime, InTime], ...]
+    """The servo's limits, a (n,) and b (): it does as it is told where aᵀ e < b."""
+
+    def halves(self) -> tuple["Interval", "Interval"]:
+        """Returns the first half and the second."""
+        fixed = ("step", "rows", "which", "limits")
+        names = [f.name for f in dataclasses.fields(self) if f.name not in fixed]
+        parts = {name: halves(getattr(self, name)) for name in names}
+        limits = [(halves(a), halves(b)) for a, b in self.limits]
+
+        def side(which: int) -> Interval:
+            changes: dict[str, Any] = {name: p[which] for name, p in parts.items()}
+            changes["limits"] = tuple((a[which], b[which]) for a, b in limits)
+            return dataclasses.replace(self, **changes)
+
+        return side(0), side(1)
+
+
+def make_interval(piece: Funnel) -> Interval:
+    """Returns the polynomials of a funnel of two times; λ > 0 where β is."""
+    nominal, n = piece.nominal, piece.num_states
+    which, rows = nonlinear_parts(nominal.model, n)
+    first, last = map(exact, nominal.times)
+    step = last - first
+    S, rise = hermite(piece.S, piece.slopes, step)
+    rates, table = expand_rates(nominal), table_of(n + 1)
+    own = table.without(np.setdiff1d(np.arange(n + 1), which))
+
+    def part(degree):
+        return line(*rates[:, rows][..., own & (table.degrees == degree)])
+
+    return Interval(
+        step=step,
+        rows=rows,
+        which=which,
+        S=S,
+        rise=rise,
+        outputs=line(*(np.vstack([np.eye(n), -K]) for K in nominal.gains)),
+        linear=line(*rates[..., table.of_degree(1)]),
+        quadratic=part(2),
+        cubic=part(3),
+        weights=line(*piece.weights),
+        bearing=tuple(map(_bearing, piece.beta, piece.weights)),
+        limits=_limits(nominal, step),
+    )
+
+
+def _bearing(beta, weights):
+    """Returns β² / λ (n,), rounded up; zero where β is."""
+    parts = [
+        at_least(Fraction(b) ** 2 / Fraction(w)) if b > 0.0 else exact(0.0)
+        for b, w in zip(beta, weights, strict=True)
+    ]
+    low = min(part.exponent for part in parts)
+    return Exact(np.array([part.at(low) for part in parts], dtype=object), low)
+
+
+def _limits(nominal, step):
+    """Returns a and b, of either way of the rate limit and of both stops."""
+    servo = nominal.model.parameters.servo
+    low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
+    command, gains = line(*nominal.inputs), line(*nominal.gains)
+    slopes = nominal_slopes(nominal)[:, ELEVATOR]
+    angle, _ = hermite(nominal.states[:, ELEVATOR], slopes, step)
+    soon = functools.partial(Exact.times, ahead_by)
+    ahead = total(angle, mapped(command, soon))
+    elevator = exact(np.eye(gains[0].numbers.size)[ELEVATOR])
+    travel = total((elevator,), _minus(mapped(gains, soon)))
+    return (
+        (_minus(gains), total((rate,), _minus(command))),
+        (gains, total((rate,), command)),
+        (travel, total((high,), _minus(ahead))),
+        (_minus(travel), total(ahead, _minus((low,)))),
+    )
+
+
+def _minus(polynomial):
+    return mapped(polynomial, lambda part: part.scaled(-1))

@@ -1,0 +1,247 @@
+"""V falls on the boundary throughout an interval: the proof in whole numbers.
+
+With e = B z for some basis, V = zᵀ G z, and on the boundary V = 1
+    -h (V̇ + slack V) = zᵀ A z + c₃(z) + c₄(z),
+polynomials in time too. There, for any N,
+    zᵀ A z + c₃ + c₄ = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),  b = (z, z⊗z),
+if Q has A - N as its block of z and represents c₃ and c₄ + (zᵀ N z)(zᵀ G z) by the
+others. So V falls where Q is positive definite, and that it is at all times of the
+interval where its parts are, in the form of `glider.verification.sos.exact_time`. N is
+quadratic in time and comes from Gram matrices at both ends and in the middle. Where a
+part is not definite, both halves of the interval are tried.
+"""
+
+import functools
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from glider.verification.proof.interval import Interval
+from glider.verification.sos.exact import Exact, leaves_definite, rounded
+from glider.verification.sos.exact_forms import (
+    contracted,
+    form_tensor,
+    gathered,
+    mixed_forms,
+    odd_then_even,
+    quadratic_product,
+    sparse_gram,
+)
+from glider.verification.sos.exact_time import (
+    InTime,
+    at_share,
+    mapped,
+    product,
+    raised,
+    total,
+)
+from glider.verification.sos.forms import to_ball
+from glider.verification.sos.grams import nearby_gram, represent, represent_rest
+from glider.verification.sos.sphere import Sphere, sphere
+
+GRAM_BITS = 36
+"""Binary places that Gram matrices are rounded to: 1.5e-11, where their least
+eigenvalues are 1e-6, for they are of h V̇."""
+
+BALL_BITS = 30
+"""Binary places of the basis. Any are right; few are fast."""
+
+LEAST = 2e-5
+"""Least eigenvalue of Gram matrices of -V̇/V that will do [1/s]."""
+
+AIM = 3e-3
+"""Least eigenvalue that the search for them aims at [1/s]; few have it."""
+
+ROUNDS = 150
+"""Steps of the search; then the interval is halved, which makes it easier."""
+
+HALVINGS = 4
+"""Times that an interval is halved until the proof gives up."""
+
+
+class GrowthForms(NamedTuple):
+    """What h (V̇ + slack V) is made of; see the module."""
+
+    A: InTime
+    """(n, n)."""
+
+    cubic: InTime
+    """c₃ (C₃,)."""
+
+    quartic: InTime
+    """c₄ (C₄,)."""
+
+    G: InTime
+    """(n, n)."""
+
+
+def prove_growth(
+    interval: Interval,
+    slack: Exact,
+    grams: tuple[np.ndarray, np.ndarray],
+    halvings: int = HALVINGS,
+) -> int | None:
+    """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
+
+    Args:
+        interval: the interval.
+        slack: a number [1/s].
+        grams: Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e): guesses.
+        halvings: how often it may be halved.
+
+    Returns:
+        the number of parts that the interval was proven in; None where it was not.
+    """
+    middle, proven = _prove_whole(interval, slack, grams)
+    if proven:
+        return 1
+    if middle is None or not halvings:
+        return None
+    count = 0
+    ends = (grams[0], middle), (middle, grams[1])
+    for half, guesses in zip(interval.halves(), ends, strict=True):
+        parts = prove_growth(half, slack, guesses, halvings - 1)
+        if parts is None:
+            return None
+        count += parts
+    return count
+
+
+def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
+    """Returns the forms above, exactly.
+
+    Args:
+        interval: the interval.
+        basis: (n, n) B.
+        slack: a number [1/s].
+    """
+    n, m, h = len(basis.numbers), len(interval.which), interval.step
+    turned = basis.transposed()
+    H = mapped(interval.S, lambda S: turned @ S)
+    G = mapped(H, lambda H: H @ basis)
+    y = mapped(interval.outputs, lambda C: C @ basis)
+    half = product(H, product(interval.linear, y, Exact.__matmul__), Exact.__matmul__)
+    disturbance = product(
+        product(H, interval.weights, Exact.times),
+        mapped(H, Exact.transposed),
+        Exact.__matmul__,
+    )
+    share = total(mapped(interval.bearing, Exact.summed), (slack,))
+    growth = total(
+        half,
+        mapped(half, Exact.transposed),
+        disturbance,
+        product(share, G, Exact.times),
+    )
+    rise = mapped(interval.rise, lambda rise: turned @ rise @ basis)
+    A = total(rise, mapped(growth, h.times))
+    # Of the rates that are not linear, and what they depend on.
+    pull = mapped(H, lambda H: H.transposed().of(interval.rows).times(h))
+    own = mapped(y, lambda y: y.of(interval.which))
+    forms = []
+    for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
+        tensor = mapped(part, functools.partial(form_tensor, n=m, degree=degree))
+        for _ in range(degree):
+            tensor = product(tensor, own, contracted)
+        tensor = product(tensor, pull, functools.partial(contracted, axis=0))
+        gather = functools.partial(gathered, n=n, degree=degree + 1)
+        forms.append(mapped(tensor, gather))
+    cubic, quartic = (mapped(form, lambda c: c.scaled(-2)) for form in forms)
+    return GrowthForms(mapped(A, lambda a: a.scaled(-1)), cubic, quartic, G)
+
+
+def _prove_whole(interval, slack, grams):
+    """Returns a Gram matrix in the middle, in b(e), and whether all is proven.
+
+    It is None where there is none.
+    """
+    S = at_share(interval.S, Fraction(1, 2)).to_float()
+    tables = sphere(len(S))
+    basis = rounded(to_ball(S)[1], BALL_BITS)
+    forms = growth_forms(interval, basis, slack)
+    h = float(interval.step.to_float())
+    turn = tables.substitution(basis.to_float())
+    first, last = (h * turn.T @ gram @ turn for gram in grams)
+    middle = _middle_gram(tables, forms, 0.5 * (first + last), h)
+    if middle is None:
+        return None, False
+    guesses = first, middle, last
+    N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
+    raised_guesses = _raised(guesses, max(map(len, forms)))
+    proven = _is_definite(tables, forms, N, raised_guesses, h)
+    back = tables.substitution(np.linalg.inv(basis.to_float()))
+    return back.T @ middle @ back / h, proven
+
+
+def _middle_gram(tables, forms, guess, h):
+    """Returns a Gram matrix in the middle, where G is all but the identity."""
+    polynomials = (forms.A, forms.cubic, forms.quartic)
+    here = [at_share(p, Fraction(1, 2)).to_float() for p in polynomials]
+    closest = functools.partial(
+        represent, tables, coefficients=tables.coefficients(*here)
+    )
+    found = _search(tables, guess, closest, h)
+    return None if found is None else tables.matrix(found)
+
+
+def _search(tables, guess, closest, h):
+    """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
+    least, aim = LEAST * h, AIM * h
+    return nearby_gram(tables, tables.entries(guess), closest, least, aim, ROUNDS)
+
+
+def _multiplier(A, blocks):
+    """Returns N: A less the blocks of z, at both ends and in the middle."""
+    first, middle, last = (
+        at_share(A, Fraction(share, 2)).to_float() - block
+        for share, block in enumerate(blocks)
+    )
+    parts = first, 4.0 * middle - first - last, last
+    return tuple(rounded(0.5 * (part + part.T), GRAM_BITS) for part in parts)
+
+
+def _raised(guesses, count):
+    """Returns so many coefficients of Bernstein's, through three matrices in time."""
+    first, middle, last = guesses
+    degree = count - 1
+    j = np.arange(count)[:, None, None]
+    control = 2.0 * middle - 0.5 * (first + last)
+    pairs = degree * (degree - 1)
+    return (
+        (degree - j) * (degree - j - 1) * first
+        + 2.0 * j * (degree - j) * control
+        + j * (j - 1) * last
+    ) / pairs
+
+
+def _is_definite(
+    tables: Sphere, forms: GrowthForms, N: InTime, guesses: np.ndarray, h: float
+) -> bool:
+    """Returns whether all parts of a Q with this N are positive definite, for sure."""
+    n = tables.n
+    block = total(forms.A, mapped(N, lambda part: part.scaled(-1)))
+    even = total(forms.quartic, product(N, forms.G, quadratic_product))
+    degree = len(guesses) - 1
+    parts = zip(*(raised(p, degree) for p in (block, forms.cubic, even)), strict=True)
+    scales = np.multiply.outer(tables.scales, tables.scales)
+    for j, (corner, cubic, quartic) in enumerate(parts):
+        share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
+        rest = odd_then_even(cubic, quartic)
+        closest = functools.partial(
+            represent_rest,
+            tables,
+            block=corner.to_float() / share,
+            coefficients=rest.to_float() / share,
+        )
+        found = _search(tables, guesses[j], closest, h)
+        if found is None:
+            return False
+        whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
+        left_over = rest - odd_then_even(*mixed_forms(tables, whole))
+        of_corner = corner - whole.of(np.s_[:n, :n])
+        change = sparse_gram(tables, left_over) + of_corner.padded(tables.size)
+        if not leaves_definite(whole, change)[0]:
+            return False
+    return True

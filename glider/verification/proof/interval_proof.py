@@ -1,0 +1,119 @@
+"""The proof that no flight leaves a funnel between two of its times.
+
+In this order, and no further than what fails: the servo does as it is told, |R| <= β,
+and V falls on the boundary.
+"""
+
+import dataclasses
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from glider.verification.dynamics.defect import defect_bounds
+from glider.verification.dynamics.error_dynamics import nonlinear_parts
+from glider.verification.dynamics.taylor_models import WIDER
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.exact_check import proven_slack
+from glider.verification.proof.interval import Interval, make_interval
+from glider.verification.proof.interval_growth import prove_growth
+from glider.verification.proof.interval_sets import (
+    keeps_servo,
+    stays_definite,
+)
+from glider.verification.proof.remainder_proof import BUDGET, prove_remainder
+from glider.verification.sos.exact import exact
+from glider.verification.sos.exact_time import bernstein
+from glider.verification.sos.forms import to_ball
+from glider.verification.sos.sphere import sphere
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class IntervalProof:
+    """The outcome of a proof on one interval; its fields are keys in a file."""
+
+    fault: str = ""
+    """Reason why nothing is proven, a clause; empty where all is."""
+
+    boxes: int = 0
+    """Number of boxes on which the remainder was bounded."""
+
+    parts: int = 0
+    """Number of parts of the interval in which V was proven to fall."""
+
+    ratio: float = 0.0
+    """Largest |R| / β that was seen."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether no flight leaves the sets of this interval."""
+        return not self.fault
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
+def prove_interval(piece: Funnel, budget: int = BUDGET) -> IntervalProof:
+    """Tries to prove that no flight leaves a funnel of two times between them.
+
+    Args:
+        piece: the funnel, as `Funnel.between` makes it.
+        budget: boxes, until the search for a bound of the remainder gives up.
+    """
+    try:
+        return _prove(piece, budget)
+    except (np.linalg.LinAlgError, OverflowError, ValueError):
+        # Of what floating point has to propose.
+        return IntervalProof(fault="its numbers are too large, or its sets too flat")
+
+
+def _prove(piece, budget):
+    if not piece.beta.any():
+        return IntervalProof(fault="the certificate bears no remainder")
+    if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
+        return IntervalProof(fault="a weight of the remainder is zero")
+    interval = make_interval(piece)
+    if not stays_definite(interval.S):
+        return IntervalProof(fault="a set is no ellipsoid")
+    if not keeps_servo(interval):
+        return IntervalProof(fault="the servo would meet its limits")
+    defect = linear_defect(piece, interval)
+    if not np.isfinite(defect):
+        return IntervalProof(fault="the nominal's defect is not bounded")
+    remainder = prove_remainder(piece, interval, budget)
+    found = IntervalProof(boxes=remainder.boxes, ratio=remainder.ratio)
+    if not remainder.proven:
+        fault = (
+            f"the remainder is {remainder.ratio:.4g} times as large as it bears"
+            if remainder.ratio > 1.0
+            else f"the remainder was not bounded on {remainder.boxes:,} boxes"
+        )
+        return dataclasses.replace(found, fault=fault)
+    slack = proven_slack(piece) + defect
+    parts = prove_growth(interval, exact(slack), _gram_guesses(piece, slack))
+    if parts is None:
+        fault = "V was not proven to fall on the boundary"
+        return dataclasses.replace(found, fault=fault)
+    return dataclasses.replace(found, parts=parts)
+
+
+def linear_defect(piece: Funnel, interval: Interval) -> float:
+    """Returns what the nominal's defect in the rates that are linear adds to V̇/V.
+
+    That of the others is in R. It is 2 √(δᵀ |S| δ), rounded up, with the largest of
+    Bernstein's coefficients of S [1/s].
+    """
+    delta = defect_bounds(piece.nominal)[0]
+    delta[nonlinear_parts(piece.nominal.model, piece.num_states)[1]] = 0.0
+    largest = np.abs(bernstein(interval.S)).max(axis=0)
+    return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
+
+
+def _gram_guesses(piece, slack):
+    """Returns the Gram matrices of -V̇/V - slack at both times, in b(e)."""
+    tables = sphere(piece.num_states)
+    # On the boundary bᵀ b = 2.
+    less = 0.5 * slack * np.eye(tables.size)
+    turns = map(tables.substitution, to_ball(piece.S)[0])
+    first, last = (
+        turn.T @ (gram - less) @ turn
+        for turn, gram in zip(turns, tables.matrix(piece.grams), strict=True)
+    )
+    return first, last

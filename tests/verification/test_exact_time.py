@@ -1,0 +1,70 @@
+"""Polynomials in time in whole numbers are what they say, without rounding."""
+
+import functools
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from glider.verification.sos.exact import Exact, exact
+from glider.verification.sos.exact_time import (
+    at_share,
+    bernstein,
+    halves,
+    hermite,
+    mapped,
+    product,
+    raised,
+    total,
+)
+
+STEP = 0.3
+SHARES = [Fraction(k, 8) for k in range(9)]
+
+
+@pytest.fixture(scope="module")
+def curves():
+    values, slopes = np.random.default_rng(0).normal(size=(2, 2, 3, 3))
+    cubic, rise = hermite(values, slopes, exact(STEP))
+    return cubic, rise, CubicHermiteSpline([0.0, STEP], values, slopes)
+
+
+def test_a_cubic_has_its_values_and_slopes(curves):
+    cubic, rise, curve = curves
+    for share in SHARES:
+        time = float(share) * STEP
+        assert at_share(cubic, share).to_float() == pytest.approx(curve(time))
+        found = at_share(rise, share).to_float()
+        assert found == pytest.approx(STEP * curve(time, 1))
+
+
+def test_operations_are_those_of_the_values(curves):
+    cubic, rise, _ = curves
+    both = product(cubic, rise, Exact.__matmul__)
+    added = total(both, mapped(cubic, functools.partial(Exact.scaled, factor=3)))
+    high = raised(cubic, 7)
+    assert (len(both), len(added), len(high)) == (6, 6, 8)
+    for share in SHARES:
+        p, q = (at_share(one, share).to_float() for one in (cubic, rise))
+        assert at_share(both, share).to_float() == pytest.approx(p @ q)
+        assert at_share(added, share).to_float() == pytest.approx(p @ q + 3.0 * p)
+        assert np.array_equal(at_share(high, share).to_float(), p)  # Exactly.
+
+
+def test_halves_are_the_same_polynomial_exactly(curves):
+    cubic = curves[0]
+    for side, half in enumerate(halves(cubic)):
+        for share in SHARES:
+            whole = at_share(cubic, (share + side) / 2)
+            part = at_share(half, share)
+            assert not np.any((whole - part).numbers)
+
+
+def test_bernsteins_coefficients_hold_the_values(curves):
+    cubic = curves[0]
+    coefficients = bernstein(cubic)
+    values = np.array([at_share(cubic, share).to_float() for share in SHARES])
+    assert np.all(values >= coefficients.min(axis=0) - 1e-12)
+    assert np.all(values <= coefficients.max(axis=0) + 1e-12)
+    assert coefficients[[0, -1]] == pytest.approx(values[[0, -1]])

@@ -1,0 +1,158 @@
+"""An interval of a funnel: its polynomials are V̇ and the sets, and halving is exact."""
+
+import dataclasses
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from glider.verification.dynamics.error_dynamics import expand_rates, table_of
+from glider.verification.funnel.remainder import remainder_form
+from glider.verification.proof.interval import make_interval
+from glider.verification.proof.interval_growth import growth_forms, prove_growth
+from glider.verification.proof.interval_proof import _gram_guesses
+from glider.verification.proof.interval_sets import (
+    covers,
+    keeps_servo,
+    stays_definite,
+    tight_cover,
+)
+from glider.verification.sos.exact import exact, rounded
+from glider.verification.sos.exact_time import at_share, line
+from glider.verification.sos.forms import to_ball
+from glider.verification.sos.sphere import sphere
+from tests.verification.points import sphere_points
+
+K = 60
+SLACK = 0.25
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """As in a proof: the matrices are small."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def piece(proven):
+    return proven.between(K, K + 1)
+
+
+@pytest.fixture(scope="module")
+def interval(piece):
+    return make_interval(piece)
+
+
+def at(polynomial, share):
+    return at_share(polynomial, Fraction(share)).to_float()
+
+
+def sets_at(piece, share):
+    """S, its slope, K and P at a share of the interval, as the funnel has them."""
+    start, stop = piece.nominal.times
+    time, share = start + share * (stop - start), float(share)
+    ends = [1.0 - share, share]
+    gains = ends @ piece.nominal.gains
+    rates = np.tensordot(ends, expand_rates(piece.nominal), 1)
+    rates[:, 0] = 0.0
+    return piece.shape(time), piece._curves[0](time, 1), gains, rates
+
+
+@pytest.mark.parametrize("share", [0, Fraction(3, 8), 1])
+def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, interval, share):
+    S, slope, gains, rates = sets_at(piece, share)
+    basis = rounded(to_ball(piece.S[0])[1], 30)
+    forms = growth_forms(interval, basis, exact(SLACK))
+    A, cubic, quartic, G = (at(form, share) for form in forms)
+    z = sphere_points(20, 7)
+    z /= np.sqrt(np.einsum("bi,ij,bj->b", z, G, z))[:, None]
+    tables, e = sphere(7), z @ basis.to_float().T
+    coefficients = tables.coefficients(0.0 * A, cubic, quartic)
+    found = tables.values(np.broadcast_to(coefficients, (20, len(coefficients))), z)
+    found += np.einsum("bi,ij,bj->b", z, A, z)
+    variables = np.hstack([e, -(e @ gains)[:, None]])
+    rates = table_of(8).values(variables) @ rates.T
+    growth = np.einsum("bi,ij,bj->b", e, slope, e)
+    growth += 2.0 * np.einsum("bi,ij,bj->b", e, S, rates) + SLACK
+    ends = [1.0 - float(share), float(share)]
+    weights = ends @ piece.weights
+    bearing = ends @ np.divide(
+        piece.beta**2, piece.weights, where=piece.weights > 0.0, out=0.0 * piece.beta
+    )
+    growth += (e @ S) ** 2 @ weights + bearing.sum()
+    h = np.diff(piece.nominal.times)[0]
+    assert found == pytest.approx(-h * growth, rel=1e-6, abs=1e-9)
+
+
+def test_at_an_end_they_bear_what_the_certificate_there_bears(piece, interval):
+    L_inv_T = to_ball(piece.S[0])[1]
+    forms = growth_forms(interval, rounded(L_inv_T, 30), exact(0.0))
+    without = dataclasses.replace(
+        interval, weights=line(*np.zeros((2, 7))), bearing=line(*np.zeros((2, 7)))
+    )
+    bare = growth_forms(without, rounded(L_inv_T, 30), exact(0.0))
+    h = np.diff(piece.nominal.times)[0]
+    expected = remainder_form(piece.S[:1], piece.beta[:1], piece.weights[:1])[0]
+    found = (at(bare.A, 0) - at(forms.A, 0)) / h
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_halves_have_the_same_polynomials(interval):
+    for side, half in enumerate(interval.halves()):
+        for name in ("S", "outputs", "linear", "cubic", "weights", "bearing"):
+            whole, part = getattr(interval, name), getattr(half, name)
+            share = Fraction(3, 8)
+            assert at(part, share) == pytest.approx(at(whole, (share + side) / 2))
+
+
+def test_v_falls_throughout_and_not_for_larger_sets(piece, interval):
+    guesses = _gram_guesses(piece, 0.003)
+    assert prove_growth(interval, exact(0.003), guesses) == 1
+    assert prove_growth(interval, exact(2.0), guesses, halvings=1) is None
+    larger = dataclasses.replace(piece, S=0.7 * piece.S, slopes=0.7 * piece.slopes)
+    guesses = _gram_guesses(larger, 0.003)
+    assert prove_growth(make_interval(larger), exact(0.003), guesses, 1) is None
+
+
+def test_an_interval_that_is_halved_is_proven_too(proven):
+    piece = proven.between(39, 40)
+    interval, guesses = make_interval(piece), _gram_guesses(piece, 0.003)
+    assert prove_growth(interval, exact(0.003), guesses, halvings=0) is None
+    assert prove_growth(interval, exact(0.003), guesses) == 2
+
+
+def test_a_matrix_that_is_indefinite_between_is_seen():
+    one = exact(np.eye(2))
+    dip = (one, one.scaled(-1), one)  # 1 - 3 τ (1 - τ): 0.25 at least.
+    assert stays_definite(dip)
+    deep = (one, one.scaled(-3), one)  # 1 - 5 τ (1 - τ): -0.25 at least.
+    assert not stays_definite(deep)
+    touching = (one, one.scaled(-2), one)  # Zero in the middle.
+    assert not stays_definite(touching)
+
+
+def test_the_ball_covers_the_sets_and_hardly_more(interval):
+    basis, stretch = tight_cover(interval)
+    assert 1.0 < stretch < 1.03
+    assert covers(interval, basis)
+    assert not covers(interval, 0.99 * basis)
+    for share in (0.0, 0.4, 1.0):
+        S, C = at(interval.S, share), at(interval.outputs, share)[interval.which]
+        e = to_ball(S)[1] @ sphere_points(500, 7).T
+        assert np.linalg.norm(np.linalg.solve(basis, C @ e), axis=0).max() < 1.0
+
+
+def test_the_servo_is_watched_between_the_times(proven):
+    piece = proven.between(196, 197)
+    assert keeps_servo(make_interval(piece))
+    model = piece.nominal.model
+    # At both ends a stop of 0.94497 rad is not met; between them it is.
+    for stop, kept in ((0.945, True), (0.94498, False)):
+        limits = [model.parameters.elevator_limits[0], stop]
+        parameters = dataclasses.replace(model.parameters, elevator_limits=limits)
+        weaker = dataclasses.replace(model, parameters=parameters)
+        nominal = dataclasses.replace(piece.nominal, model=weaker)
+        changed = dataclasses.replace(piece, nominal=nominal)
+        assert keeps_servo(make_interval(changed)) == kept
