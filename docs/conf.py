@@ -6,7 +6,7 @@ from pathlib import Path
 
 from glider.sysid.fit import folds
 from glider.sysid.likelihood import curves
-from glider.sysid.search import signs, subsets, tracing, weighing
+from glider.sysid.search import fits, moves, signs, subsets, tracing, weighing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -42,7 +42,7 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
-    "curve_price": f"{tracing.CURVE_PRICE:.0f}",
+    "curve_price": f"{moves.CURVE_PRICE:.0f}",
     "curves": f"{curves.COUNT}",
     "field_price": f"{tracing.FIELD_PRICE:.0f}",
     "folds": f"{folds.FOLDS}",
@@ -50,8 +50,8 @@ myst_substitutions = {
     "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
     "least_t": f"{folds.LEAST_T:.0f}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
-    "price": f"{tracing.PRICE:.0f}",
-    "price_of_more": f"{tracing.PRICE_OF_MORE:.0f}",
+    "price": f"{fits.PRICE:.0f}",
+    "price_of_more": f"{fits.PRICE_OF_MORE:.0f}",
     "resamples": f"{weighing.RESAMPLES}",
     "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
     "worse": f"{folds.WORSE - 1.0:.0%}",

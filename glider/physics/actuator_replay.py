@@ -107,7 +107,7 @@ def command_steps(
         spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
         if shares[0] >= shares[best] - max(_ALIKE, 2.0 * spread):
             best = 0
-        by_chance = min(float(np.median(after - before)) / period, 1.0)
-        if shares[best] > 0.5 * (1.0 + by_chance):
+        by_chance = float(np.median(after - before)) / period
+        if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _ALIKE):
             switches = np.where(fits[best], ticks[best], switches)
     return np.concatenate([time[:1], switches]), commands

@@ -139,3 +139,26 @@ def test_a_command_that_never_changes_is_one_step():
     switches, commands = command_steps(np.arange(5.0), np.full(5, 2.0), 50.0)
     np.testing.assert_array_equal(switches, [0.0])
     np.testing.assert_array_equal(commands, [2.0])
+
+
+def test_a_servo_that_slows_down_between_the_ticks_hides_no_clock():
+    """A fifth of the changes are of no tick: those begin half a row before."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0, 1.0, 1 / 120)
+    clock = np.arange(0.0, 1.0, 0.02)
+    slowed = np.array([0.1171, 0.2503, 0.3839, 0.4337, 0.5171, 0.6003, 0.7003, 0.8337])
+    begins = np.sort(np.concatenate([clock, slowed]))
+    commands = rng.uniform(-10, 10, len(begins))
+    switches, steps = command_steps(time, logged(time, begins, commands), 50.0)
+    shown = begins[np.isin(commands, steps)]
+    apart = np.abs(switches - shown)
+    of_clock = np.isin(shown, clock)
+    assert np.mean(apart[of_clock] < 1e-9) > 0.9
+    assert np.all(apart[~of_clock] < 1 / 120)
+
+
+def test_commands_that_change_in_every_row_begin_there():
+    time = np.arange(0.0, 0.5, 0.01)
+    column = np.sin(20.0 * time)
+    switches, _ = command_steps(time, column, None)
+    np.testing.assert_allclose(switches, time, atol=1e-9)

@@ -40,6 +40,8 @@ def with_means(search: Search, model: Fitted) -> Fitted:
         for slot, place in slots.items():
             theta[slot] += mean[place]
         kinds = (*model.kinds, kind)
+        if frozenset(kinds) in search.fitted:
+            continue
         search.progress(f"{kind} in all flights?")
         other = dataclasses.replace(
             model, kinds=kinds, theta=theta, free=task.free(kinds)
@@ -50,7 +52,7 @@ def with_means(search: Search, model: Fitted) -> Fitted:
     return model
 
 
-OFF = 3.0
+OFF = 5.0
 """Standard errors by which a mean over flights is off zero."""
 
 
@@ -80,7 +82,8 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
     """Returns a model with fewer effects that is worth more, or None.
 
     To first order about a set that is wrong, several effects may do as well as the few
-    that act: the best set of each smaller size is fitted.
+    that act: the best set of each smaller size is fitted, at last the plate with what
+    all flights have.
     """
     task = search.task
     if len(model.kinds) < 2:
@@ -97,10 +100,25 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
             continue
         search.progress(f"fitting {', '.join(sorted(kinds))} instead")
         fewer = search.fit_with_strength(near.begin(members), iterations=4)
-        if search.price(fewer) < search.price(model):
+        lost = search.price(fewer) - search.price(model)
+        if lost < 0.0:
             return fewer
-    return None
+        if lost > FAR:
+            break
+    if frozenset() in search.fitted or score(sizes[-1]) - score(()) > WEAK:
+        return None
+    search.progress("fitting the plate instead")
+    fewer = search.fit_with_strength(near.begin(()), iterations=4)
+    fewer = with_means(search, fewer)
+    return fewer if search.price(fewer) < search.price(model) else None
 
+
+WEAK = 3000.0
+"""Evidence of all effects, to first order, from which on they are no mere means."""
+
+
+FAR = 300.0
+"""Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
 
 SLACK = 0.1
 """Share of the evidence of all that a smaller set may lack, to first order."""

@@ -52,11 +52,15 @@ class Scorer:
             self._kept[key] = self.evidence.log_marginal(columns)
         return self._kept[key] - sum(self.price(kind) for kind, _ in members)
 
-    def at_least(self, price: float) -> "Scorer":
-        """Returns the scorer with each member's price raised to one [nats]."""
-        dear = Scorer(
-            self.evidence, self.variants, lambda kind: max(price, self.price(kind))
-        )
+    def for_newcomers(self, price: float, members: Members) -> "Scorer":
+        """Returns the scorer with the price of all others but members raised [nats]."""
+        known = {kind for kind, _ in members}
+
+        def price_of(kind: str) -> float:
+            own = self.price(kind)
+            return own if kind in known else max(price, own)
+
+        dear = Scorer(self.evidence, self.variants, price_of)
         dear._kept = self._kept
         return dear
 

@@ -162,11 +162,11 @@ def best_members(
     start = tuple((kind, score.variants[kind][0]) for kind in kinds)
     best = best_set(score, start)
     haste = HASTE * (score(best) - score(start))
-    outstanding = best_set(score.at_least(haste), start)
+    outstanding = best_set(score.for_newcomers(haste, start), start)
     is_new = frozenset(kind for kind, _ in outstanding) not in tried
     return outstanding if is_new else best
 
 
 HASTE = 0.01
-"""Share of what a round gains that each effect must bring to come with it: what making
-flights linear gets wrong is like small effects, which wait for the next round."""
+"""Share of what a round gains that each newcomer must bring: what making flights linear
+gets wrong is like small effects, which wait for the next round."""
