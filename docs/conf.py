@@ -44,6 +44,7 @@ myst_substitutions = {
     "beam": f"{subsets.BEAM}",
     "curve_price": f"{moves.CURVE_PRICE:.0f}",
     "curves": f"{curves.COUNT}",
+    "doubted": f"{weighing.DOUBTED:.0f}",
     "field_price": f"{tracing.FIELD_PRICE:.0f}",
     "folds": f"{folds.FOLDS}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
