@@ -18,7 +18,7 @@ OWN_VALUES = {
     "elevator_trim": {"angle": 2},
     "pitch_offset": {"angle": 3},
 }
-"""Effects that each flight may have of its own: coefficient to place in `own_values`"""
+"""Effects that each flight may have of its own: coefficient to place in `own_values`."""
 
 
 def with_means(search: Search, model: Fitted) -> Fitted:
@@ -40,7 +40,7 @@ def with_means(search: Search, model: Fitted) -> Fitted:
         for slot, place in slots.items():
             theta[slot] += mean[place]
         kinds = (*model.kinds, kind)
-        if frozenset(kinds) in search.fitted:
+        if model.extra is None and frozenset(kinds) in search.fitted:
             continue
         search.progress(f"{kind} in all flights?")
         other = dataclasses.replace(
@@ -93,6 +93,8 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
         return None
     score = near.score
     sizes = best_of_sizes(score)[: len(model.kinds) - 1]
+    if not sizes:
+        return None
     least = score(sizes[-1]) - SLACK * (score(sizes[-1]) - score(()))
     for members in reversed(sizes):
         kinds = frozenset(kind for kind, _ in members)
@@ -115,7 +117,6 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
 
 WEAK = 3000.0
 """Evidence of all effects, to first order, from which on they are no mere means."""
-
 
 FAR = 300.0
 """Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
