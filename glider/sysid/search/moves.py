@@ -18,7 +18,7 @@ OWN_VALUES = {
     "elevator_trim": {"angle": 2},
     "pitch_offset": {"angle": 3},
 }
-"""Effects that each flight may have of its own: coefficient to place in `own_values`."""
+"""Effects that flights may have of their own: coefficient to place in `own_values`."""
 
 
 def with_means(search: Search, model: Fitted) -> Fitted:
