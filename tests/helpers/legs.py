@@ -9,8 +9,8 @@ import pytest
 _TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
-    *("campaign", "comparison", "docs", "doctor", "files", "helpers", "report"),
-    "sysid",
+    *("campaign", "comparison", "compiled", "design", "docs", "doctor", "files"),
+    *("helpers", "report", "sysid"),
 )
 """Of tests in which Drake has no part, reading, tracing, reports; and of the docs,
 which are the same with any."""
