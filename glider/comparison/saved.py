@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from glider.errors import InputError
+from glider.files.reports import find_report
 from glider.physics.model import load_model
 from glider.physics.parameters import GliderParameters
 from glider.sysid.result import Curve, Estimate, Spread
@@ -62,12 +63,7 @@ def load_report(path: Path) -> Saved:
     Raises:
         InputError: it is no report, or one that lacks what is needed.
     """
-    file = path / "report.json" if path.is_dir() else path
-    if not file.exists():
-        raise InputError(
-            f"{file}: there is no such file; a folder that close-the-loop wrote, or "
-            "its report.json, is needed."
-        )
+    file = find_report(path)
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:  # Of JSON and of UTF-8.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from glider.errors import InputError
+from glider.files.reports import find_report
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel, load_model
 from glider.sysid.result import Result
@@ -71,12 +72,7 @@ def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findi
     Raises:
         InputError: they are not there, or lack what is needed.
     """
-    path = folder / "report.json" if folder.is_dir() else folder
-    if not path.exists():
-        raise InputError(
-            f"{path}: there is no such file; a folder that close-the-loop wrote, or "
-            "its report.json, is needed."
-        )
+    path = find_report(folder)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         rivals = {

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
-from glider.compiled.replay import roll_out
 from glider.design.limits import ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
-from glider.sysid.fit.simulate import fly_commands
+from glider.sysid.fit.simulate import fly_commands, fly_path
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import pose_signals
-from glider.sysid.replay.theta import OFFSET, Layout
+from glider.sysid.replay.theta import Layout
 
 MOVES = 9
 """Moves of the elevator in a throw: each to a target, from a time on."""
@@ -209,22 +208,7 @@ def is_safe(
     layout = record.layout
     elevator, rate = pose_signals(record, theta)
     for launch in _launches(throw, limits):
-        start = np.zeros(layout.num_states)
-        start[:NUM_STATES] = launch
-        start[OFFSET] = elevator[0, 0]
-        start[NUM_STATES:] = layout.steady_states(0.0, start, rate[0], theta)
-        start[OFFSET] = 0.0
-        states = roll_out(
-            layout.compiled_kinds,
-            record.time,
-            start,
-            elevator,
-            rate,
-            np.zeros((len(rate), 2)),
-            np.ones(len(rate)),
-            layout.dynamics(theta),
-            field,
-        )
+        states = fly_path(layout, theta, launch, record.time, elevator, rate, field)
         # Where the release is, is given: it may lie on the edge of what was flown.
         if not limits.allows(states[1:]):
             return False

@@ -15,6 +15,7 @@ from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import Fitted, linear_flights
 from glider.sysid.likelihood.scales import (
     FLOOR,
+    OWN_VALUES,
     negative_log_likelihood,
     own_values,
 )
@@ -121,7 +122,6 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
     found = {}
     own = in_parallel(lambda f: own_values(f, model.scales), flights)
     names = [record.name for record in task.records]
-    places = {"wind": 0, "elevator_trim": 2, "pitch_offset": 3}
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
         lost = negative_log_likelihood(flights, least).sum() - base
@@ -129,7 +129,7 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
         least_std = LEAST_SPREAD * task.layout.scale[slot]
         shows = lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std
         if shows or (kind == "elevator_trim" and task.own_trims):  # Then it is told.
-            values = [float(o[places[kind]]) for o in own]
+            values = [float(o[OWN_VALUES[kind][coefficient]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),
                 unit=unit,

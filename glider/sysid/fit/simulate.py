@@ -191,17 +191,46 @@ def fly_commands(
     fine_rate = fine * (rows - 1) / time[-1]
     before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
     fine_times = np.arange(-before, (rows - 1) * fine + 1) / fine_rate
+    here, middle = path(fine_times), path(0.5 * (fine_times[1:] + fine_times[:-1]))
+    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
+    rate = np.diff(here) * fine_rate
+    states = fly_path(layout, theta, launch, fine_times, elevator, rate, field)
+    shown = sensed(layout, states, theta)
+    pose = np.stack(
+        [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
+    )
+    command = commands[latest_command(switches, time)]
+    return Flight(name=name, time=time, pose=pose, elevator=path(time), command=command)
+
+
+def fly_path(
+    layout: Layout,
+    theta: np.ndarray,
+    launch: np.ndarray,
+    times: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    field: Field = NO_FIELD,
+) -> np.ndarray:
+    """Returns the states (n, layout.num_states) along a path of the elevator.
+
+    Args:
+        layout: of theta.
+        theta: the glider's numbers.
+        launch: (7,) state at the first time; its elevator is where the path has it.
+        times: (n,) [s].
+        elevator: (n - 1, 3) at the start, middle and end of each interval [rad].
+        rate: (n - 1,) of the elevator [rad/s].
+        field: the residual field.
+    """
     start = np.zeros(layout.num_states)
     start[:7] = launch
-    here, middle = path(fine_times), path(0.5 * (fine_times[1:] + fine_times[:-1]))
-    rate = np.diff(here) * fine_rate
-    start[OFFSET] = here[0]
-    start[7:] = layout.steady_states(fine_times[0], start, rate[0], theta)
+    start[OFFSET] = elevator[0, 0]
+    start[7:] = layout.steady_states(times[0], start, rate[0], theta)
     start[OFFSET] = 0.0
-    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-    states = roll_out(
+    return roll_out(
         layout.compiled_kinds,
-        fine_times,
+        times,
         start,
         elevator,
         rate,
@@ -210,9 +239,3 @@ def fly_commands(
         layout.dynamics(theta),
         field,
     )
-    shown = sensed(layout, states, theta)
-    pose = np.stack(
-        [np.interp(time - replay.latency, fine_times, c) for c in shown.T], axis=1
-    )
-    command = commands[latest_command(switches, time)]
-    return Flight(name=name, time=time, pose=pose, elevator=path(time), command=command)

@@ -225,6 +225,14 @@ def own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return own + np.array([*before.wind, before.trim, 0.0])
 
 
+OWN_VALUES = {
+    "wind": {"x": 0, "z": 1},
+    "elevator_trim": {"angle": 2},
+    "pitch_offset": {"angle": 3},
+}
+"""Effects that flights may have of their own: coefficient to place in `own_values`."""
+
+
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
     """Returns a flight's own wind and trim, given all its rows."""
     n = flight.by_x.shape[1]

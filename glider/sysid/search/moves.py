@@ -6,19 +6,12 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.model_fit import Fitted, linear_flights
-from glider.sysid.likelihood.scales import own_values
+from glider.sysid.likelihood.scales import OWN_VALUES, own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.fits import Search, to_first_order
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import best_of_sizes
 from glider.sysid.search.weighing import uncertainty_of
-
-OWN_VALUES = {
-    "wind": {"x": 0, "z": 1},
-    "elevator_trim": {"angle": 2},
-    "pitch_offset": {"angle": 3},
-}
-"""Effects that flights may have of their own: coefficient to place in `own_values`."""
 
 
 def with_means(search: Search, model: Fitted) -> Fitted:
