@@ -157,30 +157,19 @@ def judge(
                 f"{', '.join(left.depends_on)}, and no effect holds."
             )
         return "no_effect", "Nothing that the flights show beyond noise and air."
-    if held_out is not None and not nothing:
-        refitted, corrected = errors["refitted"], errors["corrected"]
-        assert refitted is not None and corrected is not None
-        free, along = held_out.ratios
-        split = (
-            ratio_of(refitted.position_rms_m, corrected.position_rms_m),
-            ratio_of(
-                refitted.measured_pitch_position_rms_m,
-                corrected.measured_pitch_position_rms_m,
-            ),
+    if held_out is not None and held_out.t < LEAST_T:
+        return "not_trusted", (
+            "On flights held out in folds the correction does not gain "
+            f"significantly over the refitted plate (t = {held_out.t:.1f})."
         )
-        if held_out.t < LEAST_T and signs.are_right:
-            return "not_trusted", (
-                "On flights held out in folds the correction does not gain "
-                f"significantly over the refitted plate (t = {held_out.t:.1f})."
-            )
-        worst = max(free, along, *split)
-        if worst > WORSE and signs.are_right:
-            return "not_trusted", (
-                "The correction makes flights that it was not fitted to worse: "
-                f"{worst:.2f} times the error of the refitted plate."
-            )
+    worst = max([*(held_out.ratios if held_out else ()), *_split_ratios(errors)])
+    if worst > WORSE:
+        return "not_trusted", (
+            "The correction makes flights that it was not fitted to worse: "
+            f"{worst:.2f} times the error of the refitted plate."
+        )
     unnamed = [e for e in effects if e.kind == "unexplained"]
-    if unnamed and len(unnamed) == len(effects):
+    if unnamed and not (model.kinds or not signs.are_right):
         return "unexplained", "What the plate lacks has no name in the library."
     if unnamed:
         return "partly_explained", "Part of what the plate lacks has no name."
@@ -190,6 +179,19 @@ def judge(
             "carried."
         )
     return "effect_found", "The effects have names and hold on held-out flights."
+
+
+def _split_ratios(errors: dict[str, Errors | None]) -> tuple[float, float]:
+    """Returns errors by the refitted plate's, free and along the measured pitch."""
+    refitted, corrected = errors["refitted"], errors["corrected"]
+    assert refitted is not None and corrected is not None
+    return (
+        ratio_of(refitted.position_rms_m, corrected.position_rms_m),
+        ratio_of(
+            refitted.measured_pitch_position_rms_m,
+            corrected.measured_pitch_position_rms_m,
+        ),
+    )
 
 
 def effects_of(

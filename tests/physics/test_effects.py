@@ -74,6 +74,7 @@ REQUIRED = [
     "marker_offset",
     "pose_latency",
     "frame_tilt",
+    "position_scale",
     "pitch_offset",
     "angle_sign",
 ]

@@ -139,6 +139,21 @@ def test_wrong_signs_need_no_folds():
     assert verdict((), signs=wrong)[0] == "effect_found"
     assert verdict(("wind",), signs=wrong, t=-9.0)[0] == "effect_found"
     assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
+    worse = verdict(("wind",), signs=wrong, split=(WORSE + 0.05, 0.5))
+    assert worse[0] == "not_trusted"
+
+
+def test_what_only_differs_from_flight_to_flight_names_no_lack():
+    """A trim that is zero in the mean stands beside the unexplained, no more."""
+    traced = types.SimpleNamespace(
+        model=types.SimpleNamespace(kinds=()), field=object(), forces=None
+    )
+    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    found = (entry("unexplained"), entry("elevator_trim"))
+    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9))
+    errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
+    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left)
+    assert word == "unexplained"
 
 
 def test_all_verdicts_have_been_seen():

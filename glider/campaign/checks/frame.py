@@ -47,6 +47,9 @@ _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 _CLEARLY = 1.25
 """Ratio of misfits, with gravity as told and with the constant free, from which on the
 data contradict what is told."""
+_PATH = 0.01
+"""Median angle of attack below which the pitch is taken for that of the path [rad]; the
+plate of the default glider needs 0.15 at 7 m/s to carry it."""
 _ITERATIONS = 7
 _WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
 _STEP = 0.01  # Of the wind, for slopes [m/s].
@@ -86,6 +89,7 @@ def check_frame(
     if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
     _check_columns(campaign, motion)
+    _check_attitude(campaign, motion)
     fit = fit_forces(motion)
     warnings: list[str] = []
     turned = _check_down(campaign, motion, fit, gravity, warnings)
@@ -213,6 +217,21 @@ def _check_columns(campaign: Campaign, motion: Motion) -> None:
             f"{campaign.path}: column 'pitch' fits the motion in degrees "
             f"(from {pitch.min():.3g} to {pitch.max():.3g}); radians are needed."
         )
+
+
+def _check_attitude(campaign: Campaign, motion: Motion) -> None:
+    """Refuses a pitch that was made from the path: it tells nothing of the attitude."""
+    velocity = motion.velocity[:, :2]
+    fast = motion.speed > 0.5 * np.median(motion.speed)
+    for sign in (1, -1):
+        body, normal = _axes(sign * motion.pose[:, 2])
+        across, along = np.sum(velocity * normal, 1), np.sum(velocity * body, 1)
+        median = float(np.median(np.abs(np.arctan2(across, along))[fast]))
+        if median < _PATH:
+            raise InputError(
+                f"{campaign.path}: column 'pitch' is the direction of the path (they "
+                f"differ by {median:.2g} rad); the measured attitude is needed."
+            )
 
 
 def _check_down(

@@ -96,7 +96,11 @@ def _drop_servoless(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[SetAside, ...]]:
     """Sets aside flights whose elevator is faulty in most rows."""
-    shares = {f.name: float(np.mean(masks[f.name].elevator)) for f in campaign.flights}
+    shares = {
+        f.name: float(np.mean(masks[f.name].elevator[masks[f.name].usable]))
+        for f in campaign.flights
+        if masks[f.name].usable.any()
+    }
     reasons = {
         name: f"{100 * share:.0f} % of the rows of its elevator are faulty"
         for name, share in shares.items()

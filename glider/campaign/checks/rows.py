@@ -23,6 +23,9 @@ _EQUAL_NUMBERS = 5  # As many equal rows of one column may be.
 _SURELY = 6.0  # Standard deviations by which a frozen column should have moved.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _LONG_STEP = 3.0  # Steps longer than this many median ones are told as a gap.
+_UNCOMMANDED = 0.05
+"""Gap over which a flight with a servo is cut [s]: the commands in it are lost, too,
+and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator as close to its stop may rest there [rad].
@@ -61,6 +64,8 @@ def find_faults(campaign: Campaign) -> Faults:
         verdict = find_one_motion(track, usable)
         faults["sticks out of the motion round it"] = verdict.sticks_out
         faults["the track jumps, and goes on displaced"] = verdict.displaced
+        usable &= ~(verdict.sticks_out | verdict.displaced)
+        faults["beyond a gap whose commands are not known"] = _cut_off(flight, usable)
         pose = np.logical_or.reduce(list(faults.values()))
         set_aside += _tell(flight, "pose", faults)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
@@ -178,6 +183,26 @@ def _tell(flight: Flight, what: str, faults: dict[str, np.ndarray]) -> list[SetA
         for why, flags in faults.items()
         if flags.any()
     ]
+
+
+def _cut_off(flight: Flight, usable: np.ndarray) -> np.ndarray:
+    """Returns usable rows (n,) outside the longest piece that has all its commands."""
+    if flight.command is None:
+        return np.zeros(len(usable), dtype=bool)
+    piece = pieces_with_commands(flight.time)
+    longest = np.argmax(np.bincount(piece, weights=usable))
+    return usable & (piece != longest)
+
+
+def pieces_with_commands(time: np.ndarray) -> np.ndarray:
+    """Returns the piece that each row (n,) is in: gaps that hide commands cut.
+
+    Args:
+        time: (n,) of a flight's rows [s].
+    """
+    steps = np.diff(time)
+    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
+    return np.concatenate([[0], np.cumsum(is_gap)])
 
 
 def _tell_gaps(flight: Flight) -> list[str]:

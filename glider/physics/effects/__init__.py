@@ -39,6 +39,7 @@ from glider.physics.effects.sensor import (
     MARKER_OFFSET,
     PITCH_OFFSET,
     POSE_LATENCY,
+    POSITION_SCALE,
 )
 from glider.physics.effects.surface import (
     AIRSPEED_DEPENDENCE,
@@ -90,6 +91,7 @@ LIBRARY: tuple[EffectKind, ...] = (
     MARKER_OFFSET,
     POSE_LATENCY,
     FRAME_TILT,
+    POSITION_SCALE,
     PITCH_OFFSET,
     ANGLE_SIGN,
 )

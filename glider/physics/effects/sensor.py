@@ -30,6 +30,11 @@ def _frame_tilt(flow, angle):
 
 
 @scalar
+def _position_scale(flow, x, z):
+    return x * flow.x, z * flow.z
+
+
+@scalar
 def _pitch_offset(flow, angle):
     return angle
 
@@ -86,6 +91,21 @@ FRAME_TILT = EffectKind(
 )
 """Frame tilt: the whole pose is measured in a frame turned by -angle about +y,
 so logged pitch is larger by the angle."""
+
+POSITION_SCALE = EffectKind(
+    kind="position_scale",
+    stage="sensor",
+    adds_to=("pose_x", "pose_z"),
+    coefficients=(
+        Coefficient(name="x", unit="-", scale=0.03, lower=-0.5, upper=0.5),
+        Coefficient(name="z", unit="-", scale=0.03, lower=-0.5, upper=0.5),
+    ),
+    formula=_position_scale,
+    words="lengths that the motion capture measures too large or too small",
+    depends_on=("V",),
+)
+"""Position scale: logged x and z are 1 + `x` and 1 + `z` times the true ones, as of
+cameras whose calibrated length is wrong. Gravity, which scales with z, gives it away."""
 
 PITCH_OFFSET = EffectKind(
     kind="pitch_offset",

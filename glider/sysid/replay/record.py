@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import (
     Campaign,
     Flight,
@@ -185,8 +186,13 @@ def _record(
     elevator, switches, commands, rest = np.zeros(n), np.zeros(1), np.zeros(1), 0.0
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.command is not None and flight.elevator is not None:
-        switches, commands = command_steps(clock, flight.command, campaign.command_rate)
-        trusted = np.flatnonzero(turned)
+        piece = pieces_with_commands(flight.time)
+        # What was commanded before a gap that hides commands does not count.
+        commanded = np.flatnonzero(piece == piece[good[0]])
+        switches, commands = command_steps(
+            clock[commanded], flight.command[commanded], campaign.command_rate
+        )
+        trusted = commanded[turned[commanded]]
         rest = float(flight.elevator[trusted[0]])  # Its noise is what x[3] is for.
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = turned[rows]

@@ -122,8 +122,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         dropped.add("pitch_moment")
     if "mass" not in known or "wing_area" in unknown:
         # Air that moves with the wing is one with its area and its lift by pitch rate;
-        # a wind that all flights share with its area, its camber and its drag.
-        dropped |= {"mass", "added_mass", "wind", "wind_shear"}
+        # a wind that all flights share with its area, its camber and its drag; lengths
+        # that are measured too large are one with its area, too.
+        dropped |= {"mass", "added_mass", "wind", "wind_shear", "position_scale"}
     if "wing_offset" in unknown:
         # A tracked point ahead of it shows in the pitch acceleration, as do errors of
         # the moment: it could be anywhere.

@@ -134,8 +134,9 @@ class Survey:
     @property
     def leading(self) -> list[tuple[str, str]]:
         """The best and those that cannot be told from it by so coarse a look."""
-        ranked = sorted(self.gains, key=lambda key: -self.gains[key])
-        least = LEADING * self.gains[ranked[0]]
+        finite = [key for key, gain in self.gains.items() if np.isfinite(gain)]
+        ranked = sorted(finite, key=lambda key: -self.gains[key])
+        least = LEADING * self.gains[ranked[0]] if ranked else 0.0
         return [key for key in ranked if self.gains[key] >= least][:MOST_LEADING]
 
     def nearly_as_good(self, key: tuple[str, str]) -> tuple[str, ...]:
@@ -148,9 +149,15 @@ class Survey:
 def _gain(
     flights: list[LinearFlight], task: Task, model: Fitted, basis: Basis
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Returns a field's evidence, its weights and their covariance."""
+    """Returns a field's evidence, its weights and their covariance.
+
+    Where the model blows up, the evidence is -inf and the others are NaN.
+    """
     wide = in_parallel(lambda f: basis.widened(f, model.theta), flights)
     gram = np.sum(grams_of(wide, model.scales), axis=0)
+    if not np.all(np.isfinite(gram)):
+        count = len(basis.spreads)
+        return -np.inf, np.full(count, np.nan), np.full((count, count), np.nan)
     own, mean, precision = beforehand(task, model, model.free)
     m, count = len(own), len(basis.spreads)
     every = np.concatenate([precision, basis.spreads**-2])
@@ -213,14 +220,12 @@ def fit_field(
     form, variable = key
     few = task.thinned(SURVEY_FLIGHTS)
     flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
-    best, basis = -np.inf, None
-    for count in (COARSE, *FINER):
-        trial = make_basis(few, model.theta, form, variable, count)
-        assert trial is not None
-        gained = _gain(flights, few, model, trial)[0]
-        if gained > best:
-            best, basis = gained, trial
-    assert basis is not None
+    bases = [
+        basis
+        for count in (COARSE, *FINER)
+        if (basis := make_basis(few, model.theta, form, variable, count)) is not None
+    ]
+    basis = max(bases, key=lambda b: _gain(flights, few, model, b)[0])
     data = basis.data
     evidence = 0.0
     for round_ in range(4):

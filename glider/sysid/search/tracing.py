@@ -63,7 +63,7 @@ def trace(
     model = without_needless_curves(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
-    while weak := weakest(weighed, evidence):
+    while weak := weakest(weighed, evidence, beside_field=field is not None):
         model, evidence = prune(search, search.fit(without(task, model, weak)))
         weighed = weigh(task, model, scoring, rng)
     if field is not None:
@@ -114,8 +114,9 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
         bare = min(
             fit_fields(task, nothing, survey(task, nothing)),
             key=lambda o: search.price(o.model),
+            default=None,
         )
-        if np.isfinite(bare.model.cost):
+        if bare is not None and np.isfinite(bare.model.cost):
             again = by_sets(search, bare.model)
             options += [bare, dataclasses.replace(bare, model=again)]
     best = min(options, key=lambda o: search.price(o.model))

@@ -24,6 +24,10 @@ RIVAL_GAP = 6.0
 """Difference of evidence below which two effects are one to us [nats]: the odds of the
 better one are then below 400 to 1."""
 
+MOST_RIVALS = 0.5
+"""Share of the library from which on what would do as well in an effect's place lends
+it no support: where anything helps, the lack has another form."""
+
 _NEAR = 25.0
 """Loss of evidence up to which an effect is offered to resampled searches [nats]."""
 
@@ -70,6 +74,10 @@ def weigh(
             (gone,) = lost
             if kind not in rivals[gone]:
                 rivals[gone].append(kind)
+
+    def stands_for_any(kind: str) -> bool:
+        return len(rivals[kind]) > MOST_RIVALS * len(score.variants)
+
     counts = dict.fromkeys(model.kinds, 0)
     supports = dict.fromkeys(model.kinds, 0)
     for _ in range(RESAMPLES):
@@ -84,7 +92,7 @@ def weigh(
         kind: Weighed(
             rivals=tuple(rivals[kind]),
             inclusion=counts[kind] / RESAMPLES,
-            support=supports[kind] / RESAMPLES,
+            support=(counts if stands_for_any(kind) else supports)[kind] / RESAMPLES,
         )
         for kind in model.kinds
     }
@@ -100,14 +108,18 @@ DOUBTED = 60.0
 searches are to first order, and what costs more than this to leave out is there."""
 
 
-def weakest(weighed: dict[str, Weighed], evidence: dict[str, float]) -> str | None:
+def weakest(
+    weighed: dict[str, Weighed], evidence: dict[str, float], beside_field: bool = False
+) -> str | None:
     """Returns the effect that fewest resampled flights support, if too few.
 
     Args:
         weighed: of each effect.
         evidence: that is lost without it when all else is refitted [nats].
+        beside_field: whether a field acts too: what its Gaussians leave of the true
+            shape makes evidence of any size for effects that are not there.
     """
-    doubted = [kind for kind in weighed if evidence[kind] < DOUBTED]
+    doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)
     if kind is None or weighed[kind].support >= LEAST_SUPPORT:
         return None

@@ -63,6 +63,10 @@ WRONG = {
     "backwards": (b.backwards, "do they run backwards"),
     "level": (b.scale(1.0, 0.0, 1.0), "column 'z' does not change in any flight"),
     "y for z": (b.level(RNG), "column 'z' does not change in any flight"),
+    "pitch of the path": (
+        lambda f: b.with_pose(f, b.pitch_of_path(f)),
+        "column 'pitch' is the direction of the path",
+    ),
     "no pitch": (b.scale(1.0, 1.0, 0.0), "column 'pitch' does not change in any"),
     "degrees": (b.scale(1.0, 1.0, 57.3), "column 'pitch' fits the motion in degrees"),
     "no elevator": (
@@ -219,9 +223,12 @@ def test_rows_in_the_hand_are_set_aside(campaign, count, push):
         assert mask.pose[rows:].sum() <= 20
 
 
-def test_a_gap_is_told_and_no_fault(campaign):
+def test_what_lies_beyond_a_gap_in_the_commands_is_set_aside(campaign):
+    """The longer piece stays."""
+    length = len(campaign.flights[0].time)
     rows, found = rows_set_aside(campaign, b.lose(30, 40))
-    assert rows == []
+    pieces = list(range(30)), list(range(30, length - 40))
+    assert rows == min(pieces, key=len)
     assert [w.split(" (")[0] for w in found.warnings] == [f"{NAME}: a gap of 40 rows"]
 
 

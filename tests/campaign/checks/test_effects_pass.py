@@ -17,6 +17,8 @@ STRONG = [
     ("wind", {"z": -1.5}),
     ("frame_tilt", {"angle": -0.5}),
     ("frame_tilt", {"angle": 0.5}),
+    ("position_scale", {"x": 0.1, "z": 0.1}),
+    ("position_scale", {"x": -0.1}),
     ("pitch_offset", {"angle": -0.7}),
     ("pitch_offset", {"angle": 0.7}),
     ("thrust", {"force": 0.5}),

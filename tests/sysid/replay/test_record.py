@@ -64,6 +64,15 @@ def test_irregular_times_get_no_more_nodes_than_gaps_need(campaign):
     assert not record.seen[[10, 40, 41]].any()
 
 
+def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
+    flight = without_rows(campaign.flights[0], slice(5, 45))
+    log = dataclasses.replace(campaign, flights=(flight, *campaign.flights[1:]))
+    record = records_of(log, inspect(log).masks)[0]
+    assert len(record.time) == len(flight.time) - 5
+    assert record.switch_times.min() >= 0.0
+    assert record.rest == flight.elevator[5]
+
+
 def test_rows_that_are_set_aside_do_not_count(campaign):
     whole = records_of(campaign)[0]
     first, *others = campaign.flights

@@ -9,7 +9,7 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import fit_model
-from glider.sysid.search.fields import Survey, fit_field, survey
+from glider.sysid.search.fields import Survey, fit_field, fit_fields, survey
 from glider.sysid.search.peaks import find_peaks
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -119,3 +119,12 @@ def test_a_peak_at_the_edge_of_what_was_flown_has_no_place():
 def test_a_field_that_cannot_be_told_from_the_best_is_fitted_too():
     gains = {("forces", "x"): 100.0, ("forces", "t"): 99.0, ("air", "z"): 50.0}
     assert Survey(gains=gains).leading == [("forces", "x"), ("forces", "t")]
+
+
+def test_about_a_model_that_blows_up_no_field_is_fitted(vent):
+    task, model, _ = vent
+    lost = dataclasses.replace(model, theta=np.full_like(model.theta, np.nan))
+    found = survey(task, lost)
+    assert set(found.gains.values()) <= {-np.inf}
+    assert found.leading == []
+    assert fit_fields(task, lost, found) == []

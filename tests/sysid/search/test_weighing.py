@@ -62,6 +62,7 @@ def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
     assert weakest(both, {"camber": 20.0, "wind": 20.0, "mass": 20.0}) == "camber"
     sure = {"camber": DOUBTED + 1.0, "wind": 20.0, "mass": 20.0}
     assert weakest(both, sure) == "wind"
+    assert weakest(both, sure, beside_field=True) == "camber"
     assert weakest({"mass": of(1.0)}, {"mass": 20.0}) is None
     assert weakest({}, {}) is None
 
