@@ -105,7 +105,7 @@ POSITION_SCALE = EffectKind(
     depends_on=("V",),
 )
 """Position scale: logged x and z are 1 + `x` and 1 + `z` times the true ones, as of
-cameras whose calibrated length is wrong. Gravity, which scales with z, gives it away."""
+cameras whose calibrated length is wrong. Gravity scales with z and gives it away."""
 
 PITCH_OFFSET = EffectKind(
     kind="pitch_offset",
