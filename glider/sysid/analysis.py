@@ -26,7 +26,7 @@ from glider.sysid.fit.prediction import (
     measure_errors,
 )
 from glider.sysid.likelihood.model_fit import Fitted, fit_model
-from glider.sysid.likelihood.outliers import find_outlying
+from glider.sysid.likelihood.outliers import find_apart, find_outlying
 from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
@@ -39,6 +39,7 @@ from glider.sysid.outcome import (
     spreads_of,
     vehicle_of,
 )
+from glider.sysid.plausibility import find_doubt
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import make_table
@@ -124,16 +125,20 @@ class Analysis:
             records = _records(campaign, noise, vehicle, inspection)
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, vehicle, kinds)
-            outlying = find_outlying(everything, noise)
-            records = [r for r in records if r.name not in outlying]
-            everything = everything.on(records)
-            names = _without(names, outlying, campaign)
-        fitted = [r for r in records if r.name in names[0]]
-        unseen = [r for r in records if r.name in names[1]]
-        task = everything.on(fitted)
+            ratios = find_outlying(everything, noise)
+            strange = {name: _UNLIKE.format(ratio) for name, ratio in ratios.items()}
         with self.stage("trace"):
+            everything, names = _among(everything, names, strange, campaign)
+            task = _fitted(everything, names)
             traced = trace(task, noise, rng, self.progress)
-        model = traced.model
+            if apart := find_apart(everything, traced.model):
+                self.progress(f"again without {', '.join(apart)}")
+                strange |= apart
+                everything, names = _among(everything, names, strange, campaign)
+                task = _fitted(everything, names)
+                traced = trace(task, noise, rng, self.progress)
+        model, records = traced.model, list(everything.records)
+        unseen = [r for r in records if r.name in names[1]]
         with self.stage("weigh", "standard errors"):
             known = uncertainty_of(task, traced.judged)
             carried = carried_of(task, model, known)
@@ -146,7 +151,7 @@ class Analysis:
             if not signs.are_right:
                 own = measure_noise(logged, masks)
                 before = _records(logged, own, vehicle, inspection)
-                before = [r for r in before if r.name not in outlying]
+                before = [r for r in before if r.name not in strange]
             errors: dict[str, Errors | None] = {}
             predictions: dict[str, list[Prediction]] = {}
             for name, pilot in flown.items():
@@ -176,7 +181,10 @@ class Analysis:
         corrected = errors["corrected"]
         assert corrected is not None
         left = _left(task, traced.judged, corrected, noise)
-        verdict, reason = judge(traced, signs, carried, held_out, errors, effects, left)
+        doubt = find_doubt(task, model)
+        verdict, reason = judge(
+            traced, signs, carried, held_out, errors, effects, left, doubt
+        )
         return Result(
             campaign=logged.name,
             path=logged.path,
@@ -204,7 +212,7 @@ class Analysis:
                 *_past_limits(campaign, records),
                 *_warnings(held_out, verdict),
             ),
-            set_aside=_set_aside(inspection, outlying),
+            set_aside=_set_aside(inspection, strange),
             planarity=_planarity(logged),
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
@@ -275,40 +283,45 @@ STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
 
 
-def _without(
+_UNLIKE = (
+    "no model explains it with the others: its mean squared error is {:.3g} times that "
+    "of the middle flight (another clock, axis, unit or glider, or a hit?)"
+)
+"""Why a flight that stands out is set aside."""
+
+
+def _among(
+    everything: Task,
     names: tuple[tuple[str, ...], tuple[str, ...]],
-    outlying: Mapping[str, float],
+    strange: Mapping[str, str],
     campaign: Campaign,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Returns names of flights to fit and held out without those that stand out."""
-    fitted, unseen = (tuple(n for n in group if n not in outlying) for group in names)
+) -> tuple[Task, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Returns the task, and names to fit and held out, without strange flights."""
+    fitted, unseen = (tuple(n for n in group if n not in strange) for group in names)
     if len(fitted) < 2 or not unseen:
         raise InputError(
-            f"{campaign.path}: {', '.join(outlying)} cannot be flights of the same "
+            f"{campaign.path}: {', '.join(strange)} cannot be flights of the same "
             "glider as the others, and too few are left to fit and to hold out."
         )
-    return fitted, unseen
+    kept = [r for r in everything.records if r.name not in strange]
+    return everything.on(kept), (fitted, unseen)
+
+
+def _fitted(everything: Task, names: tuple[tuple[str, ...], tuple[str, ...]]) -> Task:
+    """Returns the task on the flights to fit."""
+    return everything.on([r for r in everything.records if r.name in names[0]])
 
 
 def _set_aside(
-    inspection: Inspection, outlying: Mapping[str, float]
+    inspection: Inspection, strange: Mapping[str, str]
 ) -> tuple[SetAside, ...]:
-    """Returns all that is not used: rows that are faulty, flights that stand out."""
+    """Returns all that is not used: rows that are faulty, flights that are strange."""
     rows = [
         SetAside(file=s.file, rows=s.rows, why=s.why)
         for s in inspection.set_aside
-        if s.file not in outlying
+        if s.file not in strange
     ]
-    flights = [
-        SetAside(
-            file=name,
-            rows=ALL,
-            why=f"no model explains it with the others: its mean squared error is "
-            f"{ratio:.3g} times that of the middle flight (another clock, axis, unit "
-            "or glider, or a hit?)",
-        )
-        for name, ratio in outlying.items()
-    ]
+    flights = [SetAside(file=n, rows=ALL, why=why) for n, why in strange.items()]
     return tuple(sorted(rows + flights, key=lambda s: s.file))
 
 

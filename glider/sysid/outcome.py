@@ -146,8 +146,21 @@ def judge(
     errors: dict[str, Errors | None],
     effects: tuple[FoundEffect, ...],
     left: Left,
+    doubt: str | None,
 ) -> tuple[str, str]:
-    """Returns the verdict and the sentence that says why."""
+    """Returns the verdict and the sentence that says why.
+
+    Args:
+        traced: what was found.
+        signs: of the angles.
+        carried: curves of the model.
+        held_out: what folds say, or None.
+        errors: of unseen flights, by model.
+        effects: as reported.
+        left: what the model leaves.
+        doubt: why the model is not to be believed, see
+            `glider.sysid.plausibility.find_doubt`, or None.
+    """
     model = traced.model
     nothing = not model.kinds and traced.field is None and not carried.terms
     if nothing and signs.are_right:
@@ -157,6 +170,8 @@ def judge(
                 f"{', '.join(left.depends_on)}, and no effect holds."
             )
         return "no_effect", "Nothing that the flights show beyond noise and air."
+    if doubt is not None:
+        return "not_trusted", f"What is left to chance is too much: {doubt}."
     if held_out is not None and held_out.t < LEAST_T:
         return "not_trusted", (
             "On flights held out in folds the correction does not gain "

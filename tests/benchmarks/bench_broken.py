@@ -306,7 +306,7 @@ def kinds() -> dict[str, Break]:
         "commands 80 ms early": every(b.shift_commands(-0.08), "command_delay"),
         "commands 50 ms late in one": one(b.shift_commands(0.05)),
         "commands 80 ms early in some": some(b.shift_commands(-0.08)),
-        "servo 50 ms late": every(b.shift_servo(0.05)),
+        "servo 50 ms late": every(b.shift_servo(0.05), "pose_latency"),
         "servo 50 ms early": every(b.shift_servo(-0.05), "pose_latency"),
         "servo 60 ms late in one": one(b.shift_servo(0.06)),
         "servo 60 ms early in some": some(b.shift_servo(-0.06)),

@@ -61,6 +61,7 @@ def verdict(
     shape_fits=True,
     unnamed=None,
     left_over=None,
+    doubt=None,
 ):
     """Judges a trace that found kinds, and a field or curves without a name."""
     if unnamed is None:
@@ -79,7 +80,7 @@ def verdict(
     held_out = types.SimpleNamespace(t=t, ratios=ratios) if signs.are_right else None
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(*split)}
     carried = Carried(terms=terms, data=None)
-    return judge(traced, signs, carried, held_out, errors, tuple(effects), left)
+    return judge(traced, signs, carried, held_out, errors, tuple(effects), left, doubt)
 
 
 def test_thrown_gliders_that_leave_much_are_never_without_effect():
@@ -128,6 +129,13 @@ def test_what_makes_unseen_flights_worse_is_not_trusted(place):
         assert (f"{WORSE + 0.05:.2f} times" in reason) == (word == "not_trusted")
 
 
+def test_what_leaves_too_much_to_chance_is_not_trusted():
+    word, reason = verdict(("wind",), doubt="the model needs gusts of 0.6 m/s")
+    assert word == "not_trusted"
+    assert "gusts of 0.6 m/s" in reason
+    assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "no_effect"
+
+
 @pytest.mark.parametrize("lack", [{"field": True}, {"terms": ("c_lift",)}], ids=str)
 def test_what_has_no_name_is_unexplained(lack):
     assert verdict((), **lack)[0] == "unexplained"
@@ -152,7 +160,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     found = (entry("unexplained"), entry("elevator_trim"))
     held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9))
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left)
+    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
     assert word == "unexplained"
 
 

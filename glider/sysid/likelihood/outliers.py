@@ -17,9 +17,16 @@ again 42, with positions 5 % too large 3.
 
 import numpy as np
 
+from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.model_fit import beforehand, start_of, with_prior
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.model_fit import (
+    Fitted,
+    beforehand,
+    linear_flights,
+    start_of,
+    with_prior,
+)
+from glider.sysid.likelihood.scales import OWN_VALUES, Scales, own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 
@@ -98,3 +105,43 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     deviation = max(1.4826 * float(np.median(np.abs(apart))), LEAST_DEVIATION)
     outlying = apart > Z_OUTLYING * (1.0 + 4.0 / len(logs)) * deviation
     return outlying & (np.mean(outlying) <= MOST)
+
+
+Z_APART = 10.0
+"""Deviations of a flight's own wind, trim or zero of the pitch from the middle one from
+which on it is no spread over flights: of Gaussian ones 1e-20 of flights are so far."""
+
+LEAST_APART = 0.3
+"""... and how far off it is at least, in the coefficient's scale."""
+
+
+def find_apart(task: Task, model: Fitted) -> dict[str, str]:
+    """Returns flights that need a wind, trim or pitch zero far from all others', why.
+
+    What one flight has of its own may take up that its positions are in another length
+    or that it is of another glider; the spread over flights then grows to hold it, and
+    the effects of all the others drown.
+
+    Args:
+        task: the flights, of a glider whose mass and areas are told; others have none.
+        model: fitted to (most of) them.
+    """
+    if not task.vehicle.knows_forces or len(task.records) < FEWEST:
+        return {}
+    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    own = np.array(in_parallel(lambda f: own_values(f, model.scales), flights))
+    found: dict[str, str] = {}
+    for kind, places in OWN_VALUES.items():
+        for name, place in places.items():
+            slot = task.layout.index[kind, name]
+            units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
+            apart = np.abs(own[:, place] - np.median(own[:, place]))
+            deviation = 1.4826 * float(np.median(apart))
+            least = max(Z_APART * deviation, LEAST_APART * task.layout.scale[slot])
+            for i in np.flatnonzero(apart > least).tolist():
+                found.setdefault(
+                    task.records[i].name,
+                    f"no other flight needs {kind} as of {own[i, place]:.2g} "
+                    f"{units[name]}",
+                )
+    return found if len(found) <= MOST * len(task.records) else {}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.outliers import find_outlying, stand_out
+from glider.sysid.likelihood.outliers import find_apart, find_outlying, stand_out
 from tests.campaign.checks import breaking as b
-from tests.helpers.tasks import fly, task_of
+from tests.helpers.tasks import fit_kinds, fly, task_of
 
 ODD = 3
 NAME = f"flight_{ODD:03d}.csv"
@@ -58,3 +58,14 @@ def test_only_exceptions_stand_out():
     assert list(np.flatnonzero(stand_out(squares))) == [4]
     squares[:7] *= 10.0
     assert not stand_out(squares).any()
+
+
+def test_a_flight_that_needs_far_other_values_is_apart():
+    """Its lengths are another's: own values take that up, and no square stands out."""
+    campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10, duration=0.6)
+    assert find_apart(*fit_kinds(campaign, "profile_drag")) == {}
+    odd = b.change(campaign, b.scale(1.1, 1.1, 1), only=ODD)
+    assert outlying(odd) == {}
+    found = find_apart(*fit_kinds(odd, "profile_drag"))
+    assert set(found) == {NAME}
+    assert "no other flight needs" in found[NAME]
