@@ -10,7 +10,7 @@ from glider.sysid.likelihood.scales import OWN_VALUES, own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.fits import Search, to_first_order
 from glider.sysid.search.sets_in_models import without
-from glider.sysid.search.subsets import best_of_sizes
+from glider.sysid.search.subsets import best_of_sizes, climb
 from glider.sysid.search.weighing import uncertainty_of
 
 
@@ -116,6 +116,41 @@ FAR = 300.0
 
 SLACK = 0.1
 """Share of the evidence of all that a smaller set may lack, to first order."""
+
+
+def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model worth more with an effect that first order undervalues, or None.
+
+    An effect whose size is known and whose shape is not is made linear at a few shapes
+    of a grid; several others that imitate it are made linear at their best. Each such
+    effect is put in by force, and the best set round it is fitted. It is looked for
+    where curves are needed beside the formulas: else these explain all there is.
+    """
+    task = search.task
+    if len(model.kinds) < 3 or not without_needless_curves(search, model).has_curves:
+        return None
+    near = to_first_order(task, model)
+    if near is None:
+        return None
+    score = near.score
+    own = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
+    tried = []
+    for kind, variants in score.variants.items():
+        if kind in model.kinds or not any(map(task.is_shape, task.free((kind,)))):
+            continue
+        sets = [climb(score, (*own, (kind, v)), keep=[(kind, v)]) for v in variants]
+        members = max(sets, key=score)
+        is_known = frozenset(k for k, _ in members) in search.fitted
+        if is_known or score(members) < score(own) - UNDERVALUED:
+            continue
+        search.progress(f"{kind} after all?")
+        tried.append(search.fit_with_strength(near.begin(members), iterations=4))
+    best = min(tried, key=search.price, default=model)
+    return best if search.price(best) < search.price(model) else None
+
+
+UNDERVALUED = 30.0
+"""Evidence, to first order, that an effect put in by force may cost [nats]."""
 
 
 def without_a_pair(search: Search, model: Fitted) -> Fitted | None:

@@ -23,6 +23,7 @@ from glider.sysid.search.fields import (
 from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
 from glider.sysid.search.moves import (
     prune,
+    with_a_shaped_one,
     with_fewer,
     with_means,
     without_needless_curves,
@@ -52,8 +53,8 @@ def trace(
     search = Search(task, progress)
     start = start_of(task, noise, with_curves=True)
     model, evidence = prune(search, by_sets(search, start))
-    while (fewer := with_fewer(search, model)) is not None:
-        model, evidence = prune(search, fewer)
+    while better := with_fewer(search, model) or with_a_shaped_one(search, model):
+        model, evidence = prune(search, better)
     field = None
     if leaves_something(model):
         progress("looking for what else the residual depends on")

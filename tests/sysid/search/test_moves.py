@@ -5,8 +5,14 @@ import dataclasses
 import pytest
 
 from glider.physics.effects import KINDS
+from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
-from glider.sysid.search.moves import prune, with_fewer, with_means
+from glider.sysid.search.moves import (
+    prune,
+    with_a_shaped_one,
+    with_fewer,
+    with_means,
+)
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -51,3 +57,20 @@ def test_what_is_not_needed_is_dropped():
     model, evidence = prune(search, kinds_fitted(search, plate, *offered))
     assert model.kinds == ("frame_tilt",)
     assert evidence["frame_tilt"] > 100.0
+
+
+def test_a_stall_is_found_behind_three_that_imitate_it():
+    imitate = ("pitch_rate_lift", "mass", "camber")
+    task, noise = task_of(fly(KINDS["attached_lift"](slope=2.0), flights=8))
+    task = dataclasses.replace(task, kinds=(*imitate, "attached_lift"))
+    search = Search(task, lambda text: None)
+    start = start_of(task, noise, with_curves=True)
+    model = search.fit_with_strength(
+        dataclasses.replace(start, kinds=imitate, free=task.free(imitate))
+    )
+    found = with_a_shaped_one(search, model)
+    assert found is not None
+    assert search.price(found) < search.price(model)
+    found, _ = prune(search, found)
+    assert found.kinds == ("attached_lift",)
+    assert with_a_shaped_one(search, found) is None
