@@ -1,5 +1,12 @@
 """Settings of every test."""
 
+import os
+from collections import Counter
+
+# For NumPy, when it is imported, here and in what tests start: two processes with two
+# threads of linear algebra each wait for one another, small matrices ten times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import hypothesis
 import matplotlib
 import pytest
@@ -27,7 +34,7 @@ def article_plan() -> Plan:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Runs the quick tests first; in several processes, the files with slow ones.
+    """Runs the quick tests first; in several processes, the files with most slow ones.
 
     A long file that comes last would keep one process busy and the others idle. What
     Drake has no part in runs with one of the two.
@@ -35,8 +42,8 @@ def pytest_collection_modifyitems(
     for item in items:
         if is_without_drake(item.path):
             item.add_marker(WITHOUT_DRAKE)
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: item.path not in slow)
+        items.sort(key=lambda item: -slow[item.path])
     else:
         items.sort(key=lambda item: item.get_closest_marker("slow") is not None)

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
-from threadpoolctl import threadpool_limits
 
 from glider.errors import InputError
 from glider.paths import models_path
@@ -51,8 +50,7 @@ def exercise():
 def test_numbers_that_are_read_rightly_show_no_fault(exercise):
     log = exercise_campaign(exercise, "nose_down")
     vehicle = make_vehicle(log)
-    with threadpool_limits(limits=1, user_api="blas"):
-        assert find_signs(log, log.flights[:2], {}, vehicle).are_right
+    assert find_signs(log, log.flights[:2], {}, vehicle).are_right
 
 
 def test_a_ridge_is_paid_for_in_error(exercise):

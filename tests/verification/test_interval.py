@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from glider.verification.dynamics.error_dynamics import expand_rates, table_of
 from glider.verification.funnel.remainder import remainder_form
@@ -26,13 +25,6 @@ from tests.verification.points import sphere_points
 
 K = 60
 SLACK = 0.25
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """As in a proof: the matrices are small."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        yield
 
 
 @pytest.fixture(scope="module")

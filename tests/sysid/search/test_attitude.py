@@ -19,16 +19,16 @@ from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
 
 
-def throws(seed):
-    campaign, truth = draw_throws(seed)
-    task, noise = task_of(campaign)
-    return task, noise, truth
+@pytest.fixture(scope="module")
+def throws():
+    """Throws of camber, axial drag and lift by pitch rate, in the library's forms."""
+    campaign, truth = draw_throws(0)
+    return *task_of(campaign), truth
 
 
 @pytest.fixture(scope="module")
-def traced():
-    """Throws of camber, axial drag and lift by pitch rate, in the library's forms."""
-    task, noise, truth = throws(0)
+def traced(throws):
+    task, noise, truth = throws
     rng = np.random.default_rng(0)
     return task, trace_along_attitude(task, noise, rng, lambda text: None), truth
 
@@ -60,8 +60,8 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
         assert getattr(model.scales, name) == getattr(forces.scales, name)
 
 
-def test_an_effect_that_needs_a_cause_costs_more():
-    task, *_ = throws(0)
+def test_an_effect_that_needs_a_cause_costs_more(throws):
+    task, *_ = throws
     assert price_of_kind(task, "camber") == PRICE
     assert price_of_kind(task, "thrust") == PRICE + PRICE_OF_A_CAUSE
     assert price_of_kind(task, "marker_offset") == (
@@ -70,8 +70,8 @@ def test_an_effect_that_needs_a_cause_costs_more():
     assert set(EVERY_GLIDER_HAS) <= set(task.layout.kinds)
 
 
-def test_an_unknown_tails_trim_is_a_moment_alone():
-    task, *_ = throws(0)
+def test_an_unknown_tails_trim_is_a_moment_alone(throws):
+    task, *_ = throws
     record, theta = task.records[0], task.vehicle.theta
     moved, elevator = trimmed(record, theta, 0.1)
     assert record.trim_is_moment and elevator == 0.0
@@ -84,8 +84,8 @@ def test_an_unknown_tails_trim_is_a_moment_alone():
     assert same is theta and elevator == 0.1
 
 
-def test_effects_that_cannot_be_told_from_an_unknown_wing_are_not_asked_for():
-    task, *_ = throws(0)
+def test_effects_that_cannot_be_told_from_an_unknown_wing_are_not_asked_for(throws):
+    task, *_ = throws
     hidden = {"added_mass", "wind", "wind_shear", "marker_offset", "pitch_damping"}
     assert hidden.isdisjoint(task.kinds)
     assert not task.vehicle.knows_forces
