@@ -6,9 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from numba.core.runtime import _nrt_python, rtsys
 
 from glider.compiled import jacobian, kernel, riccati, rollouts
 from glider.compiled.constants import BLOCK
+from glider.compiled.jacobian import stacked
 from glider.compiled.kernel import Family
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
@@ -194,3 +196,21 @@ def test_an_empty_batch_and_an_empty_tape_are_fine():
     start = random_states(3)
     states = fly_tapes(GliderModel(), start, np.zeros((3, 0)), 0.01)
     np.testing.assert_array_equal(states[:, 0], start)
+
+
+def test_loops_give_back_the_memory_that_they_take():
+    """The chain's functions borrow arrays: counted wrongly, they would stay or go."""
+    model = GliderModel()
+    z = stacked(model.num_states, model.numbers)
+    z[: model.num_states] = [-3.5, 0.1, -0.3, 0.1, 7.0, 0.0, 0.5]
+    directions = np.asfortranarray(np.eye(len(z)))
+    jacobian.differentiate(model, 0.0, z, directions)
+    _nrt_python.memsys_enable_stats()
+    before, owners = rtsys.get_allocation_stats(), sys.getrefcount(z)
+    for _ in range(10):
+        jacobian.differentiate(model, 0.0, z, directions)
+    after = rtsys.get_allocation_stats()
+    _nrt_python.memsys_disable_stats()
+    assert after.mi_alloc > before.mi_alloc
+    assert after.mi_alloc - before.mi_alloc == after.mi_free - before.mi_free
+    assert sys.getrefcount(z) == owners
