@@ -14,14 +14,11 @@ from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family
 from glider.physics.chain import (
     NUM_INPUTS,
-    derivatives,
+    derivatives_of,
     measure,
-    parameters_of,
     theta_of,
 )
 from glider.physics.model import GliderModel
-from glider.physics.numbers import Theta
-from glider.physics.parameters import NUM_PARAMETERS
 from glider.physics.servo import limited_rate
 
 
@@ -56,8 +53,6 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
         y[:] = z
         if exact:
             y[places[k]] = z[places[k]] + 1j * TINY
-        numbers = y[n + NUM_INPUTS :]
-        c = numbers[NUM_PARAMETERS:]
         for lap in range(count):
             # The step of `runge_kutta.advance`, which costs an eighth more here: its
             # data are counted as references in each of the many short calls.
@@ -67,8 +62,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
                 weight = step / 6.0 if stage in (0, 3) else step / 3.0
                 ahead = 0.5 * step if stage < 2 else step
                 now = t + step * (lap + 0.5 * ((stage + 1) // 2))
-                theta = Theta(parameters_of(numbers), c, field)
-                d = derivatives(now, y, y[n], y[n + 1], y[n + 2], theta)
+                d = derivatives_of(now, y, n, field)
                 for i in range(n):
                     total[i] += weight * d[i]
                     y[i] = start[i] + ahead * d[i]

@@ -77,6 +77,15 @@ each take the compiler seconds."""
 _INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of a function that only compiled code calls: a sixth less to compile."""
 
+_BORROWING = {
+    name
+    for name, value in vars(chain).items()
+    if isinstance(value, types.FunctionType) and value.__module__ == chain.__name__
+} - {"theta_of"}
+"""Functions of the chain that return scalars: compiled without counting references to
+the arrays that they are handed, which took a third of a glider's step. What returns an
+array has to count, and they may not call it."""
+
 _COMPILING = threading.RLock()
 
 tell_compiler(register_jitable)
@@ -213,6 +222,8 @@ def _wrap(
             isinstance(value, types.FunctionType)
             and value.__module__ == names["__name__"]
         ):
+            own: dict[str, Any] = {} if name in entries else dict(_INNER)
+            own["_nrt"] = name not in _BORROWING  # Unsaid, a callee has its caller's.
             names[name] = numba.njit(
                 value,
                 nogil=True,
@@ -221,7 +232,7 @@ def _wrap(
                 cache=cache and name in entries,
                 forceinline=name not in entries and name not in OUTLINED,
                 inline="always" if name.startswith(INLINED) else "never",
-                **({} if name in entries else _INNER),
+                **own,
             )
 
 

@@ -8,6 +8,7 @@ exp, tanh, arctan; no branch on a value, no abs or atan2.
 import numpy as np
 
 from glider.physics.formulas import scalar
+from glider.physics.trigonometry import sqrt
 
 SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at
@@ -20,7 +21,7 @@ _ROUNDING = 1e-6
 @scalar
 def airspeed(along, normal):
     """Returns the length of a velocity (along, normal) [m/s], smooth at rest."""
-    return np.sqrt(along * along + normal * normal + SPEED_SMOOTHING)
+    return sqrt(along * along + normal * normal + SPEED_SMOOTHING)
 
 
 @scalar

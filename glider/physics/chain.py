@@ -315,5 +315,6 @@ def derivatives_of(t, z, n, field):
         n: number of states.
         field: the residual Field.
     """
-    theta = theta_of(z[n + NUM_INPUTS :], field)
+    numbers = z[n + NUM_INPUTS :]
+    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
     return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)

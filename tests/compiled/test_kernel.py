@@ -6,12 +6,15 @@ import sys
 
 import numpy as np
 import pytest
+from numba.core.runtime import _nrt_python, rtsys
 
 from glider.compiled import jacobian, kernel, riccati, rollouts
 from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
+from glider.estimation.perching import launch_prior, perching_ekf
+from glider.estimation.running import run_ekf
 from glider.paths import cache_folder
 from glider.physics.effects import (
     NO_FIELD,
@@ -21,6 +24,7 @@ from glider.physics.effects import (
     EffectKind,
 )
 from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from tests.helpers.physics import PARAMETERS, random_states
 
 FORMULA = "def pull(flow, force):\n    return {factor} * force\n"
@@ -194,3 +198,19 @@ def test_an_empty_batch_and_an_empty_tape_are_fine():
     start = random_states(3)
     states = fly_tapes(GliderModel(), start, np.zeros((3, 0)), 0.01)
     np.testing.assert_array_equal(states[:, 0], start)
+
+
+def test_loops_give_back_the_memory_that_they_take():
+    """The chain's functions borrow arrays: counted wrongly, they would stay or go."""
+    ekf = perching_ekf(GliderModel())
+    prior = launch_prior(ekf, PerchingProblem().launch)
+    flight = np.zeros((1, 5, 1)), np.zeros((1, 5, 4))
+    run_ekf(ekf, prior, *flight)
+    _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    for _ in range(10):
+        run_ekf(ekf, prior, *flight)
+    after = rtsys.get_allocation_stats()
+    _nrt_python.memsys_disable_stats()
+    assert after.mi_alloc > before.mi_alloc
+    assert after.mi_alloc - before.mi_alloc == after.mi_free - before.mi_free

@@ -165,6 +165,25 @@ def test_the_compiled_sine_is_numpys(name):
     )
 
 
+def test_the_compiled_root_is_numpys():
+    @numba.njit
+    def over(values, out):
+        for i in range(len(values)):
+            out[i] = trigonometry.sqrt(values[i])
+
+    real = np.array([1e-8, 0.5, 49.0, 1e6])
+    out = np.empty_like(real)
+    over(real, out)
+    np.testing.assert_array_equal(out, np.sqrt(real))
+    # As of a complex step, not quite so small, large, and beside the cut.
+    many = np.concatenate([real + 1e-30j, real * (1 + 1e-9j), real + 0.3j, -real + 1j])
+    complex_out = np.empty_like(many)
+    over(many, complex_out)
+    for part in (np.real, np.imag):
+        expected = part(np.sqrt(many))
+        np.testing.assert_allclose(part(complex_out), expected, rtol=1e-14)
+
+
 # ------------------------------------------------------------------- mechanics
 
 

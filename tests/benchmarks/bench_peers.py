@@ -1,0 +1,62 @@
+"""Times our solvers beside those of other libraries, in one run.
+
+Prints the README's table: processor times on one core, and their ratio, taken in turn.
+A library that is not installed is left out and said so; `pip install '.[bench]'`
+brings all.
+
+    python -m tests.benchmarks.bench_peers [NAME ...]
+"""
+
+import importlib
+import sys
+
+from threadpoolctl import threadpool_limits
+
+from tests.benchmarks.peers.pairs import time_pair
+
+PEERS = {
+    "drake": "drake_planning",
+    "casadi": "casadi_planning",
+    "crocoddyl": "crocoddyl_ilqr",
+    "pytorch-mppi": "torch_mppi",
+    "filterpy": "filterpy_ekf",
+    "pysindy": "sindy_regression",
+}
+"""Peers, by the names that they install under, and the modules that compare."""
+
+
+def main(names: list[str]) -> None:
+    """Prints the table of the peers that are named, or of all."""
+    unknown = [name for name in names if name not in PEERS]
+    if unknown:
+        sys.exit(f"{unknown[0]} is no peer; there are {', '.join(PEERS)}.")
+    missing = []
+    print("| task | beside | ours | theirs | ratio | what both find |")
+    print("|---|---|---|---|---|---|")
+    for name in names or PEERS:
+        module = importlib.import_module(f"tests.benchmarks.peers.{PEERS[name]}")
+        try:
+            pairs = module.pairs()
+        except ModuleNotFoundError as error:
+            missing.append(f"{name} is left out: {error.name} is not installed.")
+            continue
+        for pair in pairs:
+            with threadpool_limits(1):
+                timing = time_pair(pair)
+            print(
+                f"| {pair.task} | {pair.peer} | {_duration(timing.ours)} | "
+                f"{_duration(timing.theirs)} | {timing.ratio:.2g} | {pair.told()} |",
+                flush=True,
+            )
+    for sentence in missing:
+        print(sentence)
+
+
+def _duration(seconds: float) -> str:
+    if seconds >= 1.0:
+        return f"{seconds:.3g} s"
+    return f"{1e3 * seconds:.3g} ms" if seconds >= 1e-3 else f"{1e6 * seconds:.3g} µs"
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
