@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.errors import InputError
-from glider.physics.effects.effect import Effect
+from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
 
 ROUNDING = 1e-9
@@ -80,13 +80,17 @@ class Covariance:
             names=tuple(names), matrix=self.matrix[np.ix_(rows, rows)].copy()
         )
 
-    def of_flight(self, effects: Sequence[Effect]) -> "Covariance":
-        """Returns the part of it that a flight depends on.
+    def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":
+        """Returns the part of it that the flight of a glider depends on.
 
         A fault of sensor or log changes what is measured, not how the glider flies.
+
+        Args:
+            kinds: of its effects that act.
         """
-        seen = {e.kind.kind for e in effects if e.kind.stage in ("sensor", "log")}
-        return self.part([n for n in self.names if n.partition(".")[0] not in seen])
+        flown = {e.kind for e in kinds if e.stage not in ("sensor", "log")}
+        flown |= set(PARAMETER_NAMES)
+        return self.part([n for n in self.names if n.partition(".")[0] in flown])
 
 
 def known_names(effects: Sequence[Effect]) -> tuple[str, ...]:

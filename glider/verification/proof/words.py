@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.confidence import describe_set, notes_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
@@ -30,6 +31,7 @@ def check_report(
         "glider_sha256": model_hash(funnel.nominal.model),
         "end": dataclasses.asdict(arrival(funnel, problem)),
         "remainder": remainder_status(funnel, proof),
+        "made_for": notes_of(funnel.gliders.confidence) if funnel.gliders else None,
     }
     if proof:
         report |= {
@@ -76,6 +78,7 @@ def describe_check(
             [*lines, *verdict.faults, f"The certificate does not hold: {faults}."]
         )
     lines += [_describe_certificate(verdict), _describe_bearing(funnel, verdict)]
+    lines += _describe_gliders(funnel)
     if proof:
         lines.append(describe_proof(funnel, proof))
     return "\n".join([*lines, describe_arrival(arrival(funnel, problem), problem)])
@@ -152,6 +155,19 @@ def _describe_bearing(funnel, verdict):
         "It bears a remainder of the Taylor polynomials; random points of the boundary "
         f"show up to {verdict.remainder_seen:.2f} times as much."
     )
+
+
+def _describe_gliders(funnel):
+    """Returns what holds of the set of gliders that a funnel was made for, if any."""
+    if not funnel.gliders:
+        return []
+    gliders = describe_set(funnel.gliders.confidence)
+    return [
+        f"It was made for more gliders, a {gliders}: at its times, about the center of "
+        "each, the servo has room, the last set is in the goal, and the remainder that "
+        "was seen is theirs too. That is sampled in floating point; of no glider but "
+        "its own is anything proven."
+    ]
 
 
 def describe_arrival(reached: Arrival, problem: PerchingProblem) -> str:
