@@ -118,6 +118,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
     if args.resume and not args.prove:
         raise InputError("--resume is of no use without --prove, which is needed.")
+    if args.box and args.confidence is None:
+        raise InputError("--box is of no use without --confidence, which is needed.")
     if args.flights < 1 or args.seed < 0:
         raise InputError(
             f"--flights is {args.flights} and --seed {args.seed}; a positive number "
