@@ -26,9 +26,10 @@ remainder, and between the times V is looked at in floating point only. --prove 
 it of the full dynamics and in continuous time: that no flight that starts in the inlet
 leaves the funnel. It takes minutes; with --resume FILE one that is broken off goes on.
 
-All of that is of one glider. --confidence draws others, that the data allow, from the
-covariance in --model's file (close-the-loop writes it), flies them from the boundary
-and climbs to the worst flights and the worst corner of their set. It proves nothing.
+All of that is of one glider; --prove is of all where a funnel was made for a set of
+them. --confidence draws gliders that the data allow, from the covariance in --model's
+file (close-the-loop writes it), flies them from the boundary and climbs to the worst
+flights and the worst corner of their set. By itself that proves nothing.
 
 exit code: 0 when what was checked holds and no flight leaves, 1 when not, 2 when the
 file is none.

@@ -20,8 +20,10 @@ from glider.verification.funnel.limits import goal_about
 from glider.verification.funnel.remainder import remainder_of
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
+from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.gliders_check import gliders_faults
-from glider.verification.proof.words import describe_check
+from glider.verification.proof.interval_proof import IntervalProof
+from glider.verification.proof.words import describe_check, describe_proof
 from glider.verification.trials.falsify_set import falsify_set
 from glider.verification.trials.flights import fly_from
 
@@ -95,12 +97,31 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
     assert verdict.holds, verdict.faults
     words = describe_check(made, verdict, None, PerchingProblem(), None)
     assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
-    assert "of no glider but its own is anything proven" in words
+    assert "of them only --prove proves anything" in words
     trial = falsify_set(made, allowed_by(), 400, np.random.default_rng(0))
     assert trial.samples > 800
     assert trial.escapes == 0
     assert trial.later.max() < 1.0
     assert np.all(allowed_by().holds(trial.deviations))
+
+
+def test_what_is_proven_is_said_of_whom_it_is(made):
+    proof = FlightProof(
+        times=made.nominal.times,
+        intervals=tuple(range(len(made.nominal.times) - 1)),
+        outcomes=tuple(IntervalProof() for _ in made.nominal.times[1:]),
+        from_file=0,
+        candidate=None,
+    )
+    words = describe_proof(made, proof)
+    assert words.startswith("Proven: every flight of every glider of its set that")
+    assert "stays in the funnel about its own center and ends in its last set" in words
+    some = dataclasses.replace(proof, intervals=(0,), outcomes=proof.outcomes[:1])
+    words = describe_proof(made, some)
+    assert "no flight of every glider" not in words
+    assert "no flight of a glider of its set leaves the funnel about its own" in words
+    alone = dataclasses.replace(made, gliders=None)
+    assert "every flight of this glider that starts" in describe_proof(alone, proof)
 
 
 def test_it_is_saved_and_loaded_with_them(made, tmp_path):

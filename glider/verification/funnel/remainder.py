@@ -3,9 +3,9 @@
 Only the accelerations are not linear in the state. Where |R_k| <= β_k on the set,
     2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. Here the largest |R_k| is looked for;
-`glider.verification.proof` proves a bound for the model's own glider. For those of a
-confidence set R is also what they do otherwise, about their own center
-(`glider.verification.dynamics.moving_center`); of that, nothing is proven.
+`glider.verification.proof` proves a bound. For the gliders of a confidence set R is
+also what they do otherwise, about their own center
+(`glider.verification.dynamics.moving_center`).
 """
 
 import numpy as np

@@ -2,8 +2,9 @@
 
 The exact check is of the estimate's glider, in the funnel about the nominal. What it
 proves of V̇ at a time, for any remainder no larger than β, is true of the others as
-well, each about its own center x₀ + X δ: there R is the remainder that is seen
-(`check.remainder_seen`), not proven. That they have room for it is looked at here.
+well, each about its own center x₀ + X δ, if R is no larger there: that is seen
+(`check.remainder_seen`), and only `flight_proof` proves it. That they have room for it
+is looked at here.
 """
 
 import math

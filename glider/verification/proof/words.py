@@ -106,16 +106,20 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
     if not funnel.beta.any():
         return "The certificate bears no remainder: it is of the polynomials alone."
     count, of = proof.count, proof.of_intervals
+    whose, about = "this glider", ""
+    if funnel.gliders:
+        whose, about = "every glider of its set", " about its own center"
     if proof.is_whole:
         words = (
-            "Proven: every flight of this glider that starts in the inlet stays in the "
-            f"funnel and ends in its last set, in continuous time: {of} intervals, "
-            f"{proof.boxes:,} boxes"
+            f"Proven: every flight of {whose} that starts in the inlet stays in the "
+            f"funnel{about} and ends in its last set, in continuous time: {of} "
+            f"intervals, {proof.boxes:,} boxes"
         )
     elif proof.complete:
+        flight = "flight of a glider of its set" if funnel.gliders else "flight"
         words = (
-            f"Proven: no flight leaves the funnel in {count} of its {of} intervals, "
-            f"{proof.boxes:,} boxes; of the others nothing is proven"
+            f"Proven: no {flight} leaves the funnel{about} in {count} of its {of} "
+            f"intervals, {proof.boxes:,} boxes; of the others nothing is proven"
         )
     else:
         words = _describe_failure(funnel, proof)
@@ -165,8 +169,8 @@ def _describe_gliders(funnel):
     return [
         f"It was made for more gliders, a {gliders}: at its times, about the center of "
         "each, the servo has room, the last set is in the goal, and the remainder that "
-        "was seen is theirs too. That is sampled in floating point; of no glider but "
-        "its own is anything proven."
+        "was seen is theirs too. So far that is sampled in floating point: of them "
+        "only --prove proves anything."
     ]
 
 
