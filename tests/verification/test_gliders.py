@@ -102,6 +102,7 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
     assert trial.samples > 800
     assert trial.escapes == 0
     assert trial.later.max() < 1.0
+    np.testing.assert_allclose(trial.levels, 1.0, atol=1e-6)  # All start at 1.
     assert np.all(allowed_by().holds(trial.deviations))
 
 

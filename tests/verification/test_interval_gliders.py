@@ -12,12 +12,14 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.error_dynamics import (
+    ORDER,
     expand_rates,
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
 from glider.verification.dynamics.gliders import glider_at
+from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.funnel import load_funnel
@@ -127,6 +129,15 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     _, defects = true_parts(piece, basis, points)
     bounds = gliders_defect(piece)
     assert np.all(defects.max(axis=1) <= bounds[:4] + 1e-6)  # The nominal has its own.
+
+    # Polynomials of degree 3 in (v, s) lack the centers' last terms, no more.
+    remainder = make_remainder(piece, basis)
+    inputs = monomials(remainder.dimension, ORDER).values(points.T) @ remainder.inputs.T
+    centers = nominal_path(piece.nominal)(times)
+    moved = [piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
+    lacks = np.abs(inputs[:, :-1] - centers - moved).max(axis=0)
+    assert np.all(lacks <= remainder.beyond[:-1] + 1e-13)
+    assert lacks.max() > 1e-9
     alone = dataclasses.replace(piece, gliders=None)
     assert not gliders_defect(alone).any()
     assert bounds[3] > 0.0 and not bounds[4:].any()
