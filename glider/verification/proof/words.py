@@ -132,11 +132,13 @@ def _describe_failure(funnel, proof):
     k, worst = proof.failed, proof.candidate
     names = zip(funnel.nominal.state_names, worst.state, strict=True)
     state = ", ".join(f"{name} = {value:.4g}" for name, value in names)
+    whose = " with its own glider" if funnel.gliders else ""
     rises = "so V rises" if worst.growth > 0.0 else "so it is no counterexample"
     return (
         f"Not proven from {proof.times[k]:.4f} to {proof.times[k + 1]:.4f} s: "
         f"{proof.fault}; proven in {proof.count} of {proof.of_intervals} intervals.\n"
-        f"The worst state that was found there, at {worst.time:.4f} s on the boundary: "
+        f"The worst state that was found there{whose}, at {worst.time:.4f} s on the "
+        "boundary: "
         f"{state}; with a servo without limits V̇/V is {worst.growth:.2g} 1/s, "
         f"{rises}"
     )
