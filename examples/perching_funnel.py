@@ -5,7 +5,7 @@ ends at the wire. Sums of squares prove it for the third-order dynamics, the ser
 rate and travel limits inside; every proof is then checked in whole numbers. Flights of
 the full dynamics from its boundary try to break it. With --remainder the funnel bears
 what the polynomials leave out, and with --prove it is proven, in continuous time, that
-no flight leaves.
+no flight leaves. --confidence makes the second for all gliders that the logs allow.
 
 The true glider has an effect that its nominal model lacks. It flies with that one's
 plan, its logs are traced, and a second funnel is made with the model that was found.

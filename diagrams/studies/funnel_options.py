@@ -40,6 +40,8 @@ def read_funnel_options(
     parser.add_argument(
         "--remainder", type=float, default=0.0, help="times the largest found"
     )
+    allowed = "make the second for the gliders that the logs allow with it"
+    parser.add_argument("--confidence", metavar="P", type=float, help=allowed)
     prove = "prove that no flight leaves; takes minutes"
     parser.add_argument("--prove", action="store_true", help=prove)
     add_count(parser, "--seed", 0, "of flights", least=0)
@@ -50,12 +52,17 @@ def read_funnel_options(
     args = read_options(parser, arguments, figure="tubes, as PNG")
     if args.prove and not (args.remainder or args.load):
         parser.error("--prove: there is nothing to prove without --remainder.")
+    if args.confidence is not None and (args.load or not args.remainder):
+        parser.error("--confidence: it takes a --remainder, and no --load.")
+    if args.confidence is not None and not 0.0 < args.confidence < 1.0:
+        parser.error("--confidence: a probability between 0 and 1 is needed.")
     args.load, args.save = (_files(at, args.truth) for at in (args.load, args.save))
     args.trials = FunnelTrials(
         settings=FunnelSettings(remainder=args.remainder),
         samples=args.samples,
         every=args.every,
         prove=args.prove,
+        confidence=args.confidence,
     )
     check_files(*args.save)
     if args.figure and args.estimate:

@@ -12,6 +12,7 @@ from diagrams.studies.funnel_study import (
     FunnelStudy,
 )
 from glider.physics.state import STATE_NAMES
+from glider.verification.dynamics.confidence import describe_set
 from glider.verification.proof.words import (
     describe_proof,
     remainder_status,
@@ -68,6 +69,9 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "certificate_checked": study.verdict.holds,
         "checked_times": study.verdict.times,
         "faults": list(study.verdict.faults),
+        "made_for": funnel.gliders and describe_set(funnel.gliders.confidence),
+        "on_set_samples": study.on_set and study.on_set.samples,
+        "on_set_escapes": study.on_set and study.on_set.escapes,
     }
 
 
@@ -101,6 +105,17 @@ def _describe(name: str, study: FunnelStudy) -> str:
         f"  Its certificate {checked} at {verdict.times} of {verdict.of_times} "
         f"times; {flown.escapes} of {flown.samples} flights from its boundary leave it."
         + (f"\n  {describe_proof(study.funnel, proof)}" if proof else "")
+        + _describe_gliders(study)
+    )
+
+
+def _describe_gliders(study: FunnelStudy) -> str:
+    gliders, flown = study.funnel.gliders, study.on_set
+    if gliders is None or flown is None:
+        return ""
+    return (
+        f"\n  It was made for the gliders of a {describe_set(gliders.confidence)}: "
+        f"{flown.escapes} of their {flown.samples} flights from its boundary leave it."
     )
 
 

@@ -13,6 +13,8 @@ from glider.planning.dircol import (
     plan,
 )
 from glider.planning.problem import PerchingProblem
+from glider.sysid.result import Result
+from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (
     Funnel,
@@ -33,6 +35,7 @@ from glider.verification.trials.falsify import (
     Falsification,
     falsify_funnel,
 )
+from glider.verification.trials.falsify_set import falsify_set
 from glider.verification.trials.flights import fly_inside
 
 WORDS = {"drawn": "nominal model", "corrected": "corrected model"}
@@ -58,6 +61,10 @@ class FunnelTrials:
     prove: bool = False
     """Whether it is proven that no flight leaves, where a remainder is borne."""
 
+    confidence: float | None = None
+    """Probability with which the gliders that a funnel is made for hold the true one,
+    where logs tell how well it is known; None: it is made for the model alone."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelStudy:
@@ -81,6 +88,9 @@ class FunnelStudy:
     on_truth: Falsification | None
     """Flights of the true glider; None where their states differ."""
 
+    on_set: Falsification | None = None
+    """Flights of the gliders that it was made for; None where it is one alone."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelComparison:
@@ -102,7 +112,10 @@ class FunnelComparison:
 
 
 def certify_perch(
-    model: GliderModel, settings: FunnelSettings, progress: Progress | None = None
+    model: GliderModel,
+    settings: FunnelSettings,
+    progress: Progress | None = None,
+    confidence: ConfidenceSet | None = None,
 ) -> Funnel:
     """Plans the article's perch with a model and computes the funnel of its feedback.
 
@@ -113,13 +126,15 @@ def certify_perch(
     planned = plan(model, PerchingProblem(), progress=progress)
     try:
         policy = compiled_policy(model, planned)
-        return make_funnel(model, policy, settings, progress=progress)
+        return make_funnel(
+            model, policy, settings, confidence=confidence, progress=progress
+        )
     except SolverError as error:
         raise InputError(f"There is no funnel for this glider: {error}") from None
 
 
 def study_funnel(
-    source: GliderModel | Path,
+    source: GliderModel | Result | Path,
     truth: GliderModel,
     trials: FunnelTrials,
     rng: np.random.Generator,
@@ -128,7 +143,7 @@ def study_funnel(
     """Makes a funnel for a model or loads one from a file, checks it and tries it.
 
     Args:
-        source: the model, or a file of a funnel.
+        source: the model, what logs tell of one, or a file of a funnel.
         truth: a glider that flies in it too.
         trials: how.
         rng: of the flights.
@@ -136,12 +151,18 @@ def study_funnel(
     """
     if isinstance(source, Path):
         funnel = load_funnel(source)
+    elif isinstance(source, Result):
+        confidence = _confidence_of(source, trials.confidence)
+        funnel = certify_perch(source.model, trials.settings, progress, confidence)
     else:
         funnel = certify_perch(source, trials.settings, progress)
     progress("checking the certificate in whole numbers")
     verdict = check_funnel(funnel, trials.every, problem=PerchingProblem())
     progress("trying to falsify the funnel by flights")
-    falsification = falsify_funnel(funnel, trials.samples, rng)
+    falsification, on_set = falsify_funnel(funnel, trials.samples, rng), None
+    if funnel.gliders:
+        allowed = funnel.gliders.confidence
+        on_set = falsify_set(funnel, allowed, trials.samples, rng)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
         proof = prove_flights(
@@ -162,4 +183,12 @@ def study_funnel(
         proof=proof,
         flights=flights,
         on_truth=on_truth,
+        on_set=on_set,
     )
+
+
+def _confidence_of(found: Result, level: float | None) -> ConfidenceSet | None:
+    """Returns the gliders that logs allow at a level; None without one."""
+    if level is None or found.covariance is None:
+        return None
+    return make_confidence(found.model, found.covariance, level)

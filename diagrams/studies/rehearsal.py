@@ -171,7 +171,7 @@ def trace_model(
     flights: int,
     rng: np.random.Generator,
     progress: Progress | None = None,
-) -> GliderModel:
+) -> Result:
     """Returns what the logs of perches planned with the nominal model tell of a glider.
 
     Args:
@@ -183,6 +183,4 @@ def trace_model(
     problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
     starts = draw_launches(problem, LaunchSpread(), flights, rng)
     flown = rehearse(truth, nominal, problem, starts, rng, progress)
-    return close_the_loop(
-        flown.campaign, progress=progress or (lambda text: None)
-    ).model
+    return close_the_loop(flown.campaign, progress=progress or (lambda text: None))

@@ -7,6 +7,13 @@ from pathlib import Path
 from glider.commands.parsing import Commands, add_command
 from glider.errors import InputError
 
+LEVEL = 0.95
+"""Probability with which the true glider is among those that are flown, unless told:
+that of `glider.verification.dynamics.confidence`, which takes a second to import."""
+
+FLIGHTS = 9000
+"""Flights before the climb: 21,000 with it."""
+
 _DESCRIPTION = """\
 Checks the certificate of a funnel: that it is of a flight from a problem's launch to
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
@@ -19,7 +26,13 @@ remainder, and between the times V is looked at in floating point only. --prove 
 it of the full dynamics and in continuous time: that no flight that starts in the inlet
 leaves the funnel. It takes minutes; with --resume FILE one that is broken off goes on.
 
-exit code: 0 when what was checked holds, 1 when it does not, 2 when the file is none.
+All of that is of one glider; --prove is of all where a funnel was made for a set of
+them. --confidence draws gliders that the data allow, from the covariance in --model's
+file (close-the-loop writes it), flies them from the boundary and climbs to the worst
+flights and the worst corner of their set. By itself that proves nothing.
+
+exit code: 0 when what was checked holds and no flight leaves, 1 when not, 2 when the
+file is none.
 """
 
 
@@ -64,6 +77,36 @@ def add(commands: Commands) -> None:
         help="with --prove: keep there what is proven, and go on from it",
     )
     parser.add_argument(
+        "--confidence",
+        metavar="P",
+        type=float,
+        nargs="?",
+        const=LEVEL,
+        help="fly gliders that the data allow with this probability "
+        f"(default: {LEVEL:g})",
+    )
+    parser.add_argument(
+        "--box",
+        action="store_true",
+        help="with --confidence: each number in its own interval, not all in an "
+        "ellipsoid",
+    )
+    parser.add_argument(
+        "--flights",
+        metavar="N",
+        type=int,
+        default=FLIGHTS,
+        help="with --confidence: flights before the climb, which adds half as many "
+        f"again and more (default: {FLIGHTS})",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        default=0,
+        help="with --confidence: of the draws; the same seed, the same flights",
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print JSON instead of sentences"
     )
 
@@ -76,9 +119,17 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
     if args.resume and not args.prove:
         raise InputError("--resume is of no use without --prove, which is needed.")
+    if args.box and args.confidence is None:
+        raise InputError("--box is of no use without --confidence, which is needed.")
+    if args.flights < 1 or args.seed < 0:
+        raise InputError(
+            f"--flights is {args.flights} and --seed {args.seed}; a positive number "
+            "and one that is not negative are needed."
+        )
     file = read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
+    import numpy as np
     from rich.console import Console
     from rich.progress import Progress
 
@@ -88,11 +139,17 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.words import check_report, describe_check
+    from glider.verification.trials.falsify_set import falsify_set
+    from glider.verification.trials.words import describe_trial, trial_report
 
     funnel = funnel_of(file, args.funnel)
     model = load_glider(args.model) if args.model else None
     problem = load_problem(args.problem) if args.problem else PerchingProblem()
-    proof = None
+    confidence = None
+    if args.confidence is not None:
+        shape = "box" if args.box else "ellipsoid"
+        confidence = _confidence(funnel, args.model, args.confidence, shape)
+    proof = trial = None
     with Progress(transient=True, console=Console(stderr=True)) as bar:
 
         def follow(words):
@@ -106,10 +163,40 @@ def run(args: argparse.Namespace) -> int:
             proof = prove_flights(
                 funnel, args.every, resume=args.resume, progress=follow("flights")
             )
+        if confidence and verdict.holds:
+            rng = np.random.default_rng(args.seed)
+            trial = falsify_set(
+                funnel, confidence, args.flights, rng, progress=follow("gliders")
+            )
     good = verdict.holds and (proof is None or proof.complete)
+    good = good and (trial is None or trial.escapes == 0)
     if args.json:
         report = check_report(funnel, verdict, proof, problem)
-        print(json.dumps(report | {"model_compared": model is not None}, indent=2))
+        report |= {"model_compared": model is not None}
+        if confidence and trial:
+            report["gliders"] = trial_report(funnel, confidence, trial, args.seed)
+        print(json.dumps(report, indent=2))
     else:
         print(describe_check(funnel, verdict, proof, problem, args.model))
+        if confidence and trial:
+            print(describe_trial(funnel, confidence, trial, args.seed))
     return 0 if good else 1
+
+
+def _confidence(funnel, model, level, shape):
+    """Returns the set of gliders to fly, by the model's file or the funnel's own."""
+    from glider.physics.model import load_covariance
+    from glider.verification.dynamics.confidence import make_confidence
+
+    if model:
+        covariance, where = load_covariance(model), model
+    else:
+        covariance, where = None, "--confidence"
+        if funnel.gliders:
+            covariance = funnel.gliders.confidence.covariance
+    if covariance is None:
+        raise InputError(
+            f"{where}: how well the glider is known is not told; a --model with a "
+            "covariance, as close-the-loop writes it, is needed."
+        )
+    return make_confidence(funnel.nominal.model, covariance, level, shape)

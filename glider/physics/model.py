@@ -6,6 +6,7 @@ For example:
     effects:
       - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
     field: {kind: unexplained, variables: [x], ...}      # optional
+    covariance: {names: [wind.x, wind.z], matrix: [[1e-6, 0], [0, 1e-6]]}     # optional
     origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
 """
 
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike
 from glider.errors import InputError
 from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
+from glider.physics.covariance import Covariance, check_names, covariance_of_rows
 from glider.physics.effects import (
     KINDS,
     NO_FIELD,
@@ -184,22 +186,41 @@ class Origin:
 
 
 @dataclasses.dataclass(kw_only=True)
+class _CovarianceFile:
+    names: list[str] = dataclasses.field(default_factory=list)
+    matrix: list[list[float]] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass(kw_only=True)
 class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
     field: FieldData | None = None
+    covariance: _CovarianceFile | None = None
     origin: Origin | None = None
 
 
 def save_model(
-    path: Path | str, model: GliderModel, origin: Origin | None = None
+    path: Path | str,
+    model: GliderModel,
+    origin: Origin | None = None,
+    covariance: Covariance | None = None,
 ) -> None:
     """Writes a model; `load_model` gives it back unchanged."""
-    write_text(Path(path), model_text(model, origin))
+    write_text(Path(path), model_text(model, origin, covariance))
 
 
-def model_text(model: GliderModel, origin: Origin | None = None) -> str:
+def model_text(
+    model: GliderModel,
+    origin: Origin | None = None,
+    covariance: Covariance | None = None,
+) -> str:
     """Returns the text of a model's file."""
+    known = None
+    if covariance is not None:
+        known = _CovarianceFile(
+            names=list(covariance.names), matrix=covariance.matrix.tolist()
+        )
     data = _ModelFile(
         parameters=model.parameters,
         effects=[
@@ -207,6 +228,7 @@ def model_text(model: GliderModel, origin: Origin | None = None) -> str:
             for e in model.effects
         ],
         field=model.field,
+        covariance=known,
         origin=origin,
     )
     return dump_typed(data)
@@ -219,6 +241,26 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
         path: of the file.
         own_effects: kinds that the library lacks and the file may name.
     """
+    return _load(path, own_effects)[0]
+
+
+def load_covariance(
+    path: Path | str, own_effects: Sequence[EffectKind] = ()
+) -> Covariance | None:
+    """Loads how well a model is known, from its file; None where that does not say.
+
+    Args:
+        path: of the file.
+        own_effects: as for `load_model`.
+
+    Raises:
+        InputError: the file holds no model, or what it says is no covariance.
+    """
+    return _load(path, own_effects)[1]
+
+
+def _load(path, own_effects):
+    """Returns the model in a file and its covariance, or None."""
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
     data = load_typed(_ModelFile, path, "a glider model")
     check_parameters(dataclasses.asdict(data.parameters), source=str(path))
@@ -236,11 +278,17 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
     try:
         if data.field is not None:
             make_field(data.field)
-        return GliderModel(
+        model = GliderModel(
             parameters=data.parameters, effects=tuple(effects), field=data.field
         )
+        known = None
+        if data.covariance is not None:
+            names, rows = tuple(data.covariance.names), data.covariance.matrix
+            check_names(names, effects)
+            known = covariance_of_rows(names, rows)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    return model, known
 
 
 def load_glider(path: Path | str) -> GliderModel:

@@ -97,7 +97,7 @@ class GliderParameters:
         return Servo(low, high, float(self.elevator_rate_limit))
 
 
-_POSITIVE = (
+POSITIVE = (
     "mass",
     "pitch_inertia",
     "wing_area",
@@ -125,7 +125,7 @@ def check_parameters(values: dict, source: str) -> None:
             raise InputError(
                 f"{source}: field '{name}' is {show(value)}; a finite number is needed."
             )
-        if name in _POSITIVE and value <= 0:
+        if name in POSITIVE and value <= 0:
             raise InputError(
                 f"{source}: field '{name}' is {value:g}; it must be greater than 0."
             )

@@ -33,7 +33,8 @@ def write_report(result: Result, folder: Path) -> None:
     # None: a figure of an earlier run.
     files = {f"figures/{name}.png": figures.get(name) for name in FIGURES}
     files["report.html"] = to_html(result).encode()
-    files["model.yaml"] = model_text(result.model, origin_of(result)).encode()
+    text_of_model = model_text(result.model, origin_of(result), result.covariance)
+    files["model.yaml"] = text_of_model.encode()
     files["report.json"] = f"{text}\n".encode()
     replace_files(folder, files, last="report.json")
 

@@ -32,6 +32,7 @@ from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.outcome import (
     carried_of,
     correlations_of,
+    covariance_of,
     curves_of,
     effects_of,
     judge,
@@ -217,6 +218,7 @@ class Analysis:
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
             model=model_of(task, model, carried, signs, campaign),
+            covariance=covariance_of(task, model, known),
             held_out=_flights(unseen, predictions, vehicle, signs),
             residual_before=before_table,
             residual_after=after_table,

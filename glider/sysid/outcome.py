@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.compiled.parallel import in_parallel
+from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
@@ -391,6 +392,26 @@ def vehicle_of(vehicle: Vehicle, model: Fitted, known: Uncertainty) -> dict:
             value=float(model.theta[slot]), std=known.std(slot), unit=unit
         )
     return found
+
+
+def covariance_of(task: Task, model: Fitted, known: Uncertainty) -> Covariance | None:
+    """Returns the covariance of all fitted numbers that the corrected glider has.
+
+    Those are the effects' coefficients and what nobody told of the vehicle; None where
+    there are none. What differs from flight to flight is not in it, only its mean.
+    """
+    layout = task.layout
+    mine = {i for kind in model.kinds for i in layout.slots_of(kind)}
+    mine |= set(task.vehicle.nuisance)
+    rows = [k for k, slot in enumerate(known.free) if slot in mine]
+    if not rows:
+        return None
+    slots = (layout.slots[known.free[k]] for k in rows)
+    corner = known.covariance[np.ix_(rows, rows)]
+    return Covariance(
+        names=tuple(n if k == "parameters" else f"{k}.{n}" for k, n in slots),
+        matrix=0.5 * (corner + corner.T),
+    )
 
 
 def correlations_of(

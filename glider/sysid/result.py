@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 
@@ -269,6 +270,8 @@ class Result:
         noise_position_m: standard deviation of the measured x and z.
         noise_pitch_rad: of the measured pitch.
         model: the corrected glider.
+        covariance: of the errors of its coefficients and of the vehicle's numbers that
+            nobody told, those that were fitted; None where none was.
         held_out: held-out flights, measured and flown.
         residual_before: of the nominal model (of the refitted plate where the vehicle
             is not known).
@@ -310,3 +313,4 @@ class Result:
     version: str
     settings: dict[str, object]
     own_effects: tuple[EffectKind, ...] = ()
+    covariance: Covariance | None = None

@@ -50,7 +50,7 @@ def main(launches: int = 20, truths: tuple[str, ...] = TRUTHS) -> None:
         truth = load_truth(name)
         models = {
             "drawn": GliderModel(parameters=truth.parameters),
-            "corrected": trace_model(truth, FLIGHTS, np.random.default_rng(0)),
+            "corrected": trace_model(truth, FLIGHTS, np.random.default_rng(0)).model,
         }
         for label, model in models.items():
             cells = {controller: [] for controller in CONTROLLERS}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagrams.showing import run
-from diagrams.studies.funnel_study import FunnelTrials
+from diagrams.studies.funnel_study import FunnelTrials, study_funnel
 from diagrams.studies.rehearsal import load_truth
 from examples import perching_funnel
 from glider.paths import models_path
@@ -146,6 +146,7 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
     assert told.figures["corrected_on_truth_samples"] is None
     assert "estimate" not in told.figures
     assert "it has no meaning: their states differ" in told.words
+    assert told.figures["corrected"]["made_for"] is None
     assert not (tmp_path / "told_estimate.png").exists()
 
 
@@ -172,3 +173,34 @@ def test_there_is_nothing_to_prove_without_a_remainder(capsys):
         perching_funnel.main(["--prove", "--headless"])
     assert end.value.code == 2
     assert "nothing to prove without --remainder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--confidence", "0.95"], "it takes a --remainder"),
+        (["--confidence", "95", "--remainder", "1.1"], "between 0 and 1"),
+    ],
+)
+def test_gliders_are_allowed_with_a_probability(arguments, words, capsys):
+    with pytest.raises(SystemExit) as end:
+        perching_funnel.main([*arguments, "--headless"])
+    assert end.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):
+    file = models_path("funnels", "head_wind_95.npz")
+    trials = FunnelTrials(samples=80, every=100)
+    truth, rng = load_truth("head_wind"), np.random.default_rng(0)
+    study = study_funnel(file, truth, trials, rng, lambda text: None)
+    assert study.verdict.holds
+    assert study.on_truth.escapes == study.on_set.escapes == 0
+    assert study.on_set.samples > 100
+    whole = type(found)(nominal=found.nominal, corrected=study, estimated=[])
+    told = tell(perching_funnel, whole, tmp_path, *OPTIONS)
+    part = told.figures["corrected"]
+    assert part["made_for"].startswith("95 % ellipsoid of wind.x ± 0.0008")
+    assert (part["on_set_samples"], part["on_set_escapes"]) == (study.on_set.samples, 0)
+    assert "made for the gliders of a 95 % ellipsoid" in told.words
+    assert told.figures["on_set_escapes"] is None  # Of the nominal model's.

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
+from glider.physics.covariance import Covariance
 from glider.physics.effects import (
+    KINDS,
     LIBRARY,
     NO_FIELD,
     PROFILE_DRAG,
@@ -17,6 +19,7 @@ from glider.physics.model import (
     GliderModel,
     Origin,
     as_model,
+    load_covariance,
     load_model,
     save_model,
 )
@@ -41,6 +44,29 @@ def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
     first = path.read_text()
     save_model(path, load_model(path))
     assert path.read_text() == first
+
+
+def test_how_well_a_model_is_known_comes_back_from_its_file(tmp_path):
+    path = tmp_path / "model.yaml"
+    model = GliderModel(effects=(WIND(x=-0.6, z=0.1),))
+    matrix = np.array([[1.2e-7, 1e-8 / 3.0], [1e-8 / 3.0, 4e-9]])
+    known = Covariance(names=("wind.x", "mass"), matrix=matrix)
+    save_model(path, model, covariance=known)
+    assert load_model(path) == model
+    again = load_covariance(path)
+    assert again.names == known.names
+    np.testing.assert_array_equal(again.matrix, matrix)
+    save_model(path, model)
+    assert load_covariance(path) is None
+    assert "covariance" not in path.read_text()
+
+
+def test_a_flight_depends_on_no_sensor():
+    names = ("mass", "wind.x", "pitch_offset.angle")
+    known = Covariance(names=names, matrix=np.diag([1.0, 2.0, 3.0]))
+    part = known.of_flight((WIND, KINDS["pitch_offset"]))
+    assert part.names == ("mass", "wind.x")
+    np.testing.assert_array_equal(part.matrix, np.diag([1.0, 2.0]))
 
 
 def test_the_coefficients_follow_one_another():
@@ -92,6 +118,29 @@ def test_the_arrays_of_a_field():
         ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
         ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
+        ("covariance: {names: [wind.x], matrix: [[1.0]]}", "'wind.x', which the"),
+        ("covariance: {names: [mass, mass], matrix: [[1, 0], [0, 1]]}", "twice"),
+        ("covariance: {names: [mass], matrix: [[1.0, 0.0]]}", "2 numbers; 1 rows of 1"),
+        ("covariance: {names: [mass, wing_area], matrix: [[1.0]]}", "1 numbers; 2"),
+        ("covariance: {names: [], matrix: [[1.0]]}", "1 numbers; 0 rows"),
+        ("covariance: {names: [mass]}", "no numbers"),
+        ("covariance: {names: [mass], matrix: [[.nan]]}", "nan; finite"),
+        ("covariance: {names: [mass], matrix: [[-1.0]]}", "variance of 'mass' is -1"),
+        (
+            "covariance: {names: [mass, wing_area], matrix: [[1, 0.1], [0.2, 1]]}",
+            "0.1 in row 1 and column 2 and 0.2",
+        ),
+        (
+            "covariance: {names: [mass, wing_area], matrix: [[1, 2], [2, 1]]}",
+            "eigenvalue -1",
+        ),
+        (
+            "covariance: {names: [mass, wing_area], matrix: [[0, 1], [1, 1]]}",
+            "eigenvalue",
+        ),
+        ("covariance: {names: mass, matrix: [[1.0]]}", "'m', which the model has"),
+        ("covariance: {names: [mass], matrix: [[one]]}", "not a glider model"),
+        ("covariance: 3", "not a glider model"),
         ("- 1", "not a glider model"),
         ("effects: [", "line 2, column 1"),
         ("effects: 3", "not a glider model"),

@@ -18,8 +18,10 @@ import yaml
 from rich.console import Console
 
 from glider.errors import InputError
+from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import (
+    load_covariance,
     load_model,
 )
 from glider.report.charts import STATIC
@@ -390,8 +392,10 @@ def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
 
 
 def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, quick):
-    result = make_result()
+    known = Covariance(names=("wind.x",), matrix=np.array([[4e-6]]))
+    result = make_result(covariance=known)
     write_report(result, tmp_path)
+    assert load_covariance(tmp_path / "model.yaml").matrix == 4e-6
     origin = yaml.safe_load((tmp_path / "model.yaml").read_text())["origin"]
     assert origin["source"] == str(result.path)
     assert origin["version"] == f"drake-glider {result.version}"

@@ -54,6 +54,19 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     assert few.spreads == {}
 
 
+def test_the_covariance_is_of_the_standard_errors_and_their_correlations(few):
+    (effect,) = few.effects
+    known = few.covariance
+    assert known.names == tuple(f"{effect.kind}.{n}" for n in effect.coefficients)
+    std = np.sqrt(np.diag(known.matrix))
+    np.testing.assert_allclose(std, [c.std for c in effect.coefficients.values()])
+    for i, first in enumerate(known.names):
+        for j, second in enumerate(known.names):
+            if i != j:
+                correlation = known.matrix[i, j] / (std[i] * std[j])
+                assert correlation == pytest.approx(few.correlations[first][second])
+
+
 def test_errors_fall_on_held_out_flights(few):
     assert errors_fall(few)
     nominal, corrected = few.errors["as_drawn"], few.errors["corrected"]

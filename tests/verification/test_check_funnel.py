@@ -6,6 +6,8 @@ import json
 
 from glider.__main__ import main
 from glider.paths import models_path
+from glider.physics.covariance import Covariance
+from glider.physics.model import load_covariance, load_model, save_model
 from glider.verification.funnel.funnel import (
     load_funnel,
     save_funnel,
@@ -67,3 +69,48 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     assert "another funnel" in capsys.readouterr().err
     assert main(["check-funnel", str(path), "--resume", str(noted)]) == 2
     assert "--prove" in capsys.readouterr().err
+
+
+def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys):
+    funnel = str(models_path("funnels", "head_wind_95.npz"))
+    model = models_path("identified", "head_wind.yaml")
+    few = [funnel, "--every", "1000", "--model", str(model), "--flights", "240"]
+    command = ["check-funnel", *few, "--confidence"]
+    assert main(command) == 0
+    words = capsys.readouterr().out
+    assert "It was made for more gliders, a 95 % ellipsoid of wind.x ± 0.0008" in words
+    assert "V about its own center: 0 of " in words
+    assert "The funnel was made for these; by flights nothing is proven." in words
+    assert main([*command, "0.99", "--box", "--seed", "3", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["made_for"]["level"] == 0.95
+    gliders = found["gliders"]
+    assert gliders["names"] == ["wind.x", "wind.z"]
+    assert (gliders["level"], gliders["shape"], gliders["seed"]) == (0.99, "box", 3)
+    assert gliders["funnel_was_made_for_them"] is False
+    assert gliders["escapes"] == 0 < gliders["flights"]
+    assert main([*command, "0.99", "--box", "--seed", "3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["gliders"] == gliders
+
+    # Of a glider that is hardly known, some leave.
+    covariance = load_covariance(model)
+    hardly = Covariance(names=covariance.names, matrix=9e4 * covariance.matrix)
+    worse = tmp_path / "worse.yaml"
+    save_model(worse, load_model(model), covariance=hardly)
+    assert main([*command, "--model", str(worse)]) == 1
+    words = capsys.readouterr().out
+    assert "The funnel was made for a smaller set than these" in words
+    assert "V about its own center: 0 of" not in words
+
+    save_model(worse, load_model(model))
+    assert main([*command, "--model", str(worse)]) == 2
+    assert "worse.yaml: how well the glider is known is not" in capsys.readouterr().err
+    assert main([*command, "1.5"]) == 2
+    assert "between 0 and 1" in capsys.readouterr().err
+    assert main([*command, "--flights", "0"]) == 2
+    assert "--flights is 0" in capsys.readouterr().err
+    assert main(["check-funnel", *few, "--box"]) == 2
+    assert "--box is of no use without --confidence" in capsys.readouterr().err
+    alone = str(models_path("funnels", "drawn.npz"))
+    assert main(["check-funnel", alone, "--confidence"]) == 2
+    assert "a --model with a covariance" in capsys.readouterr().err

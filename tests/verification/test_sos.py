@@ -4,6 +4,7 @@ import functools
 import os
 from fractions import Fraction
 
+import joblib
 import numpy as np
 import pytest
 from hypothesis import given
@@ -208,3 +209,11 @@ def test_a_small_change_is_forgiven_and_a_large_one_is_not():
 def test_the_closest_representation_changes_nothing_that_fits():
     entries = np.random.default_rng(1).normal(size=len(TABLES.rows))
     assert represent(TABLES, entries, TABLES.map @ entries) == pytest.approx(entries)
+
+
+def test_processes_of_the_solvers_leave_those_of_joblib_alone():
+    """As where a funnel is made and then proven."""
+    assert solve_apart(len, [([1],), ([2, 3],)]) == [1, 2]
+    again = joblib.Parallel(n_jobs=2)(joblib.delayed(len)([1] * k) for k in (3, 4))
+    assert again == [3, 4]
+    assert solve_apart(len, [([1],)]) == [1]

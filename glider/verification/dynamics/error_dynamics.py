@@ -9,6 +9,7 @@ import numpy as np
 
 from glider.physics.model import GliderModel
 from glider.verification.dynamics import dependence
+from glider.verification.dynamics.gliders import theta_at
 from glider.verification.dynamics.jets import (
     Monomials,
     coefficients_of,
@@ -22,18 +23,20 @@ ORDER = 3
 a launch 1.7 cm of height; with order 3, 9 cm."""
 
 
-def open_loop_rates(model, states, command):
+def open_loop_rates(model, states, command, theta=None):
     """Returns ẋ for any kind of number, servo limits apart.
 
     Args:
         model: the GliderModel.
         states: n numbers x.
         command: u, a number [rad/s].
+        theta: the numbers of a glider that deviates from it; None for its own.
     """
-    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, model.numbers)
+    theta = model.numbers if theta is None else theta
+    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, theta)
 
 
-def closed_loop_rates(model, states, gains, x0, u0):
+def closed_loop_rates(model, states, gains, x0, u0, theta=None):
     """Returns ẋ of the closed loop for any kind of number, servo limits apart.
 
     Args:
@@ -42,22 +45,29 @@ def closed_loop_rates(model, states, gains, x0, u0):
         gains: n numbers or arrays K.
         x0: n numbers or arrays x₀.
         u0: u₀, a number or an array.
+        theta: as for `open_loop_rates`.
     """
     command = u0
     for gain, x, center in zip(gains, states, x0, strict=True):
         command = command - gain * (x - center)
-    return open_loop_rates(model, states, command)
+    return open_loop_rates(model, states, command, theta)
 
 
-def nonlinear_parts(model: GliderModel, num_states: int) -> tuple[list[int], list[int]]:
+def nonlinear_parts(
+    model: GliderModel, num_states: int, names: tuple[str, ...] = ()
+) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables and of the rates that are not linear.
 
     Args:
         model: the glider.
         num_states: n; variable n is the command.
+        names: of further variables: numbers of the glider that deviate.
     """
-    *states, command = dependence.variables(num_states + 1)
-    rates = open_loop_rates(model, states, command)
+    states = dependence.variables(num_states + 1 + len(names))
+    states, deviations = states[: num_states + 1], states[num_states + 1 :]
+    command = states.pop()
+    theta = theta_at(model, names, deviations)
+    rates = open_loop_rates(model, states, command, theta)
     nonlinear: list[frozenset[int]]
     nonlinear = [getattr(rate, "nonlinear", frozenset()) for rate in rates]
     which = frozenset[int]().union(*nonlinear)

@@ -10,9 +10,15 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.policy import TrackingPolicy
+from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.moving_center import (
+    MovingCenter,
+    make_moving_center,
+)
 from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import (
@@ -23,8 +29,8 @@ from glider.verification.funnel.growth import (
     largest_growth,
 )
 from glider.verification.funnel.limits import (
+    bounds_about,
     room,
-    servo_bounds,
 )
 from glider.verification.funnel.remainder import (
     SAMPLES,
@@ -69,6 +75,7 @@ def make_funnel(
     policy: TrackingPolicy,
     settings: FunnelSettings | None = None,
     *,
+    confidence: ConfidenceSet | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Funnel:
@@ -78,6 +85,8 @@ def make_funnel(
         model: the glider that the plan is for.
         policy: the feedback, e.g. of `glider.control.tvlqr.compiled_policy`.
         settings: goal and margins.
+        confidence: set of gliders that are to stay, each in the funnel about its own
+            center; None for the model's own. It takes a remainder to bear.
         seed: of the points where remainder and growth are sampled.
         progress: told what is being done.
 
@@ -90,18 +99,25 @@ def make_funnel(
     began = time.perf_counter()
     rng = np.random.default_rng(seed)
     say("funnel: the flight and its Taylor polynomials")
+    if confidence and settings.remainder == 0.0:
+        raise InputError(
+            "A funnel of a confidence set bears what its gliders do otherwise as a "
+            "remainder; 'remainder' is 0, and a positive number is needed."
+        )
     nominal = make_nominal(model, policy, settings.step)
     coefficients = expand(nominal)
-    directions = normalized(rng.normal(size=(SAMPLES, nominal.states.shape[1])))
+    center = make_moving_center(nominal, confidence) if confidence else None
+    total = nominal.states.shape[1] + (confidence.dimension if confidence else 0)
+    directions = normalized(rng.normal(size=(SAMPLES, total)))
 
-    flow = ShapeFlow(nominal, coefficients, settings, directions)
+    flow = ShapeFlow(nominal, coefficients, settings, directions, center)
     try:
         S = flow.run(lambda share: say(f"funnel: its shape, {100.0 * share:.0f} %"))
     except np.linalg.LinAlgError:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 
     say("funnel: its size")
-    gauge = _Gauge(nominal, coefficients, settings, directions)
+    gauge = _Gauge(nominal, coefficients, settings, directions, center)
     if not gauge.is_bounded:
         raise SolverError(
             "The plan's flight cannot be enclosed; a shorter step may do."
@@ -125,6 +141,7 @@ def make_funnel(
         grams=grams,
         solver=next(iter(SOLVERS)),
         seconds=time.perf_counter() - began,
+        gliders=center,
     )
 
 
@@ -154,11 +171,16 @@ class _Gauge:
         coefficients: np.ndarray,
         settings: FunnelSettings,
         directions: np.ndarray,
+        center: MovingCenter | None,
     ):
         """Takes what a ShapeFlow takes."""
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
-        self._sizes = settings.size_axes(nominal.states.shape[1])
+        self._center, n = center, nominal.states.shape[1]
+        self._sizes = settings.size_axes(n)
+        self._starts = directions[:STARTS]
+        if center is not None:
+            self._starts = normalized(self._starts[:, :n])
         self._between = [GrowthBetween(nominal, share) for share in SHARES]
         self._defect = defect_bounds(nominal)
 
@@ -180,7 +202,7 @@ class _Gauge:
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
-        sets, starts = self.sets(S), self._directions[:STARTS]
+        sets, starts = self.sets(S), self._starts
         growth = largest_growth(sets.forms, starts)
         drift = self._drift(S)
         drift = np.maximum(drift[:-1], drift[1:])
@@ -194,7 +216,7 @@ class _Gauge:
 
     def room(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest ρ (T,) that the servo allows."""
-        return room(S, *servo_bounds(self._nominal))
+        return room(S, *bounds_about(self._nominal, self._center))
 
     def _drift(self, S):
         return defect_growth(S, self._defect)
@@ -205,7 +227,12 @@ class _Gauge:
         every = np.arange(len(S))
         some = np.unique(np.append(every[::SAMPLE_EVERY], every[-1]))
         sampled = sample_remainder(
-            self._nominal, self._coefficients, S[some], self._directions, some
+            self._nominal,
+            self._coefficients,
+            S[some],
+            self._directions,
+            some,
+            self._center,
         )
         sampled = np.array([np.interp(every, some, row) for row in sampled.T]).T
         return inflate(sampled, self._settings.remainder)

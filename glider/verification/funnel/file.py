@@ -27,6 +27,9 @@ and `notes`, a JSON text with
     solver       name of the solver that was tried first
     seconds      duration of the computation [s]
     model        the glider, the text of a file of `glider.physics.model`
+    confidence   null or left out, or for a funnel of more gliders than that one
+                 {"names", "matrix", "level", "shape"} of the set that they deviate in,
+                 `glider.verification.dynamics.confidence`
 """
 
 import dataclasses
@@ -82,6 +85,9 @@ class FunnelFile:
     arrays: dict[str, np.ndarray]
     """Name to finite doubles, of the shapes in `_shapes`."""
 
+    confidence: dict[str, Any] | None = None
+    """What the set of gliders is that it was made for; None for the model's own."""
+
     sha256: str = ""
     """Hash of the file that was read, in hexadecimal."""
 
@@ -136,6 +142,7 @@ def read_file(path: Path | str) -> FunnelFile:
             model=str(notes["model"]),
             solver=str(notes["solver"]),
             seconds=float(notes["seconds"]),
+            confidence=notes.get("confidence"),
             arrays=_checked(arrays, len(notes["state_names"])),
             sha256=hashlib.sha256(content).hexdigest(),
         )

@@ -14,6 +14,14 @@ from glider.physics.model import (
     load_model,
     model_text,
 )
+from glider.verification.dynamics.confidence import (
+    confidence_of,
+    notes_of,
+)
+from glider.verification.dynamics.moving_center import (
+    MovingCenter,
+    make_moving_center,
+)
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.file import FunnelFile, read_file, write_file
@@ -58,6 +66,10 @@ class Funnel:
     sha256: str = ""
     """Hash of the file that it was loaded from, in hexadecimal."""
 
+    gliders: MovingCenter | None = None
+    """Set of gliders that it was made for, each with its own center; None where it is
+    of the model's own alone."""
+
     @property
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
@@ -81,7 +93,8 @@ class Funnel:
         parts = {name: getattr(self.nominal, name)[here] for name in _NOMINAL_ARRAYS}
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
         nominal = dataclasses.replace(self.nominal, **parts)
-        return dataclasses.replace(self, nominal=nominal, **own)
+        gliders = self.gliders and self.gliders.between(first, last)
+        return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
@@ -128,6 +141,7 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
             model=model_text(funnel.nominal.model),
             solver=funnel.solver,
             seconds=funnel.seconds,
+            confidence=notes_of(funnel.gliders.confidence) if funnel.gliders else None,
             arrays=arrays,
         ),
     )
@@ -166,16 +180,25 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
             f"{path}: not a funnel: its states are {names}; its "
             f"glider's are {', '.join(model.state_names)}."
         )
+    nominal = Nominal(
+        model=model,
+        state_names=file.state_names,
+        **{name: file.arrays[name] for name in _NOMINAL_ARRAYS},
+    )
+    gliders = None
+    if file.confidence is not None:
+        try:
+            confidence = confidence_of(model, file.confidence)
+        except InputError as error:
+            raise InputError(f"{path}: not a funnel: its gliders: {error}") from None
+        gliders = make_moving_center(nominal, confidence)
     return Funnel(
-        nominal=Nominal(
-            model=model,
-            state_names=file.state_names,
-            **{name: file.arrays[name] for name in _NOMINAL_ARRAYS},
-        ),
+        nominal=nominal,
         settings=settings,
         solver=file.solver,
         seconds=file.seconds,
         sha256=file.sha256,
+        gliders=gliders,
         **{name: file.arrays[name] for name in _OWN_ARRAYS},
     )
 

@@ -10,8 +10,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
+from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 
 SHRINK = 0.995
@@ -43,6 +45,60 @@ def servo_bounds(
         [rate - np.abs(inputs), np.minimum(high - ahead, ahead - low)], axis=1
     )
     return directions, factor * bounds
+
+
+def bounds_about(
+    nominal: Nominal, center: MovingCenter | None, shrink: float = SHRINK
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns a and b of `servo_bounds` for a deviation from each glider's center.
+
+    A center that moves by X δ leaves b - max aᵀ X δ.
+
+    Args:
+        nominal: the flight.
+        center: of the gliders that may fly; None for the model's own.
+        shrink: factor on b.
+    """
+    directions, bounds = servo_bounds(nominal, shrink)
+    if center is not None:
+        bounds = bounds - center.reach(directions)
+    return directions, bounds
+
+
+def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
+    """Returns S (n, n) of the goal's part that each glider's last set may fill.
+
+    The ellipsoid of these half-axes is the unit ball of a norm. Where no center's last
+    is farther than s < 1 in it, a set 1 - s times as large stays in the goal.
+
+    Args:
+        axes: (n,) half-axes of the goal.
+        center: of the gliders that may fly; None for the model's own.
+
+    Raises:
+        InputError: the gliders' centers alone leave the goal.
+    """
+    left = 1.0 - goal_reach(axes, center)
+    if left <= 0.0:
+        raise InputError(
+            "The gliders of the confidence set end up to "
+            f"{1.0 - left:.3g} times as far from the nominal's end as the goal "
+            "reaches; more flights, or a wider goal, are needed."
+        )
+    return np.diag(1.0 / (left * axes) ** 2)
+
+
+def goal_reach(axes: np.ndarray, center: MovingCenter | None) -> float:
+    """Returns how far a center of the gliders ends, at most, where the goal is 1.
+
+    It is a bound: the norm of the largest parts along the set's axes.
+    """
+    if center is None:
+        return 0.0
+    scaled = center.shifts[-1] @ center.confidence.factor / axes[:, None]
+    if center.confidence.shape == "box":
+        return float(np.linalg.norm(np.abs(scaled).sum(axis=1)))
+    return float(np.linalg.norm(scaled, 2))
 
 
 def keep_bounds(

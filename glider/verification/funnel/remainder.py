@@ -3,7 +3,9 @@
 Only the accelerations are not linear in the state. Where |R_k| <= β_k on the set,
     2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. Here the largest |R_k| is looked for;
-`glider.verification.proof` proves a bound.
+`glider.verification.proof` proves a bound. For the gliders of a confidence set R is
+also what they do otherwise, about their own center
+(`glider.verification.dynamics.moving_center`).
 """
 
 import numpy as np
@@ -13,9 +15,12 @@ from glider.verification.dynamics.error_dynamics import (
     evaluate,
     nonlinear_parts,
 )
+from glider.verification.dynamics.gliders import physical, theta_at
+from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.ascent import climb_sphere
 from glider.verification.sos.forms import to_ball
+from glider.verification.sos.sphere import normalized
 
 SAMPLES = 500
 """Directions in which the remainder is sampled; the same at all times."""
@@ -35,6 +40,7 @@ def sample_remainder(
     S: np.ndarray,
     directions: np.ndarray,
     at: np.ndarray,
+    center: MovingCenter | None = None,
 ) -> np.ndarray:
     """Returns the largest |R_k| found on the boundaries of sets, (K, n).
 
@@ -44,43 +50,76 @@ def sample_remainder(
     Args:
         nominal: the flight.
         coefficients: (T, n, M) of `expand`.
-        S: (K, n, n) the sets.
-        directions: (B, n) points of the unit sphere; their negatives are used too.
+        S: (K, n, n) of the sets.
+        directions: (B, n + r) to sample, r the dimension of the gliders' set; their
+            negatives too. The first n are of the deviation e, the others of δ.
         at: (K,) indices of the times.
+        center: of the gliders that may fly; None for the model's own.
     """
     n = S.shape[-1]
-    _, rows = nonlinear_parts(nominal.model, n)
-    count = len(rows)
+    names = center.confidence.names if center else ()
+    _, rows = nonlinear_parts(nominal.model, n, names)
+    count, total = len(rows), directions.shape[-1]
     L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
 
-    def remainders(z, here):
-        """Returns R (K, B, r) at points (K, B, n) of the spheres at some times."""
-        errors = z @ L_inv[here]
-        return remainder_of(nominal, coefficients, at[here], errors)[..., rows]
+    def remainders(y, here):
+        """Returns R (K, B, r) at points (K, B, n + r) of the spheres at some times."""
+        errors, deviations = split_directions(nominal, center, L_inv[here], y)
+        found = remainder_of(
+            nominal, coefficients, at[here], errors, center, deviations
+        )
+        return found[..., rows]
 
     shares = np.array_split(np.concatenate([directions, -directions]), CLIMBS)
-    starts = np.empty((len(at), 2 * count, CLIMBS, n))
+    starts = np.empty((len(at), 2 * count, CLIMBS, total))
     for k in range(len(at)):  # One by one: many points at once do not fit the cache.
         for i, points in enumerate(shares):
             seen = remainders(points[None], slice(k, k + 1))[0]
             best = np.concatenate([seen.argmax(axis=0), seen.argmin(axis=0)])
             starts[k, :, i] = points[best]
 
-    def climbed(z):
+    def climbed(y):
         """Returns R or -R (K, B), whichever each point climbs."""
-        values = remainders(z, slice(None))
-        which = np.arange(z.shape[1]) // (z.shape[1] // (2 * count))
+        values = remainders(y, slice(None))
+        which = np.arange(y.shape[1]) // (y.shape[1] // (2 * count))
         picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
         return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-    highest, _ = climb_sphere(climbed, starts.reshape(len(at), -1, n))
+    highest, _ = climb_sphere(climbed, starts.reshape(len(at), -1, total))
     found = np.zeros((len(at), n))
     found[:, rows] = highest.reshape(len(at), 2, count, CLIMBS).max(axis=(1, 3))
     return found
 
 
+def split_directions(
+    nominal: Nominal,
+    center: MovingCenter | None,
+    L_inv: np.ndarray,
+    directions: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Returns e (K, B, n) on sets' boundaries and δ (K, B, m) on that of the gliders'.
+
+    Args:
+        nominal: the flight.
+        center: of the gliders that may fly; None for the model's own, and no δ.
+        L_inv: (K, n, n) L⁻¹ of the sets.
+        directions: (K, B, n + r).
+    """
+    if center is None:
+        return directions @ L_inv, None
+    n = L_inv.shape[-1]
+    deviations = center.confidence.on_boundary(directions[..., n:])
+    deviations = physical(nominal.model, center.confidence.names, deviations)
+    return normalized(directions[..., :n]) @ L_inv, deviations
+
+
 def remainder_of(
-    nominal: Nominal, coefficients: np.ndarray, at: np.ndarray, errors: np.ndarray
+    nominal: Nominal,
+    coefficients: np.ndarray,
+    at: np.ndarray,
+    errors: np.ndarray,
+    center: MovingCenter | None = None,
+    deviations: np.ndarray | None = None,
 ) -> np.ndarray:
     """Returns R (K, B, n) = ė - p(e), the servo's limits apart.
 
@@ -88,24 +127,40 @@ def remainder_of(
         nominal: the flight.
         coefficients: (T, n, M) of p, as `expand` gives them.
         at: (K,) indices of the times.
-        errors: (K, B, n) deviations e.
+        errors: (K, B, n) deviations e, from x₀ + X δ where the center moves.
+        center: of the gliders that fly; None for the model's own.
+        deviations: (K, B, m) δ of each.
     """
-    return true_rates(nominal, at, errors) - evaluate(coefficients[at], errors)
+    polynomial = evaluate(coefficients[at], errors)
+    if center is None or deviations is None:
+        return true_rates(nominal, at, errors) - polynomial
+    moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
+    drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
+    theta = theta_at(
+        nominal.model, center.confidence.names, np.moveaxis(deviations, 2, 0)
+    )
+    own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
+    return _rates(nominal, at, moved, theta) - own - drift - polynomial
 
 
 def true_rates(nominal: Nominal, at: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """Returns ė (K, B, n) of deviations (K, B, n) by the physics, without limits."""
-    x0 = nominal.states[at][:, None]
-    states = np.concatenate([x0, x0 + errors], axis=1)
+    full = _rates(nominal, at, np.concatenate([0.0 * errors[:, :1], errors], axis=1))
+    return full[:, 1:] - full[:, :1]
+
+
+def _rates(nominal, at, errors, theta=None):
+    """Returns ẋ (K, B, n) at deviations (K, B, n) from x₀."""
+    states = nominal.states[at][:, None] + errors
     rates = closed_loop_rates(
         nominal.model,
         list(np.moveaxis(states, 2, 0)),
         nominal.gains[at].T[..., None],
         nominal.states[at].T[..., None],
         nominal.inputs[at][:, None],
+        theta,
     )
-    full = np.stack([np.broadcast_to(rate, states.shape[:2]) for rate in rates], axis=2)
-    return full[:, 1:] - full[:, :1]
+    return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 
 
 def inflate(sampled: np.ndarray, inflation: float) -> np.ndarray:

@@ -13,10 +13,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.limits import (
+    bounds_about,
+    goal_about,
     keep_bounds,
-    servo_bounds,
 )
 from glider.verification.funnel.remainder import (
     inflate,
@@ -49,6 +51,7 @@ class ShapeFlow:
         coefficients: np.ndarray,
         settings: FunnelSettings,
         directions: np.ndarray,
+        center: MovingCenter | None = None,
     ):
         """Takes what the flow depends on.
 
@@ -56,11 +59,12 @@ class ShapeFlow:
             nominal: the flight.
             coefficients: (T, n, M) of `expand`.
             settings: goal, sizes and steps.
-            directions: (B, n) where the remainder is sampled.
+            directions: (B, n + r) of `sample_remainder`.
+            center: of the gliders that may fly; None for the model's own.
         """
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
-        self._bounds = servo_bounds(nominal)
+        self._bounds, self._center = bounds_about(nominal, center), center
         self._sizes = settings.size_axes(nominal.states.shape[1])
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
@@ -76,7 +80,7 @@ class ShapeFlow:
         n = len(self._sizes)
         last = len(times) - 1
         hold = max(1, round(self._settings.hold / (times[1] - times[0])))
-        S = self._cut(np.diag(1.0 / self._settings.goal_axes(n) ** 2), last)
+        S = self._cut(goal_about(self._settings.goal_axes(n), self._center), last)
         shapes = np.zeros((last + 1, n, n))
         shapes[last] = S
         before, growth, slope = None, np.zeros((n, n)), np.zeros((n, n))
@@ -111,6 +115,7 @@ class ShapeFlow:
                 S[None],
                 self._directions,
                 np.array([k]),
+                self._center,
             )
             beta = inflate(beta, self._settings.remainder)
             weights = remainder_weights(S[None], beta, self._sizes)

@@ -4,9 +4,10 @@ check: the verdict about a certificate, at its times. purpose: whether it is of 
 problem and the glider that are meant. exact_check: the part in whole numbers.
 flight_proof: that no flight leaves, interval by interval. interval_proof: one of them.
 interval: its polynomials in time. interval_sets: the servo, and a ball that holds the
-sets. interval_growth: that V falls. remainder_proof, enclosure, boxes: that the Taylor
-remainder is within the bounds that the certificate assumes. counterexample: where it
-may fail. words: what was checked, in sentences.
+sets. interval_gliders: the centers of a set of gliders. interval_growth: that V falls.
+remainder_proof, enclosure, boxes: that the Taylor remainder is within the bounds that
+the certificate assumes. counterexample: where it may fail. gliders_check: that a set of
+gliders has room. words: what was checked, in sentences.
 
 Between its times t_k a funnel is this: with τ from 0 to 1, x₀ and S are cubic Hermite
 polynomials, u₀ and K straight lines; its sets are E(t) = {x₀ + e: eᵀ S e <= 1}, and its
@@ -31,6 +32,13 @@ Proof. With V = eᵀ S e, on each interval and for all of its times and deviatio
    Gram matrix with its Bernstein coefficients is (`interval_growth`).
 A flight that left had a last time with V = 1, and V > 1 after it: against 4.
 
+For a funnel of a set of gliders (`moving_center`) it is of all of them: a glider whose
+numbers deviate by δ flies in {x₀ + X δ + e: eᵀ S e <= 1}, X(0) = 0, X the cubic Hermite
+polynomial that is integrated along the nominal. In 1, b is less max aᵀ X δ; in 2, R is
+of f(x₀ + X δ + e, u; c₀ + δ) - ẋ₀ - Ẋ δ - P, for all δ of the set, and what X δ lacks
+in the linear rates is in d. 3 and 4 do not change. In the goal the last set is about
+each center, by the triangle inequality in the goal's norm, but for 1e-9 of it.
+
 After `check_funnel` alone, or with every > 1, this is known at the times, or on the
 intervals, that were looked at, and no flight's future follows.
 
@@ -38,9 +46,10 @@ Exact, in whole numbers: 1 and 4, and that the balls of 2 hold E; at the end, E(
 the goal but for 1e-9 of it. Enclosed, rounding included: R (Taylor models on boxes of
 deviations and time) and δ (Taylor models in time).
 Floating point: the launch, the wire and the problem's bounds are compared to 1e-6 and
-1e-4; of the rates that are linear (positions, pitch, elevator) the coefficients are
-taken as computed, so that their rounding, 1e-16 of them, is left out, and so is that of
-the cubic polynomials' coefficients.
+1e-4, the goal about the gliders' centers to 1e-9; of the rates that are linear
+(positions, pitch, elevator) the coefficients are taken as computed, so that their
+rounding, 1e-16 of them, is left out, and so is that of the cubic polynomials'
+coefficients.
 
 Assumed: IEEE arithmetic; NumPy's functions err by less than 100 units in the last
 place; f is the text of `glider.physics.chain` with the glider's numbers, in real

@@ -2,6 +2,7 @@
 
 `purpose`: the funnel is one of the problem and the glider that are meant.
 `glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
+`gliders_check`: of a set of gliders, that each has room about its own center.
 `exact_check`: V falls on the boundary at each time, in whole numbers. Then, in floating
 point: no remainder larger than β_k is seen, and V falls between the times too. Proof of
 both, and in continuous time, is for `flight_proof`. What follows from it all is a
@@ -23,17 +24,25 @@ from glider.verification.funnel.growth import (
     SHARES,
     GrowthBetween,
 )
-from glider.verification.funnel.remainder import LEAST_REMAINDER, remainder_of
+from glider.verification.funnel.remainder import (
+    LEAST_REMAINDER,
+    remainder_of,
+    split_directions,
+)
 from glider.verification.proof.exact_check import (
     exact_faults,
     proven_slack,
 )
+from glider.verification.proof.gliders_check import gliders_faults
 from glider.verification.proof.purpose import model_faults, problem_faults
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
 SAMPLES = 1000
 """Points of the boundary where the remainder is looked at, at each time."""
+
+SAMPLES_OF_SET = 4000
+"""Points of the boundary, with a glider of the set's boundary each."""
 
 STARTS = 8
 """Points where the ascent to the largest growth starts, besides the axes of its
@@ -105,6 +114,7 @@ def check_funnel(
     faults = model_faults(funnel, model) if model else []
     faults += problem_faults(funnel, problem) if problem else []
     faults += _defect_faults(funnel, growth)
+    faults += gliders_faults(funnel)
     rounding = seen = 0.0
     between = np.inf
     if not faults:
@@ -144,21 +154,36 @@ def _defect_faults(funnel, growth):
 def remainder_seen(funnel: Funnel, at: list[int]) -> float:
     """Returns the largest |R_k| / β_k at random points of the boundary at some times.
 
+    For a funnel of a set of gliders, it is R of random ones on the set's boundary too.
+
     Args:
         funnel: the funnel.
         at: indices of the times.
     """
-    nominal, n = funnel.nominal, funnel.num_states
+    nominal, n, center = funnel.nominal, funnel.num_states, funnel.gliders
     coefficients, ratios = expand(nominal), [0.0]
-    points = normalized(np.random.default_rng(0).normal(size=(SAMPLES, n)))
+    rng = np.random.default_rng(0)
+    points = normalized(rng.normal(size=(SAMPLES, n)))
     _, rows = nonlinear_parts(nominal.model, n)
+    trials: list[tuple] = [(None, points, rows)]
+    if center:
+        names, r = center.confidence.names, center.confidence.dimension
+        _, rows = nonlinear_parts(nominal.model, n, names)
+        more = rng.normal(size=(SAMPLES_OF_SET, n + r))
+        trials.append((center, normalized(more), rows))
     for k in at:
-        errors = points @ to_ball(funnel.S[k])[1].T
-        found = remainder_of(nominal, coefficients, np.array([k]), errors[None])[0]
-        largest = np.abs(found).max(axis=0)[rows]
-        counts = ~(largest <= LEAST_REMAINDER)  # What is no number counts.
-        with np.errstate(divide="ignore"):
-            ratios.extend((largest / funnel.beta[k, rows])[counts])
+        L_inv = to_ball(funnel.S[k])[1].T[None]
+        for about, directions, of in trials:
+            errors, deviations = split_directions(
+                nominal, about, L_inv, directions[None]
+            )
+            found = remainder_of(
+                nominal, coefficients, np.array([k]), errors, about, deviations
+            )
+            largest = np.abs(found[0]).max(axis=0)[of]
+            counts = ~(largest <= LEAST_REMAINDER)  # What is no number counts.
+            with np.errstate(divide="ignore"):
+                ratios.extend((largest / funnel.beta[k, of])[counts])
     return float(np.max(ratios))  # np.max keeps a NaN, max does not.
 
 

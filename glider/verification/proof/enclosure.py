@@ -8,6 +8,10 @@ its ends, and
 what the degree, the straight line and the nominal's defect leave out. All y of the sets
 are basis w with |w| <= 1, and boxes are of w and of time, s = 2 τ - 1. The basis is
 turned so that R varies most along w₁, then along w₂, and so on.
+
+For a set of gliders, δ = A v, y is the deviation from each one's own center:
+    R(τ, y, δ) = f(x₀ + X δ + y, u₀ - K X δ + y; c₀ + δ) - ẋ₀ - Ẋ δ - P(τ, y),
+and boxes are of w, v and s. What X A v has beyond the degree in (v, s) is bounded.
 """
 
 import dataclasses
@@ -22,6 +26,7 @@ from glider.verification.dynamics.error_dynamics import (
     open_loop_rates,
     table_of,
 )
+from glider.verification.dynamics.gliders import theta_at
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.dynamics.taylor_models import (
@@ -35,6 +40,7 @@ from glider.verification.proof.boxes import (
     bound_in_ball,
     shifted,
 )
+from glider.verification.proof.interval_gliders import GlidersPath, gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
@@ -46,7 +52,8 @@ TURN_SAMPLES = 1000
 class TaylorRemainder:
     """R over the sets of an interval, ready to be enclosed on boxes of (w, s).
 
-    Polynomials are in (w, s), by `jets.monomials(m + 1, ORDER)`.
+    Polynomials are in (w, v, s), by `jets.monomials(m + r + 1, ORDER)`; there is no v
+    for one glider alone.
     """
 
     model: GliderModel
@@ -79,32 +86,60 @@ class TaylorRemainder:
     seen: np.ndarray
     """Largest |R| / β (r,) that was seen at the middle of that."""
 
+    path: GlidersPath | None
+    """Where the gliders of a set fly; None for one alone."""
+
+    beyond: np.ndarray
+    """Bounds (n + 1,) of what the inputs lack of that."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of the boxes' coordinates."""
+        return len(self.basis) + (self.path.dimension if self.path else 0) + 1
+
+    @property
+    def balls(self) -> tuple[slice, ...]:
+        """Coordinates of w, and of v where they are in a ball."""
+        m = len(self.basis)
+        is_round = self.path is not None and self.path.is_round
+        return (slice(0, m), slice(m, -1)) if is_round else (slice(0, m),)
+
     def bounds(
         self, center: np.ndarray, half: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Encloses |R| / β on boxes.
 
         Args:
-            center: (m + 1, B) of boxes.
-            half: (m + 1, B) their half-widths.
+            center: (d, B) of boxes, d the dimension.
+            half: (d, B) their half-widths.
 
         Returns:
             bounds (r, B) on the parts of the boxes with |w| <= 1; what is surely
-            reached in their centers, if in the unit ball, (r, B); how much each w_i and
-            s are to blame for the bounds, (r, m + 1, B).
+            reached in their centers, if in the unit ball, (r, B); how much each
+            coordinate is to blame for the bounds, (r, d, B).
         """
-        m = len(self.basis)
-        table = monomials(m + 1, ORDER)
+        m, d = len(self.basis), self.dimension
+        table = monomials(d, ORDER)
 
         def on_boxes(polynomial):
             return shifted(table, polynomial, center, half)
 
-        *states, command = map(on_boxes, self.inputs)
-        rates = open_loop_rates(self.model, states, command)
-        time = on_boxes(np.eye(1, len(table.degrees), m + 1)[0])
-        free = np.arange(m + 1)[:, None] == m
+        unit = np.eye(1 + d, len(table.degrees))
+        inputs = list(map(on_boxes, self.inputs))
+        for value, lacks in zip(inputs, self.beyond, strict=True):
+            value.remainder = (value.remainder + lacks) * WIDER
+        *states, command = inputs
+        theta = None
+        if self.path is not None:
+            deviations = [on_boxes(row @ unit[1 + m : d]) for row in self.path.factor]
+            theta = theta_at(self.model, self.path.names, deviations)
+        rates = open_loop_rates(self.model, states, command, theta)
+        time = on_boxes(unit[d])
+        free = np.arange(d)[:, None] >= m
         in_ball = np.where(free, 0.0, center), np.where(free, 0.0, half)
-        within = np.sum(center[:m] ** 2, axis=0) <= 1.0
+        within = np.all(
+            [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls], axis=0
+        )
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
             rate = rates[row]
@@ -132,7 +167,9 @@ def make_remainder(
     nominal, n = piece.nominal, piece.num_states
     which, rows = nonlinear_parts(nominal.model, n)
     m = len(which)
-    table, open_loop = monomials(m + 1, ORDER), table_of(n + 1)
+    gliders = gliders_path(piece)
+    last = m + (gliders.dimension if gliders else 0)  # The coordinate s.
+    table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = expand_rates(nominal)[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
@@ -146,10 +183,11 @@ def make_remainder(
     with np.errstate(all="ignore"):
         ratios = largest / (beta_ends[0] + s * beta_ends[1])
 
-    plain = table.exponents[:, m] == 0
-    timed = table.exponents[:, m] == 1
-    powers = [j * np.eye(m + 1, dtype=int)[m] for j in range(ORDER + 1)]
-    times = [np.flatnonzero((table.exponents == p).all(axis=1))[0] for p in powers]
+    alone = np.all(table.exponents[:, m:last] == 0, axis=1)
+    plain = alone & (table.exponents[:, last] == 0)
+    timed = alone & (table.exponents[:, last] == 1)
+    unit = np.eye(last + 1, dtype=int)
+    times = [_place(table, j * unit[last]) for j in range(ORDER + 1)]
     inputs = np.zeros((n + 1, len(table.degrees)))
     inputs[:-1, times] = path
     inputs[-1, times[:2]] = inputs_ends
@@ -162,6 +200,14 @@ def make_remainder(
     polynomials[:, times[:-1]] += slopes[rows]
     highest[:, plain] = np.where(low, 0.0, change)
     limits[:, times[:2]] = beta_ends.T
+    beyond = np.zeros(n + 1)
+    if gliders:
+        for v in range(gliders.dimension):
+            places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
+            inputs[:, places] += gliders.inputs[:, v, :ORDER]
+            polynomials[:, places] += gliders.slopes[rows, v]
+        beyond = np.abs(gliders.inputs[..., ORDER:]).sum(axis=(1, 2))
+        beyond += ROUNDING * np.abs(gliders.inputs).sum(axis=(1, 2))
     return TaylorRemainder(
         model=nominal.model,
         rows=rows,
@@ -173,7 +219,14 @@ def make_remainder(
         limits=limits,
         span=span,
         seen=np.nan_to_num(ratios, nan=np.inf),
+        path=gliders,
+        beyond=beyond * WIDER,
     )
+
+
+def _place(table, exponents):
+    """Returns the index of a monomial."""
+    return int(np.flatnonzero((table.exponents == exponents).all(axis=1))[0])
 
 
 def _mean_and_half_change(ends):

@@ -21,6 +21,7 @@ from glider.verification.dynamics.error_dynamics import (
 )
 from glider.verification.dynamics.nominal_path import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.proof.interval_gliders import lessened, servo_reach
 from glider.verification.sos.exact import Exact, at_least, exact
 from glider.verification.sos.exact_time import (
     InTime,
@@ -112,7 +113,7 @@ def make_interval(piece: Funnel) -> Interval:
         cubic=part(3),
         weights=line(*piece.weights),
         bearing=tuple(map(_bearing, piece.beta, piece.weights)),
-        limits=_limits(nominal, step),
+        limits=_limits(piece, step),
     )
 
 
@@ -126,8 +127,12 @@ def _bearing(beta, weights):
     return Exact(np.array([part.at(low) for part in parts], dtype=object), low)
 
 
-def _limits(nominal, step):
-    """Returns a and b, of either way of the rate limit and of both stops."""
+def _limits(piece, step):
+    """Returns a and b, of either way of the rate limit and of both stops.
+
+    A set of gliders takes from b what their centers may reach.
+    """
+    nominal = piece.nominal
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
     command, gains = line(*nominal.inputs), line(*nominal.gains)
@@ -137,12 +142,13 @@ def _limits(nominal, step):
     ahead = total(angle, mapped(command, soon))
     elevator = exact(np.eye(gains[0].numbers.size)[ELEVATOR])
     travel = total((elevator,), _minus(mapped(gains, soon)))
-    return (
+    limits = (
         (_minus(gains), total((rate,), _minus(command))),
         (gains, total((rate,), command)),
         (travel, total((high,), _minus(ahead))),
         (_minus(travel), total(ahead, _minus((low,)))),
     )
+    return tuple((a, lessened(b, servo_reach(piece, a, step))) for a, b in limits)
 
 
 def _minus(polynomial):

@@ -15,6 +15,10 @@ from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import Interval, make_interval
+from glider.verification.proof.interval_gliders import (
+    gliders_defect,
+    unproven_numbers,
+)
 from glider.verification.proof.interval_growth import prove_growth
 from glider.verification.proof.interval_sets import (
     keeps_servo,
@@ -69,6 +73,8 @@ def _prove(piece, budget):
         return IntervalProof(fault="the certificate bears no remainder")
     if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
         return IntervalProof(fault="a weight of the remainder is zero")
+    if unproven_numbers(piece):
+        return IntervalProof(fault="numbers deviate on which linear rates depend")
     interval = make_interval(piece)
     if not stays_definite(interval.S):
         return IntervalProof(fault="a set is no ellipsoid")
@@ -95,12 +101,13 @@ def _prove(piece, budget):
 
 
 def linear_defect(piece: Funnel, interval: Interval) -> float:
-    """Returns what the nominal's defect in the rates that are linear adds to V̇/V.
+    """Returns what the defect in the rates that are linear adds to V̇/V.
 
-    That of the others is in R. It is 2 √(δᵀ |S| δ), rounded up, with the largest of
-    Bernstein's coefficients of S [1/s].
+    It is the nominal's and that of the gliders' centers; that of the other rates is in
+    R. It is 2 √(δᵀ |S| δ), rounded up, with the largest of Bernstein's coefficients of
+    S [1/s].
     """
-    delta = defect_bounds(piece.nominal)[0]
+    delta = defect_bounds(piece.nominal)[0] + gliders_defect(piece)
     delta[nonlinear_parts(piece.nominal.model, piece.num_states)[1]] = 0.0
     largest = np.abs(bernstein(interval.S)).max(axis=0)
     return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)

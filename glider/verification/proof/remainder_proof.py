@@ -1,9 +1,9 @@
 """The proof that the Taylor remainder is no larger than a funnel bears.
 
-The ball of deviations, times an interval of time, is covered with boxes; on each,
-Taylor models enclose R / β. A box on which the bound is above 1 is halved, until all
-are good or there are too many. The ball has to cover the sets of all of an interval;
-where it is too wide for that, there is one for each half.
+The ball of deviations, times an interval of time and the set of gliders, is covered
+with boxes; on each, Taylor models enclose R / β. A box on which the bound is above 1 is
+halved, until all are good or there are too many. The ball has to cover the sets of all
+of an interval; where it is too wide for that, there is one for each half.
 """
 
 import dataclasses
@@ -88,7 +88,7 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Remaind
         budget: boxes, until the search gives up.
     """
     ratio, boxes = float(remainder.seen.max(initial=0.0)), 0
-    size = len(remainder.basis) + 1
+    size = remainder.dimension
     center, half = np.zeros((size, 1)), np.ones((size, 1))
     first, last = remainder.span
     center[-1], half[-1] = 0.5 * (first + last), 0.5 * (last - first)
@@ -102,20 +102,23 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Remaind
         split = bad.any(axis=0)
         # Each rate that is not yet bounded has its say in the axis.
         blame = np.where(bad[:, None], blame, 0.0).sum(axis=0)
-        halves = halve(here[:, split], width[:, split], blame[:, split])
+        halves = halve(
+            here[:, split], width[:, split], blame[:, split], remainder.balls
+        )
         center = np.concatenate([center, halves[0]], axis=1)
         half = np.concatenate([half, halves[1]], axis=1)
     proven = ratio <= 1.0 and center.shape[1] == 0
     return RemainderProof(proven=proven, boxes=boxes, ratio=ratio)
 
 
-def halve(center, half, blame):
+def halve(center, half, blame, balls=(slice(0, -1),)):
     """Returns both halves of boxes along an axis each, without what misses the ball.
 
     Args:
         center: (m + 1, B) of the boxes; the last coordinate is time.
         half: (m + 1, B) their half-widths.
         blame: (m + 1, B); the axis is where it is largest.
+        balls: which coordinates are those of a unit ball, for each ball.
 
     Returns:
         centers and half-widths, (m + 1, up to 2 B) each.
@@ -131,6 +134,7 @@ def halve(center, half, blame):
     half[axis, boxes] += 1e-15
     center = np.concatenate([center - step, center + step], axis=1)
     half = np.concatenate([half, half], axis=1)
-    nearest = np.maximum(np.abs(center[:-1]) - half[:-1], 0.0)
-    touches = np.sum(nearest**2, axis=0) <= 1.0 + 1e-12
+    nearest = np.maximum(np.abs(center) - half, 0.0) ** 2
+    squares = np.array([nearest[ball].sum(axis=0) for ball in balls])
+    touches = np.all(squares <= 1.0 + 1e-12, axis=0)
     return center[:, touches], half[:, touches]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.confidence import describe_set, notes_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
@@ -30,6 +31,7 @@ def check_report(
         "glider_sha256": model_hash(funnel.nominal.model),
         "end": dataclasses.asdict(arrival(funnel, problem)),
         "remainder": remainder_status(funnel, proof),
+        "made_for": notes_of(funnel.gliders.confidence) if funnel.gliders else None,
     }
     if proof:
         report |= {
@@ -76,6 +78,7 @@ def describe_check(
             [*lines, *verdict.faults, f"The certificate does not hold: {faults}."]
         )
     lines += [_describe_certificate(verdict), _describe_bearing(funnel, verdict)]
+    lines += _describe_gliders(funnel)
     if proof:
         lines.append(describe_proof(funnel, proof))
     return "\n".join([*lines, describe_arrival(arrival(funnel, problem), problem)])
@@ -103,16 +106,20 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
     if not funnel.beta.any():
         return "The certificate bears no remainder: it is of the polynomials alone."
     count, of = proof.count, proof.of_intervals
+    whose, about = "this glider", ""
+    if funnel.gliders:
+        whose, about = "every glider of its set", " about its own center"
     if proof.is_whole:
         words = (
-            "Proven: every flight of this glider that starts in the inlet stays in the "
-            f"funnel and ends in its last set, in continuous time: {of} intervals, "
-            f"{proof.boxes:,} boxes"
+            f"Proven: every flight of {whose} that starts in the inlet stays in the "
+            f"funnel{about} and ends in its last set, in continuous time: {of} "
+            f"intervals, {proof.boxes:,} boxes"
         )
     elif proof.complete:
+        flight = "flight of a glider of its set" if funnel.gliders else "flight"
         words = (
-            f"Proven: no flight leaves the funnel in {count} of its {of} intervals, "
-            f"{proof.boxes:,} boxes; of the others nothing is proven"
+            f"Proven: no {flight} leaves the funnel{about} in {count} of its {of} "
+            f"intervals, {proof.boxes:,} boxes; of the others nothing is proven"
         )
     else:
         words = _describe_failure(funnel, proof)
@@ -125,11 +132,13 @@ def _describe_failure(funnel, proof):
     k, worst = proof.failed, proof.candidate
     names = zip(funnel.nominal.state_names, worst.state, strict=True)
     state = ", ".join(f"{name} = {value:.4g}" for name, value in names)
+    whose = " with its own glider" if funnel.gliders else ""
     rises = "so V rises" if worst.growth > 0.0 else "so it is no counterexample"
     return (
         f"Not proven from {proof.times[k]:.4f} to {proof.times[k + 1]:.4f} s: "
         f"{proof.fault}; proven in {proof.count} of {proof.of_intervals} intervals.\n"
-        f"The worst state that was found there, at {worst.time:.4f} s on the boundary: "
+        f"The worst state that was found there{whose}, at {worst.time:.4f} s on the "
+        "boundary: "
         f"{state}; with a servo without limits V̇/V is {worst.growth:.2g} 1/s, "
         f"{rises}"
     )
@@ -152,6 +161,19 @@ def _describe_bearing(funnel, verdict):
         "It bears a remainder of the Taylor polynomials; random points of the boundary "
         f"show up to {verdict.remainder_seen:.2f} times as much."
     )
+
+
+def _describe_gliders(funnel):
+    """Returns what holds of the set of gliders that a funnel was made for, if any."""
+    if not funnel.gliders:
+        return []
+    gliders = describe_set(funnel.gliders.confidence)
+    return [
+        f"It was made for more gliders, a {gliders}: at its times, about the center of "
+        "each, the servo has room, the last set is in the goal, and the remainder that "
+        "was seen is theirs too. So far that is sampled in floating point: of them "
+        "only --prove proves anything."
+    ]
 
 
 def describe_arrival(reached: Arrival, problem: PerchingProblem) -> str:

@@ -4,11 +4,12 @@ A semidefinite solver can abort its whole process (Clarabel on a hard program, C
 Drake's SolveInParallel). Here that ends a worker, and the caller gets a SolverError.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import ProcessPoolExecutor
 
 WORKERS = 2
 """Number of processes. Each imports Drake's solvers once, which takes half a second."""
@@ -37,11 +38,18 @@ def solve_apart(
     Raises:
         SolverError: a process died.
     """
-    executor = get_reusable_executor(max_workers=workers, env=_ONE_THREAD, timeout=60)
+    executor = _pool(workers)
     futures = [executor.submit(function, *task) for task in tasks]
     try:
         return [future.result() for future in futures]
     except BrokenProcessPool as error:
+        _pool.cache_clear()
         executor.shutdown(wait=False, kill_workers=True)
         first = str(error).strip().splitlines()[0] if str(error).strip() else ""
         raise SolverError(f"A solver's process died: {first}") from None
+
+
+@functools.cache
+def _pool(workers: int) -> ProcessPoolExecutor:
+    """Returns processes of our own: joblib takes loky's shared ones for its own."""
+    return ProcessPoolExecutor(max_workers=workers, env=_ONE_THREAD, timeout=60)

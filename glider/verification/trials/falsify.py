@@ -44,11 +44,17 @@ class Falsification:
     levels: np.ndarray
     """Largest V (B,) of each; 1 is the boundary."""
 
+    later: np.ndarray
+    """Largest V (B,) of each at the funnel's times after its start."""
+
     ends: np.ndarray
     """V at the end (B,), in the goal if at most 1."""
 
     states: np.ndarray
     """States (B, n) where they started."""
+
+    deviations: np.ndarray | None = None
+    """Deviations δ (B, m) of the gliders that flew; None where it was the same."""
 
     @property
     def samples(self) -> int:
@@ -110,8 +116,11 @@ def falsify_funnel(
             width *= CLIMB_NARROWING
         if progress:
             progress((number + 1) / len(shares))
-    starts, levels, ends, states = (np.concatenate(c) for c in zip(*found, strict=True))
-    return Falsification(starts=starts, levels=levels, ends=ends, states=states)
+    columns = (np.concatenate(c) for c in zip(*found, strict=True))
+    starts, levels, later, ends, states = columns
+    return Falsification(
+        starts=starts, levels=levels, later=later, ends=ends, states=states
+    )
 
 
 def _fly(funnel, k, points, model, found):
@@ -120,6 +129,7 @@ def _fly(funnel, k, points, model, found):
     levels, _ = fly_from(funnel, k, states, model)
     levels = np.where(np.isfinite(levels), levels, np.inf)
     time = np.full(len(points), funnel.nominal.times[k])
-    found.append((time, levels.max(axis=1), levels[:, -1], states))
+    later = levels[:, 1:].max(axis=1)
+    found.append((time, levels.max(axis=1), later, levels[:, -1], states))
     # A flight starts at 1: what counts is how close it comes again, or goes beyond.
-    return levels[:, 1:].max(axis=1)
+    return later

@@ -45,7 +45,11 @@ def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
 
 
 def fly_from(
-    funnel: Funnel, first: int, states: np.ndarray, model: GliderModel | None = None
+    funnel: Funnel,
+    first: int,
+    states: np.ndarray,
+    model: GliderModel | None = None,
+    deviation: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flies states from one of the funnel's times to its end.
 
@@ -54,6 +58,8 @@ def fly_from(
         first: index of the time.
         states: (B, n).
         model: the glider that flies; the funnel's own if None.
+        deviation: δ (m,) of that glider in the funnel's set; V is then about its own
+            center. None: about the nominal.
 
     Returns:
         V of each at the funnel's times from `first` on, (B, T - first), and the
@@ -68,12 +74,30 @@ def fly_from(
     assert flights.paths is not None
     paths = flights.paths[:, ::2]
     times = funnel.nominal.times[first:]
-    return funnel.level(times, paths[..., : funnel.num_states]), paths
+    known = paths[..., : funnel.num_states]
+    if deviation is not None and funnel.gliders:
+        known = known - funnel.gliders.at(times, deviation)
+    return funnel.level(times, known), paths
 
 
-def boundary_states(funnel: Funnel, k: int, directions: np.ndarray) -> np.ndarray:
-    """Returns states (B, n) on the boundary at a time, given unit vectors (B, n)."""
-    return funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
+def boundary_states(
+    funnel: Funnel,
+    k: int,
+    directions: np.ndarray,
+    deviation: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
+
+    Args:
+        funnel: the funnel.
+        k: index of the time.
+        directions: (B, n).
+        deviation: δ (m,) as for `fly_from`.
+    """
+    states = funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
+    if deviation is not None and funnel.gliders:
+        states = states + funnel.gliders.shifts[k] @ deviation
+    return states
 
 
 def draw_inside(funnel: Funnel, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,204 @@
+"""The gliders that the data allow: a confidence set of a model's numbers.
+
+Where the estimates' errors are normal of covariance C, with C = A₁ A₁ᵀ of rank r,
+- the ellipsoid {δ = √q A₁ w : |w| <= 1}, q the quantile of χ² with r degrees of
+  freedom, holds the true numbers with the level's probability;
+- the box |δ_i| <= √q' σ_i, q' the quantile of χ² with one degree of freedom at the
+  r-th root of the level, holds them at least so often, whatever the correlations
+  (Šidák 1967).
+Both are convex.
+"""
+
+import dataclasses
+import functools
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from glider.errors import InputError, show
+from glider.physics.covariance import Covariance, check_names, covariance_of_rows
+from glider.physics.model import GliderModel
+
+LEVEL = 0.95
+"""Probability with which a set holds the true numbers, unless told."""
+
+SHAPES = ("ellipsoid", "box")
+
+MOST_CORNERS = 10
+"""Dimensions of a box whose corners are listed: 1,024 of them."""
+
+_FLAT = 1e-12
+"""Eigenvalue of the correlations below which a direction is known exactly."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class ConfidenceSet:
+    """A set of deviations δ of a glider's numbers from their estimates.
+
+    Raises:
+        InputError: the level or the shape is none.
+    """
+
+    covariance: Covariance
+    """Of the m numbers that may deviate."""
+
+    level: float = LEVEL
+    """Probability with which the true numbers are in it."""
+
+    shape: str = "ellipsoid"
+    """One of SHAPES."""
+
+    def __post_init__(self):
+        """Raises InputError where there is no such set."""
+        level = self.level
+        is_number = isinstance(level, (int, float)) and not isinstance(level, bool)
+        if not (is_number and 0.0 < level < 1.0):
+            raise InputError(
+                f"The confidence is {show(level)}; a probability between 0 and 1 is "
+                "needed."
+            )
+        if self.shape not in SHAPES:
+            raise InputError(
+                f"The shape of a confidence set is {show(self.shape)}; "
+                f"{' or '.join(SHAPES)} is needed."
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the m numbers."""
+        return self.covariance.names
+
+    @functools.cached_property
+    def factor(self) -> np.ndarray:
+        """A (m, r) of δ = A w, w in the unit ball or in [-1, 1]ʳ."""
+        matrix = self.covariance.matrix
+        std = np.sqrt(np.diag(matrix))
+        if self.shape == "box":
+            varies = std > 0.0
+            root = self.level ** (1.0 / max(varies.sum(), 1))
+            return math.sqrt(chi2.ppf(root, 1)) * np.diag(std)[:, varies]
+        # Of the correlations: the axes should not depend on the units.
+        scale = np.where(std > 0.0, std, 1.0)
+        values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+        kept = values > _FLAT
+        radius = math.sqrt(chi2.ppf(self.level, max(kept.sum(), 1)))
+        return radius * scale[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+
+    @property
+    def dimension(self) -> int:
+        """Number r of its dimensions; 0 where all is known."""
+        return self.factor.shape[1]
+
+    def on_boundary(self, directions: np.ndarray) -> np.ndarray:
+        """Returns δ (..., m) on the boundary, towards directions (..., r) of w."""
+        size = np.abs(directions)
+        size = (
+            size.max(axis=-1, keepdims=True)
+            if self.shape == "box"
+            else np.linalg.norm(directions, axis=-1, keepdims=True)
+        )
+        return (directions / np.maximum(size, 1e-300)) @ self.factor.T
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Draws δ (count, m), uniform in the set."""
+        r = self.dimension
+        if self.shape == "box":
+            return rng.uniform(-1.0, 1.0, size=(count, r)) @ self.factor.T
+        radius = rng.uniform(size=(count, 1)) ** (1.0 / max(r, 1))
+        return radius * self.on_boundary(rng.normal(size=(count, r)))
+
+    def corners(self) -> np.ndarray:
+        """Returns the corners δ of a box, or the ends of an ellipsoid's axes, (K, m).
+
+        Of a box of more than MOST_CORNERS dimensions they are the centers of its
+        faces.
+        """
+        r = self.dimension
+        if self.shape == "box" and 0 < r <= MOST_CORNERS:
+            w = np.array(list(itertools.product((-1.0, 1.0), repeat=r)))
+        else:
+            w = np.concatenate([np.eye(r), -np.eye(r)])
+        return w @ self.factor.T
+
+    def reach(self, directions: np.ndarray) -> np.ndarray:
+        """Returns max aᵀ δ over the set (...) for directions a (..., m)."""
+        along = directions @ self.factor
+        if self.shape == "box":
+            return np.abs(along).sum(axis=-1)
+        return np.linalg.norm(along, axis=-1)
+
+    def holds(self, deviations: np.ndarray) -> np.ndarray:
+        """Returns whether deviations (..., m) are in the set, but for rounding."""
+        w = deviations @ np.linalg.pinv(self.factor).T
+        in_span = np.abs(w @ self.factor.T - deviations) <= 1e-9 * self.reach(
+            np.eye(len(self.names))
+        )
+        size = np.abs(w).max(axis=-1, initial=0.0)
+        if self.shape == "ellipsoid":
+            size = np.linalg.norm(w, axis=-1)
+        return np.all(in_span, axis=-1) & (size <= 1.0 + 1e-9)
+
+
+def make_confidence(
+    model: GliderModel,
+    covariance: Covariance,
+    level: float = LEVEL,
+    shape: str = "ellipsoid",
+) -> ConfidenceSet:
+    """Returns the confidence set of all numbers that a glider's flight depends on.
+
+    Raises:
+        InputError: there is no such set.
+    """
+    flown = covariance.of_flight(model.kinds)
+    return ConfidenceSet(covariance=flown, level=level, shape=shape)
+
+
+def describe_set(confidence: ConfidenceSet) -> str:
+    """Returns a set in a few words: "95 % ellipsoid of wind.x ± 0.001"."""
+    widths = confidence.reach(np.eye(len(confidence.names)))
+    within = ", ".join(
+        f"{name} ± {width:.2g}"
+        for name, width in zip(confidence.names, widths, strict=True)
+    )
+    return f"{100.0 * confidence.level:g} % {confidence.shape} of {within or 'nothing'}"
+
+
+def notes_of(confidence: ConfidenceSet) -> dict[str, Any]:
+    """Returns a set as JSON has it; `confidence_of` gives it back unchanged."""
+    return {
+        "names": list(confidence.names),
+        "matrix": confidence.covariance.matrix.tolist(),
+        "level": confidence.level,
+        "shape": confidence.shape,
+    }
+
+
+def confidence_of(model: GliderModel, notes: Any) -> ConfidenceSet:
+    """Returns the set that was noted.
+
+    Raises:
+        InputError: it is none, or of another glider.
+    """
+    try:
+        names, rows = list(notes["names"]), notes["matrix"]
+        check_names(names, model.effects)
+        covariance = covariance_of_rows(names, rows)
+        level, shape = notes["level"], notes["shape"]
+    except InputError:
+        raise
+    except (TypeError, KeyError, ValueError):
+        raise InputError(
+            "the confidence set is spoilt; 'names', 'matrix', 'level' and 'shape' are "
+            "needed."
+        ) from None
+    confidence = make_confidence(model, covariance, level, shape)
+    if confidence.names != tuple(names):
+        raise InputError(
+            f"the confidence set is of {', '.join(names)}, of which a flight depends "
+            f"on {', '.join(confidence.names) or 'none'} only."
+        )
+    return confidence

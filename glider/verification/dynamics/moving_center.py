@@ -1,0 +1,103 @@
+"""Where the gliders of a confidence set fly, to first order: the center moves along.
+
+A glider whose numbers deviate by δ from the estimate c₀ does not fly along x₀ under the
+same feedback, but near x₀ + X δ, with
+    Ẋ = F₁ X + ∂f/∂c,  X(0) = 0,
+F₁ of the closed loop. All launches are the same, so that the inlet is. With
+x = x₀ + X δ + e its deviation follows
+    ė = p(e) + R(e, δ),  p of the estimate,
+and R is all that is left, the Taylor remainder and what the glider does otherwise.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.error_dynamics import (
+    closed_loop_rates,
+    expand,
+)
+from glider.verification.dynamics.gliders import theta_at
+from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal_path import nominal_between
+
+STEPS = 4
+"""Runge-Kutta steps between two times; twice as many change X by less than 1e-5 of
+it."""
+
+_TINY = 1e-30
+"""Step of a complex difference quotient, in a number's unit."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class MovingCenter:
+    """The center of a funnel for each glider of a confidence set: x₀ + X δ."""
+
+    confidence: ConfidenceSet
+    """Set of the deviations δ (m,)."""
+
+    times: np.ndarray
+    """Times (T,) [s]."""
+
+    shifts: np.ndarray
+    """X (T, n, m)."""
+
+    slopes: np.ndarray
+    """Ẋ (T, n, m) [1/s]."""
+
+    def at(self, times: np.ndarray | float, deviation: np.ndarray) -> np.ndarray:
+        """Returns X δ (..., n) at times within the flight, for one δ (m,)."""
+        curve = CubicHermiteSpline(self.times, self.shifts, self.slopes)
+        return curve(np.clip(times, self.times[0], self.times[-1])) @ deviation
+
+    def reach(self, directions: np.ndarray) -> np.ndarray:
+        """Returns max aᵀ X δ over the set, (T, K), for a (T, K, n) at the times."""
+        return self.confidence.reach(directions @ self.shifts)
+
+    def between(self, first: int, last: int) -> "MovingCenter":
+        """Returns the part from one of the times to another, given their indices."""
+        here = slice(first, last + 1)
+        parts = {k: getattr(self, k)[here] for k in ("times", "shifts", "slopes")}
+        return dataclasses.replace(self, **parts)
+
+
+def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCenter:
+    """Integrates X along a nominal flight."""
+    times, names = nominal.times, confidence.names
+    starts = _linear(nominal, names)
+    shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
+    between = [_linear(nominal_between(nominal, share), names) for share in shares]
+    shifts = np.zeros((len(times), nominal.states.shape[1], len(names)))
+    for k, step in enumerate(np.diff(times) / STEPS):
+        nodes = [(F1[k], push[k]) for F1, push in (starts, *between)]
+        nodes.append((starts[0][k + 1], starts[1][k + 1]))
+        X = shifts[k]
+        for i in range(STEPS):
+            (F_a, b_a), (F_b, b_b), (F_c, b_c) = nodes[2 * i : 2 * i + 3]
+            k1 = F_a @ X + b_a
+            k2 = F_b @ (X + 0.5 * step * k1) + b_b
+            k3 = F_b @ (X + 0.5 * step * k2) + b_b
+            k4 = F_c @ (X + step * k3) + b_c
+            X = X + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        shifts[k + 1] = X
+    slopes = starts[0] @ shifts + starts[1]
+    return MovingCenter(
+        confidence=confidence, times=times, shifts=shifts, slopes=slopes
+    )
+
+
+def _linear(nominal, names):
+    """Returns F₁ (T, n, n) and ∂f/∂c (T, n, m) along a flight."""
+    model, x = nominal.model, list(nominal.states.T)
+    push = np.zeros((*nominal.states.shape, len(names)))
+    for j in range(len(names)):
+        nudge = [_TINY * 1j if i == j else 0.0 for i in range(len(names))]
+        theta = theta_at(model, names, nudge)
+        rates = closed_loop_rates(
+            model, x, nominal.gains.T, x, nominal.inputs, theta=theta
+        )
+        for i, rate in enumerate(rates):
+            push[:, i, j] = np.imag(rate) / _TINY
+    return expand(nominal)[..., 1 : len(x) + 1], push

@@ -1,0 +1,126 @@
+"""A confidence set holds what it says, and gliders that deviate are the ones meant."""
+
+import numpy as np
+import pytest
+
+from glider.errors import InputError
+from glider.physics.covariance import Covariance
+from glider.physics.effects import KINDS, WIND
+from glider.physics.model import GliderModel
+from glider.verification.dynamics.confidence import (
+    ConfidenceSet,
+    confidence_of,
+    describe_set,
+    make_confidence,
+    notes_of,
+)
+from glider.verification.dynamics.error_dynamics import open_loop_rates
+from glider.verification.dynamics.gliders import glider_at, physical, theta_at
+
+MODEL = GliderModel(effects=(WIND(x=-0.6, z=0.1), KINDS["profile_drag"](cd0=0.05)))
+NAMES = ("wind.z", "mass", "profile_drag.cd0")
+
+# The units differ by far, and two of the errors nearly are the same.
+STD = np.array([1e-3, 1e-6, 2.0])
+CORRELATION = np.array([[1.0, 0.95, 0.2], [0.95, 1.0, 0.1], [0.2, 0.1, 1.0]])
+KNOWN = Covariance(names=NAMES, matrix=CORRELATION * np.outer(STD, STD))
+
+SHAPES = pytest.mark.parametrize("shape", ["ellipsoid", "box"])
+
+
+@SHAPES
+@pytest.mark.parametrize("level", [0.5, 0.95])
+def test_it_holds_the_true_numbers_as_often_as_it_says(shape, level):
+    allowed = ConfidenceSet(covariance=KNOWN, level=level, shape=shape)
+    rng = np.random.default_rng(0)
+    errors = rng.multivariate_normal(np.zeros(3), KNOWN.matrix, size=20_000)
+    share = np.mean(allowed.holds(errors))
+    if shape == "ellipsoid":
+        assert share == pytest.approx(level, abs=0.01)  # Three of its standard errors.
+    else:
+        assert level - 0.01 < share < 0.5 * (1.0 + level)
+        whole = ConfidenceSet(covariance=KNOWN, level=level).reach(np.eye(3))
+        assert np.all(allowed.reach(np.eye(3)) < whole)
+
+
+@SHAPES
+def test_what_is_drawn_is_in_it_and_reaches_as_far_as_it_does(shape):
+    allowed = ConfidenceSet(covariance=KNOWN, shape=shape)
+    rng = np.random.default_rng(0)
+    inside = allowed.draw(4000, rng)
+    edge = allowed.on_boundary(rng.normal(size=(40_000, 3)))
+    assert np.all(allowed.holds(inside)) and np.all(allowed.holds(edge))
+    assert not np.any(allowed.holds(1.001 * edge))
+    assert np.mean(allowed.holds(2.0 * inside)) == pytest.approx(1 / 8, abs=0.02)
+    a = np.array([0.3, -1.0, 0.5]) / STD
+    assert 0.98 * allowed.reach(a) < np.max(edge @ a) <= allowed.reach(a)
+    corners = allowed.corners()
+    assert len(corners) == {"ellipsoid": 6, "box": 8}[shape]
+    assert np.all(allowed.holds(corners)) and not np.any(allowed.holds(1.001 * corners))
+
+
+@SHAPES
+def test_what_is_known_exactly_does_not_deviate(shape):
+    matrix = np.diag([1e-6, 0.0, 0.0])
+    covariance = Covariance(names=NAMES, matrix=matrix)
+    allowed = ConfidenceSet(covariance=covariance, shape=shape)
+    assert allowed.dimension == 1
+    assert allowed.reach(np.eye(3)) == pytest.approx([1.96e-3, 0.0, 0.0], rel=1e-3)
+    one = Covariance(names=("mass",), matrix=np.zeros((1, 1)))
+    none = ConfidenceSet(covariance=one, shape=shape)
+    drawn = [none.corners(), none.draw(2, np.random.default_rng(0))]
+    assert all(not d.any() and d.shape[1] == 1 for d in drawn)
+
+
+def test_only_what_changes_a_flight_is_in_it():
+    names = (*NAMES, "pitch_offset.angle")
+    covariance = Covariance(names=names, matrix=np.eye(4))
+    assert make_confidence(MODEL, covariance).names == NAMES
+
+
+def test_it_comes_back_from_its_notes():
+    allowed = ConfidenceSet(covariance=KNOWN, level=0.9, shape="box")
+    again = confidence_of(MODEL, notes_of(allowed))
+    assert (again.names, again.level, again.shape) == (NAMES, 0.9, "box")
+    np.testing.assert_array_equal(again.factor, allowed.factor)
+    assert describe_set(again).startswith("90 % box of wind.z ± 0.0021, mass ±")
+    for change in ({"level": 2.0}, {"shape": "ball"}, {"names": ["wind.z"]}):
+        with pytest.raises(InputError):
+            confidence_of(MODEL, notes_of(allowed) | change)
+    with pytest.raises(InputError, match="'names', 'matrix', 'level' and"):
+        confidence_of(MODEL, {"names": []})
+    with pytest.raises(InputError, match="of which a flight depends on mass only"):
+        covariance = Covariance(names=("mass", "pitch_offset.angle"), matrix=np.eye(2))
+        offset = GliderModel(effects=(KINDS["pitch_offset"](angle=0.1),))
+        confidence_of(offset, notes_of(ConfidenceSet(covariance=covariance)))
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -1.0, float("nan"), True, "0.95"])
+def test_a_level_is_a_probability(level):
+    with pytest.raises(InputError, match="between 0 and 1"):
+        ConfidenceSet(covariance=KNOWN, level=level)
+
+
+def test_a_glider_that_deviates_is_the_one_that_is_meant():
+    deviation = np.array([0.02, 0.003, -0.01])
+    glider = glider_at(MODEL, NAMES, deviation)
+    assert glider.parameters.mass == 0.083
+    assert glider.effects[0].values == pytest.approx((-0.6, 0.12))
+    assert glider.effects[1].values == pytest.approx((0.04,))
+    x = [-1.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5]
+    theta = theta_at(MODEL, NAMES, deviation)
+    own = open_loop_rates(glider, x, 2.0)
+    np.testing.assert_allclose(open_loop_rates(MODEL, x, 2.0, theta), own, rtol=1e-13)
+    assert np.abs(np.subtract(own, open_loop_rates(MODEL, x, 2.0))).max() > 0.1
+
+
+def test_what_is_not_physical_is_drawn_back():
+    deviations = np.array([[0.01, -0.2, 0.02], [0.01, 0.02, -0.1], [0.01, 0.02, 0.03]])
+    nearer = physical(MODEL, NAMES, deviations)
+    np.testing.assert_allclose(nearer[0], 0.4 * deviations[0], rtol=1e-6)
+    np.testing.assert_allclose(nearer[1], 0.5 * deviations[1], rtol=1e-6)
+    np.testing.assert_array_equal(nearer[2], deviations[2])
+    for deviation in nearer:
+        glider_at(MODEL, NAMES, deviation)
+    with pytest.raises(InputError, match="mass"):
+        glider_at(MODEL, NAMES, deviations[0])

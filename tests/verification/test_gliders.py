@@ -1,0 +1,189 @@
+"""A funnel of the gliders that the data allow: made, saved, checked, falsified."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.control.tvlqr import compiled_policy
+from glider.errors import InputError
+from glider.physics.covariance import Covariance
+from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.gliders import glider_at
+from glider.verification.dynamics.moving_center import make_moving_center
+from glider.verification.funnel.build import make_funnel
+from glider.verification.funnel.funnel import load_funnel, save_funnel
+from glider.verification.funnel.limits import goal_about
+from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.proof.check import check_funnel
+from glider.verification.proof.flight_proof import FlightProof
+from glider.verification.proof.gliders_check import gliders_faults
+from glider.verification.proof.interval_proof import IntervalProof
+from glider.verification.proof.words import describe_check, describe_proof
+from glider.verification.trials.falsify_set import falsify_set
+from glider.verification.trials.flights import fly_from
+
+NAMES = ("mass", "wing_area")
+STD = np.array([2e-4, 2e-4])  # About 0.2 %.
+
+
+def allowed_by(share=1.0, shape="ellipsoid"):
+    matrix = share**2 * np.array([[1.0, 0.8], [0.8, 1.0]]) * np.outer(STD, STD)
+    return ConfidenceSet(covariance=Covariance(names=NAMES, matrix=matrix), shape=shape)
+
+
+def among(funnel, confidence):
+    """The same sets, said to be of other gliders."""
+    gliders = make_moving_center(funnel.nominal, confidence)
+    return dataclasses.replace(funnel, gliders=gliders)
+
+
+@pytest.fixture(scope="module")
+def policy(article_plan):
+    """The feedback of the last tenth of the flight."""
+    plan = article_plan
+    arrays = {name: getattr(plan, name)[36:] for name in ("states", "slopes", "inputs")}
+    plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
+    return compiled_policy(GliderModel(), plan)
+
+
+SETTINGS = FunnelSettings(step=0.011, hold=0.044, remainder=1.1, margin=0.1)
+
+
+@pytest.fixture(scope="module")
+def made(policy):
+    return make_funnel(GliderModel(), policy, SETTINGS, confidence=allowed_by())
+
+
+def test_the_center_moves_as_the_gliders_fly(funnel):
+    """To first order: halving the deviation leaves a quarter of the difference."""
+    center = make_moving_center(funnel.nominal, allowed_by())
+    times, start = funnel.nominal.times, funnel.nominal.states[:1]
+    direction, left = np.array([3e-4, -2e-4]), []
+    for share in (1.0, 0.5):
+        deviation = share * direction
+        glider = glider_at(GliderModel(), NAMES, deviation)
+        path = fly_from(funnel, 0, start, glider)[1][0]
+        moved = center.at(times, deviation)
+        left.append(np.abs(path - funnel.nominal.states - moved).max(axis=0))
+        assert np.all(left[-1] < 0.2 * np.abs(moved).max(axis=0))
+    np.testing.assert_allclose(left[0] / left[1], 4.0, rtol=0.1)
+    assert not center.shifts[0].any()  # All gliders have the same launch.
+
+
+def test_what_is_left_at_the_center_is_of_second_order(funnel, coefficients):
+    center, at = make_moving_center(funnel.nominal, allowed_by()), np.array([40, 120])
+    errors = np.zeros((2, 1, 7))
+    direction, left = np.array([3e-4, -2e-4]), []
+    assert np.array_equal(coefficients, expand(funnel.nominal))
+    for share in (1.0, 0.5):
+        deviations = np.tile(share * direction, (2, 1, 1))
+        left.append(
+            remainder_of(funnel.nominal, coefficients, at, errors, center, deviations)
+        )
+    assert np.abs(left[0][..., :4]).max() < 1e-12  # Positions, pitch and elevator.
+    np.testing.assert_allclose(left[0][..., 4:] / left[1][..., 4:], 4.0, rtol=0.05)
+
+
+def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
+    alone = make_funnel(GliderModel(), policy, SETTINGS)
+    volume = np.sqrt(np.linalg.det(alone.S[0]) / np.linalg.det(made.S[0]))
+    assert 0.9 < volume < 0.995
+    verdict = check_funnel(made, every=4)
+    assert verdict.holds, verdict.faults
+    words = describe_check(made, verdict, None, PerchingProblem(), None)
+    assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
+    assert "of them only --prove proves anything" in words
+    trial = falsify_set(made, allowed_by(), 400, np.random.default_rng(0))
+    assert trial.samples > 800
+    assert trial.escapes == 0
+    assert trial.later.max() < 1.0
+    np.testing.assert_allclose(trial.levels, 1.0, atol=1e-6)  # All start at 1.
+    assert np.all(allowed_by().holds(trial.deviations))
+
+
+def test_what_is_proven_is_said_of_whom_it_is(made):
+    proof = FlightProof(
+        times=made.nominal.times,
+        intervals=tuple(range(len(made.nominal.times) - 1)),
+        outcomes=tuple(IntervalProof() for _ in made.nominal.times[1:]),
+        from_file=0,
+        candidate=None,
+    )
+    words = describe_proof(made, proof)
+    assert words.startswith("Proven: every flight of every glider of its set that")
+    assert "stays in the funnel about its own center and ends in its last set" in words
+    some = dataclasses.replace(proof, intervals=(0,), outcomes=proof.outcomes[:1])
+    words = describe_proof(made, some)
+    assert "no flight of every glider" not in words
+    assert "no flight of a glider of its set leaves the funnel about its own" in words
+    alone = dataclasses.replace(made, gliders=None)
+    assert "every flight of this glider that starts" in describe_proof(alone, proof)
+
+
+def test_it_is_saved_and_loaded_with_them(made, tmp_path):
+    path = tmp_path / "funnel.npz"
+    save_funnel(path, made)
+    again = load_funnel(path).gliders
+    np.testing.assert_array_equal(again.shifts, made.gliders.shifts)
+    np.testing.assert_array_equal(
+        again.confidence.factor, made.gliders.confidence.factor
+    )
+    half = made.between(3, 6)
+    np.testing.assert_array_equal(half.gliders.shifts, made.gliders.shifts[3:7])
+    spoilt = dataclasses.replace(made.gliders, confidence=allowed_by(shape="box"))
+    spoilt.confidence.covariance.matrix[0, 0] = -1.0
+    save_funnel(path, dataclasses.replace(made, gliders=spoilt))
+    with pytest.raises(InputError, match="its gliders: covariance: the variance of"):
+        load_funnel(path)
+
+
+def test_one_that_is_said_to_be_of_more_gliders_is_refused(made, proven):
+    verdict = check_funnel(among(made, allowed_by(3.0)), every=4)
+    assert any("not within the goal" in fault for fault in verdict.faults)
+    faults = gliders_faults(among(proven, allowed_by(20.0, "box")))
+    assert any("servo would meet" in fault for fault in faults)
+    wide = dataclasses.replace(made.settings, goal=(4.0,) * 7)
+    wide = dataclasses.replace(among(made, allowed_by(4.0)), settings=wide)
+    faults = check_funnel(wide, every=4).faults
+    assert any("The remainder is" in fault for fault in faults)
+
+
+def test_gliders_that_end_beyond_the_goal_leave_nothing(funnel):
+    center = make_moving_center(funnel.nominal, allowed_by(100.0))
+    with pytest.raises(InputError, match="more flights, or a wider goal"):
+        goal_about(np.array(funnel.settings.goal), center)
+    with pytest.raises(InputError, match="'remainder' is 0"):
+        make_funnel(GliderModel(), None, confidence=allowed_by())
+
+
+@pytest.mark.parametrize("shape", ["ellipsoid", "box"])
+def test_gliders_of_a_wide_set_leave_and_the_seed_repeats_it(proven, shape):
+    wide = allowed_by(40.0, shape)
+    trial, again = (
+        falsify_set(proven, wide, 240, np.random.default_rng(3), shares=(0.25, 0.5))
+        for _ in range(2)
+    )
+    assert trial.escapes > 0.2 * trial.samples
+    np.testing.assert_array_equal(trial.levels, again.levels)
+    np.testing.assert_array_equal(trial.deviations, again.deviations)
+    assert np.all(wide.holds(trial.deviations))
+
+
+def test_climbing_finds_worse_gliders_than_chance(proven):
+    rng, allowed = np.random.default_rng(1), allowed_by(6.0)
+    climbed = falsify_set(proven, allowed, 300, rng, shares=(0.75,))
+    chance = falsify_set(
+        proven, allowed, climbed.samples, rng, shares=(0.75,), climb=False
+    )
+    assert climbed.ends.max() > 1.05 * chance.ends.max()
+
+
+def test_a_funnel_is_tried_with_the_gliders_that_it_is_of(made):
+    other = Covariance(names=("mass",), matrix=np.array([[1e-8]]))
+    with pytest.raises(InputError, match="deviate in mass, wing_area; those to fly"):
+        falsify_set(made, ConfidenceSet(covariance=other), 10, np.random.default_rng(0))

@@ -1,0 +1,164 @@
+"""Between two times, what is proven of one glider is proven of all of a set."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from glider.paths import models_path
+from glider.physics.covariance import Covariance
+from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.error_dynamics import (
+    ORDER,
+    expand_rates,
+    nonlinear_parts,
+    open_loop_rates,
+    table_of,
+)
+from glider.verification.dynamics.gliders import glider_at
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.moving_center import make_moving_center
+from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.proof.enclosure import make_remainder
+from glider.verification.proof.interval import make_interval
+from glider.verification.proof.interval_gliders import gliders_defect, servo_reach
+from glider.verification.proof.interval_proof import prove_interval
+from glider.verification.proof.interval_sets import keeps_servo, tight_cover
+from glider.verification.sos.exact import exact
+from glider.verification.sos.exact_time import line
+
+AT = 120
+
+
+@pytest.fixture(scope="module")
+def funnel():
+    return load_funnel(models_path("funnels", "head_wind_95.npz"))
+
+
+def of_set(funnel, share=1.0, shape="ellipsoid"):
+    """The piece of an interval, for a set that many times as wide."""
+    known = funnel.gliders.confidence.covariance
+    known = Covariance(names=known.names, matrix=share**2 * known.matrix)
+    wide = ConfidenceSet(covariance=known, shape=shape)
+    gliders = make_moving_center(funnel.nominal, wide)
+    return dataclasses.replace(funnel, gliders=gliders).between(AT, AT + 1)
+
+
+def true_parts(piece, basis, points):
+    """R / β (r, B) and the defect of the linear rates (n - r, B) at points (d, B).
+
+    Straight from f(x₀ + X δ + y, u₀ - K X δ + y; c₀ + δ) - ẋ₀ - Ẋ δ - P(y), each with
+    its own glider and at its own time.
+    """
+    nominal, n, center = piece.nominal, piece.num_states, piece.gliders
+    which, rows = nonlinear_parts(nominal.model, n)
+    m, (start, stop) = len(basis), nominal.times
+    path = nominal_path(nominal)
+    shift = CubicHermiteSpline(center.times, center.shifts, center.slopes)
+    P = expand_rates(nominal)[:, rows]
+    P[..., 0] = 0.0
+    ratios, defects = [], []
+    for point in points.T:
+        share = 0.5 * (1.0 + point[-1])
+        t = start + share * (stop - start)
+        delta = center.confidence.factor @ point[m:-1]
+        y = np.zeros(n + 1)
+        y[which] = basis @ point[:m]
+        K = (1.0 - share) * nominal.gains[0] + share * nominal.gains[1]
+        u0 = (1.0 - share) * nominal.inputs[0] + share * nominal.inputs[1]
+        moved = shift(t) @ delta
+        glider = glider_at(nominal.model, center.confidence.names, delta)
+        states = list(path(t) + moved + y[:-1])
+        rates = np.array(open_loop_rates(glider, states, u0 - K @ moved + y[-1]))
+        ends = P @ table_of(n + 1).values(y[None])[0]
+        model = (1.0 - share) * ends[0] + share * ends[1]
+        beta = (1.0 - share) * piece.beta[0] + share * piece.beta[1]
+        drift = path(t, 1) + shift(t, 1) @ delta
+        ratios.append((rates - drift)[rows] - model)
+        ratios[-1] = np.abs(ratios[-1]) / beta[rows]
+        at_center = [*(path(t) + moved), u0 - K @ moved]
+        own = np.array(open_loop_rates(glider, at_center[:-1], at_center[-1]))
+        defects.append(np.delete(np.abs(own - drift), rows))
+    return np.array(ratios).T, np.array(defects).T
+
+
+@pytest.mark.parametrize("size", [0.03, 0.3])
+@pytest.mark.parametrize("share", [1.0, 20.0])
+def test_no_remainder_of_a_glider_is_larger_than_its_bound(funnel, share, size):
+    piece, rng = of_set(funnel, share), np.random.default_rng(1)
+    remainder = make_remainder(piece, tight_cover(make_interval(piece))[0])
+    m, d, count, tries = len(remainder.basis), remainder.dimension, 6, 30
+    assert d == m + 3
+    center = rng.normal(size=(d, count))
+    for ball in remainder.balls:
+        center[ball] *= 0.9 / np.linalg.norm(center[ball], axis=0)
+    center[-1] = rng.uniform(-0.7, 0.7, count)
+    half = size * rng.uniform(0.3, 1.0, (d, count))
+    bounds, reached, _ = remainder.bounds(center, half)
+    w = center + half * rng.uniform(-1.0, 1.0, (tries, d, 1))
+    points = np.moveaxis(w, 1, 0).reshape(d, -1)
+    found, _ = true_parts(piece, remainder.basis, points)
+    inside = np.linalg.norm(points[:m], axis=0) <= 1.0
+    largest = np.where(inside, found, 0.0).reshape(-1, tries, count).max(axis=1)
+    assert np.all(largest <= bounds)
+    assert np.all(reached <= bounds)
+    if size == 0.03:
+        assert np.median(bounds / largest) < 1.6
+
+
+@pytest.mark.parametrize("shape", ["ellipsoid", "box"])
+def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
+    piece, rng = of_set(funnel, 3.0, shape), np.random.default_rng(2)
+    allowed, (start, stop) = piece.gliders.confidence, piece.nominal.times
+    v = rng.normal(size=(400, 2))
+    deltas = allowed.on_boundary(v)
+    times = rng.uniform(start, stop, 400)
+    a = rng.normal(size=7)
+    along = [a @ piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
+    bound = servo_reach(piece, line(a, a), exact(stop) - exact(start))
+    assert 0.95 * bound < np.max(along) <= bound
+
+    basis = tight_cover(make_interval(piece))[0]
+    w = np.linalg.lstsq(allowed.factor, deltas.T, rcond=None)[0]
+    s = 2.0 * (times - start) / (stop - start) - 1.0
+    points = np.vstack([np.zeros((len(basis), 400)), w, s])
+    _, defects = true_parts(piece, basis, points)
+    bounds = gliders_defect(piece)
+    assert np.all(defects.max(axis=1) <= bounds[:4] + 1e-6)  # The nominal has its own.
+
+    # Polynomials of degree 3 in (v, s) lack the centers' last terms, no more.
+    remainder = make_remainder(piece, basis)
+    inputs = monomials(remainder.dimension, ORDER).values(points.T) @ remainder.inputs.T
+    centers = nominal_path(piece.nominal)(times)
+    moved = [piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
+    lacks = np.abs(inputs[:, :-1] - centers - moved).max(axis=0)
+    assert np.all(lacks <= remainder.beyond[:-1] + 1e-13)
+    assert lacks.max() > 1e-9
+    alone = dataclasses.replace(piece, gliders=None)
+    assert not gliders_defect(alone).any()
+    assert bounds[3] > 0.0 and not bounds[4:].any()
+
+
+def test_an_interval_is_proven_of_a_set_and_not_of_a_wider_one(funnel):
+    own = prove_interval(of_set(funnel))
+    assert own.proven
+    alone = prove_interval(dataclasses.replace(of_set(funnel), gliders=None))
+    assert alone.proven and alone.boxes < own.boxes
+    wide = prove_interval(of_set(funnel, 10.0))
+    assert "the remainder is" in wide.fault and wide.ratio > 1.0
+    assert keeps_servo(make_interval(of_set(funnel, 10.0)))
+    assert prove_interval(of_set(funnel, 300.0)).fault.startswith("the servo would")
+
+
+def test_a_number_on_which_a_linear_rate_depends_is_seen():
+    lag = KINDS["servo_lag"]
+    coefficients = {c.name: c.scale for c in lag.coefficients}
+    model = GliderModel(effects=(lag(**coefficients),))
+    names = tuple(f"servo_lag.{name}" for name in coefficients)
+    rows = nonlinear_parts(model, model.num_states)[1]
+    assert set(rows) < set(nonlinear_parts(model, model.num_states, names)[1])
+    assert rows == nonlinear_parts(model, model.num_states, ("mass",))[1]
