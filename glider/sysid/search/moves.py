@@ -1,6 +1,7 @@
 """Moves of a search from one fitted set of effects to a better one, all refitted."""
 
 import dataclasses
+from collections.abc import Collection
 
 import numpy as np
 
@@ -151,6 +152,32 @@ def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
 
 UNDERVALUED = 30.0
 """Evidence, to first order, that an effect put in by force may cost [nats]."""
+
+
+def with_another(
+    search: Search, model: Fitted, dropped: Collection[str]
+) -> Fitted | None:
+    """Returns a model worth more with one effect more, or None.
+
+    What stood in for an effect and was dropped makes room for it.
+
+    Args:
+        search: that remembers fits.
+        model: to add to.
+        dropped: effects that are not asked again.
+    """
+    near = to_first_order(search.task, model)
+    if near is None:
+        return None
+    score = near.score
+    own = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
+    larger = [m for m in score.larger(own) if m[-1][0] not in dropped]
+    best = max(larger, key=score, default=own)
+    if not score(best) > score(own):
+        return None
+    search.progress(f"{best[-1][0]} instead?")
+    more = search.fit_with_strength(near.begin(best), iterations=4)
+    return more if search.price(more) < search.price(model) else None
 
 
 def without_a_pair(search: Search, model: Fitted) -> Fitted | None:

@@ -24,6 +24,7 @@ from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
 from glider.sysid.search.moves import (
     prune,
     with_a_shaped_one,
+    with_another,
     with_fewer,
     with_means,
     without_needless_curves,
@@ -64,8 +65,13 @@ def trace(
     model = without_needless_curves(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
+    dropped: set[str] = set()
     while weak := weakest(weighed, evidence, beside_field=field is not None):
-        model, evidence = prune(search, search.fit(without(task, model, weak)))
+        dropped.add(weak)
+        model = search.fit(without(task, model, weak))
+        if field is None and (another := with_another(search, model, dropped)):
+            model = another
+        model, evidence = prune(search, model)
         weighed = weigh(task, model, scoring, rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)

@@ -10,6 +10,7 @@ from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import (
     prune,
     with_a_shaped_one,
+    with_another,
     with_fewer,
     with_means,
 )
@@ -57,6 +58,18 @@ def test_what_is_not_needed_is_dropped():
     model, evidence = prune(search, kinds_fitted(search, plate, *offered))
     assert model.kinds == ("frame_tilt",)
     assert evidence["frame_tilt"] > 100.0
+
+
+def test_what_was_dropped_makes_room_for_another():
+    offered = ("frame_tilt", "mass")
+    search, plate = search_among(KINDS["frame_tilt"](angle=0.02), *offered)
+    bare = search.fit(plate)
+    found = with_another(search, bare, dropped={"mass"})
+    assert found is not None
+    assert found.kinds == ("frame_tilt",)
+    assert search.price(found) < search.price(bare)
+    assert with_another(search, found, dropped={"mass"}) is None
+    assert with_another(search, bare, dropped=offered) is None
 
 
 def test_a_stall_is_found_behind_three_that_imitate_it():
