@@ -1,11 +1,13 @@
 """The gliders that the data allow: a confidence set of a model's numbers.
 
-Where the estimates' errors are normal of covariance C, with C = A₁ A₁ᵀ of rank r,
+Where the estimates' errors are normal of covariance C, with C = A₁ A₁ᵀ of rank r:
+
 - the ellipsoid {δ = √q A₁ w : |w| <= 1}, q the quantile of χ² with r degrees of
   freedom, holds the true numbers with the level's probability;
 - the box |δ_i| <= √q' σ_i, q' the quantile of χ² with one degree of freedom at the
   r-th root of the level, holds them at least so often, whatever the correlations
   (Šidák 1967).
+
 Both are convex.
 """
 
@@ -78,13 +80,13 @@ class ConfidenceSet:
         std = np.sqrt(np.diag(matrix))
         if self.shape == "box":
             varies = std > 0.0
-            root = self.level ** (1.0 / max(varies.sum(), 1))
+            root = self.level ** (1.0 / max(int(varies.sum()), 1))
             return math.sqrt(chi2.ppf(root, 1)) * np.diag(std)[:, varies]
         # Of the correlations: the axes should not depend on the units.
         scale = np.where(std > 0.0, std, 1.0)
         values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
         kept = values > _FLAT
-        radius = math.sqrt(chi2.ppf(self.level, max(kept.sum(), 1)))
+        radius = math.sqrt(chi2.ppf(self.level, max(int(kept.sum()), 1)))
         return radius * scale[:, None] * vectors[:, kept] * np.sqrt(values[kept])
 
     @property
