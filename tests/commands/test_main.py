@@ -130,6 +130,8 @@ def test_an_interrupt_is_one_sentence_and_130(tmp_path):
     """By Ctrl-C while the campaign is read or traced."""
     out = tmp_path / "out"
     arguments = ["close-the-loop", "four_at_once", "--out", str(out)]
+    # Who runs the tests in the background has them, and what they start, ignore it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(
         [sys.executable, "-m", "glider", *arguments],
         stderr=subprocess.PIPE,
@@ -137,9 +139,8 @@ def test_an_interrupt_is_one_sentence_and_130(tmp_path):
         text=True,
         cwd=Path(__file__).parents[1],
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-        # Who runs the tests in the background has them ignore it.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+    signal.signal(signal.SIGINT, before)
     time.sleep(3.0)
     process.send_signal(signal.SIGINT)
     said, error = process.communicate(timeout=60.0)
