@@ -5,8 +5,9 @@ import os
 import sys
 from pathlib import Path
 
+from glider.sysid import plausibility
 from glider.sysid.fit import folds
-from glider.sysid.likelihood import curves
+from glider.sysid.likelihood import curves, outliers
 from glider.sysid.search import fits, moves, signs, subsets, tracing, weighing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -49,15 +50,18 @@ myst_substitutions = {
     "doubted": f"{weighing.DOUBTED:.0f}",
     "field_price": f"{tracing.FIELD_PRICE:.0f}",
     "folds": f"{folds.FOLDS}",
+    "gain_error": f"{plausibility.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
     "least_t": f"{folds.LEAST_T:.0f}",
+    "moment_share": f"{plausibility.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "price": f"{fits.PRICE:.0f}",
     "price_of_more": f"{fits.PRICE_OF_MORE:.0f}",
     "resamples": f"{weighing.RESAMPLES}",
     "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
     "worse": f"{folds.WORSE - 1.0:.0%}",
+    "z_apart": f"{outliers.Z_APART:.0f}",
 }
 
 autodoc_member_order = "bysource"

@@ -47,7 +47,7 @@ def headline(result: Result) -> str:
     if not found:
         found = differences(result)
     if result.verdict == "not_trusted":
-        text = "Held-out flights do not bear out what the fitted ones seem to show"
+        text = "It is not to be trusted what the flights seem to show"
         text += ": " if found else ""
     else:
         text = "The flights show "

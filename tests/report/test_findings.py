@@ -181,7 +181,7 @@ def test_each_verdict_has_its_badge_and_its_sentence(verdict):
 
 def test_a_finding_that_does_not_hold_is_not_claimed():
     text = headline(VARIANTS["not trusted"])
-    assert text.startswith("Held-out flights do not bear out")
+    assert text.startswith("It is not to be trusted what the flights seem")
     assert "a steady wind: x = -0.600" in text
     assert text.endswith("goes from 206 mm to 248 mm (RMS).")
 
