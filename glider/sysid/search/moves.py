@@ -124,21 +124,31 @@ def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
 
     An effect whose size is known and whose shape is not is made linear at a few shapes
     of a grid; several others that imitate it are made linear at their best. Each such
-    effect is put in by force, and the best set round it is fitted. It is looked for
-    where curves are needed beside the formulas: else these explain all there is.
+    effect is put in by force, where curves are needed beside the formulas: else these
+    explain all there is.
     """
     task = search.task
     if len(model.kinds) < 3 or not without_needless_curves(search, model).has_curves:
         return None
-    near = to_first_order(task, model)
+    shaped = [k for k in task.kinds if any(map(task.is_shape, task.layout.slots_of(k)))]
+    return with_forced(search, model, shaped)
+
+
+def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted | None:
+    """Returns the best model with one of some effects put in, if worth more, or None.
+
+    Round each, the best set that a climb finds is fitted.
+    """
+    near = to_first_order(search.task, model)
     if near is None:
         return None
     score = near.score
     own = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
     tried = []
-    for kind, variants in score.variants.items():
-        if kind in model.kinds or not any(map(task.is_shape, task.free((kind,)))):
+    for kind in kinds:
+        if kind in model.kinds or kind not in score.variants:
             continue
+        variants = score.variants[kind]
         sets = [climb(score, (*own, (kind, v)), keep=[(kind, v)]) for v in variants]
         members = max(sets, key=score)
         is_known = frozenset(k for k, _ in members) in search.fitted

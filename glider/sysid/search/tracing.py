@@ -26,6 +26,7 @@ from glider.sysid.search.moves import (
     with_a_shaped_one,
     with_another,
     with_fewer,
+    with_forced,
     with_means,
     without_needless_curves,
 )
@@ -51,11 +52,15 @@ def trace(
     """
     if not task.vehicle.knows_forces:
         return trace_along_attitude(task, noise, rng, progress)
-    search = Search(task, progress)
+    usual = tuple(kind for kind in task.kinds if kind not in LATE)
+    search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
     model, evidence = prune(search, by_sets(search, start))
     while better := with_fewer(search, model) or with_a_shaped_one(search, model):
         model, evidence = prune(search, better)
+    search.task = task
+    if leaves_something(model) and (other := with_forced(search, model, LATE)):
+        model, evidence = prune(search, by_sets(search, other))
     field = None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
@@ -97,6 +102,11 @@ def trace(
         field=field,
         forces=None,
     )
+
+
+LATE = ("position_scale",)
+"""Effects that are asked for once all others have been, where these leave something:
+lengths are seldom wrong, and to first order they imitate much."""
 
 
 def leaves_something(model: Fitted) -> bool:
