@@ -79,7 +79,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         candidates.grams(chosen.scales).sum(axis=0)
     )
     score = Scorer(evidence, variants, lambda kind: price)
-    own: Members = tuple((k, score.variants[k][0]) for k in chosen.kinds)
+    own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
     named = {*findings.swapped, *_clocks_swapped(task, chosen)}
@@ -202,7 +202,7 @@ def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Member
     for kinds in sets:
         if not kinds <= set(score.variants):
             continue
-        members: Members = tuple((k, score.variants[k][0]) for k in sorted(kinds))
+        members = score.by_first(sorted(kinds))
         for i, (kind, _) in enumerate(members):
             options = [
                 (*members[:i], (kind, v), *members[i + 1 :])

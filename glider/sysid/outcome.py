@@ -6,14 +6,13 @@ import math
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.compiled.parallel import in_parallel
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
 from glider.sysid.likelihood.curves import TERMS
-from glider.sysid.likelihood.model_fit import Fitted, linear_flights
+from glider.sysid.likelihood.model_fit import Fitted, error_flights
 from glider.sysid.likelihood.scales import (
     FLOOR,
     OWN_VALUES,
@@ -118,10 +117,10 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
 
 def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
     """Returns what differs from flight to flight, with each flight's own value."""
-    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    flights = error_flights(task, model)
     base = negative_log_likelihood(flights, model.scales).sum()
     found = {}
-    own = in_parallel(lambda f: own_values(f, model.scales), flights)
+    own = own_values(flights, model.scales)
     names = [record.name for record in task.records]
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})

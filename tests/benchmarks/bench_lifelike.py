@@ -244,17 +244,21 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=8, help="number of campaigns")
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--flights", type=int, default=25)
+    parser.add_argument(
+        "--flights", type=int, default=25, help="0: 12 to 40, drawn by the seed"
+    )
     parser.add_argument("--effects", type=int, help="how many; drawn by default")
     parser.add_argument("--jobs", type=int, default=1, help="campaigns at a time")
     args = parser.parse_args()
 
     def drawing(seed: int) -> Callable[[], tuple[Campaign, Truth]]:
+        drawn = int(np.random.default_rng(seed).integers(12, 41))
+        flights = args.flights or drawn
         if args.kind == "turbulence":
-            return lambda: turbulence_campaign(seed, args.flights)
+            return lambda: turbulence_campaign(seed, flights)
         if args.kind == "throws":
-            return lambda: draw_throws(seed, args.flights)
-        return lambda: draw_campaign(seed, args.flights, args.effects)
+            return lambda: draw_throws(seed, flights)
+        return lambda: draw_campaign(seed, flights, args.effects)
 
     seeds = range(args.first, args.first + args.seeds)
     tasks = (joblib.delayed(run)(drawing(seed), seed) for seed in seeds)

@@ -121,6 +121,11 @@ def linear_flights(
     return in_parallel(one, task.records)
 
 
+def error_flights(task: Task, model: Fitted) -> list[LinearFlight]:
+    """Returns all flights with one column, their error under a model."""
+    return [flight.error_only() for flight in linear_flights(task, model, ())]
+
+
 def beforehand(
     task: Task, model: Fitted, slots: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -17,12 +17,11 @@ again 42, with positions 5 % too large 3.
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import (
     Fitted,
     beforehand,
-    linear_flights,
+    error_flights,
     start_of,
     with_prior,
 )
@@ -128,8 +127,8 @@ def find_apart(task: Task, model: Fitted) -> dict[str, str]:
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}
-    flights = [f.error_only() for f in linear_flights(task, model, ())]
-    own = np.array(in_parallel(lambda f: own_values(f, model.scales), flights))
+    flights = error_flights(task, model)
+    own = own_values(flights, model.scales)
     found: dict[str, str] = {}
     for kind, places in OWN_VALUES.items():
         for name, place in places.items():

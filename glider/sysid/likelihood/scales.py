@@ -217,12 +217,16 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     return wanted + change
 
 
-def own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    """Returns a flight's own wind (x, z) [m/s], trim and pitch zero [rad], (4,)."""
-    n = flight.by_x.shape[1]
-    own = smoothed_start(flight, scales)[n + PROCESSES :]
-    before = flight.constants
-    return own + np.array([*before.wind, before.trim, 0.0])
+def own_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
+    """Returns flights' own winds (x, z) [m/s], trims and pitch zeros [rad], (F, 4)."""
+
+    def one(flight: LinearFlight) -> np.ndarray:
+        n = flight.by_x.shape[1]
+        own = smoothed_start(flight, scales)[n + PROCESSES :]
+        before = flight.constants
+        return own + np.array([*before.wind, before.trim, 0.0])
+
+    return np.array(in_parallel(one, flights))
 
 
 OWN_VALUES = {
@@ -230,7 +234,7 @@ OWN_VALUES = {
     "elevator_trim": {"angle": 2},
     "pitch_offset": {"angle": 3},
 }
-"""Effects that flights may have of their own: coefficient to place in `own_values`."""
+"""Effects that flights may have of their own: coefficient to column of `own_values`."""
 
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:

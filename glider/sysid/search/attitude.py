@@ -14,8 +14,8 @@ import numpy as np
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import (
     Fitted,
+    error_flights,
     fit_model,
-    linear_flights,
     start_of,
 )
 from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
@@ -143,7 +143,7 @@ def refit(task: Task, model: Fitted) -> Fitted:
 
 def with_error_of_forces(task: Task, model: Fitted) -> Fitted:
     """Returns a model of forces with the error that it leaves."""
-    flights = [f.error_only() for f in linear_flights(task, model, ())]
+    flights = error_flights(task, model)
     scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
     return dataclasses.replace(model, scales=scales)
 

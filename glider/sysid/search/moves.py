@@ -5,8 +5,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
-from glider.sysid.likelihood.model_fit import Fitted, linear_flights
+from glider.sysid.likelihood.model_fit import Fitted, error_flights
 from glider.sysid.likelihood.scales import OWN_VALUES, own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.fits import Search, to_first_order
@@ -21,8 +20,8 @@ def with_means(search: Search, model: Fitted) -> Fitted:
     To first order a spread that took up the mean hides it; both are fitted anew.
     """
     task = search.task
-    flights = [f.error_only() for f in linear_flights(task, model, ())]
-    own = np.array(in_parallel(lambda f: own_values(f, model.scales), flights))
+    flights = error_flights(task, model)
+    own = own_values(flights, model.scales)
     mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
     is_off = np.abs(mean) > OFF * error
     for kind, places in OWN_VALUES.items():
@@ -143,7 +142,7 @@ def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted
     if near is None:
         return None
     score = near.score
-    own = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
+    own = score.by_first(model.kinds)
     tried = []
     for kind in kinds:
         if kind in model.kinds or kind not in score.variants:
@@ -180,7 +179,7 @@ def with_another(
     if near is None:
         return None
     score = near.score
-    own = tuple((kind, score.variants[kind][0]) for kind in model.kinds)
+    own = score.by_first(model.kinds)
     larger = [m for m in score.larger(own) if m[-1][0] not in dropped]
     best = max(larger, key=score, default=own)
     if not score(best) > score(own):

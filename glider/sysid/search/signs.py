@@ -12,8 +12,8 @@ from glider.campaign.logs import (
     Flight,
 )
 from glider.sysid.likelihood.model_fit import (
+    error_flights,
     fit_model,
-    linear_flights,
     start_of,
 )
 from glider.sysid.likelihood.outliers import ROUGHLY
@@ -97,5 +97,5 @@ def _cost(
         model, kinds=kinds, free=task.free(kinds), scales=ROUGHLY
     )
     fitted = fit_model(task, model, iterations=2, free_scales=())
-    flights_now = [f.error_only() for f in linear_flights(task, fitted, ())]
+    flights_now = error_flights(task, fitted)
     return negative_log_likelihood(flights_now, ROUGHLY)

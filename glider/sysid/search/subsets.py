@@ -88,6 +88,10 @@ class Scorer:
                 best[kinds] = value
         return sorted(best.items(), key=lambda item: -item[1])
 
+    def by_first(self, kinds: Iterable[str]) -> Members:
+        """Returns the set of some kinds, each by its first variant."""
+        return tuple((kind, self.variants[kind][0]) for kind in kinds)
+
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
         few = {kind: own for kind, own in self.variants.items() if kind in kinds}

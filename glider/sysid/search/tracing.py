@@ -177,7 +177,7 @@ def best_members(
         kinds: of the model.
         tried: sets that were fitted.
     """
-    start = tuple((kind, score.variants[kind][0]) for kind in kinds)
+    start = score.by_first(kinds)
     best = best_set(score, start)
     haste = HASTE * (score(best) - score(start))
     outstanding = best_set(score.for_newcomers(haste, start), start)

@@ -15,7 +15,7 @@ from glider.sysid.likelihood.model_fit import (
     linear_flights,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.search.subsets import Members, Scorer, climb
+from glider.sysid.search.subsets import Scorer, climb
 
 RESAMPLES = 25
 """Sets of flights, drawn with replacement, that the search is repeated on."""
@@ -60,7 +60,7 @@ def weigh(
     candidates = gather(task, model)
     grams = candidates.grams(model.scales)
     score = scoring(candidates, grams, np.ones(len(grams)))
-    chosen: Members = tuple((k, score.variants[k][0]) for k in model.kinds)
+    chosen = score.by_first(model.kinds)
     best = score(chosen)
     near = set(model.kinds)
     rivals: dict[str, list[str]] = {kind: [] for kind in model.kinds}

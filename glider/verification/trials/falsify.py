@@ -108,10 +108,7 @@ def falsify_funnel(
         width = CLIMB_WIDTH
         for _ in range(CLIMB_ROUNDS if climb else 0):
             best = np.argsort(-worst)[: max(1, count // 25)]
-            points = normalized(
-                np.repeat(points[best], 5, axis=0)
-                + width * rng.normal(size=(5 * len(best), n)) / np.sqrt(n)
-            )
+            points = strayed(points[best], width, rng)
             worst = _fly(funnel, k, points, model, found)
             width *= CLIMB_NARROWING
         if progress:
@@ -121,6 +118,13 @@ def falsify_funnel(
     return Falsification(
         starts=starts, levels=levels, later=later, ends=ends, states=states
     )
+
+
+def strayed(points: np.ndarray, width: float, rng: np.random.Generator) -> np.ndarray:
+    """Returns five points (5 B, n) near each of some (B, n) on the unit sphere."""
+    n = points.shape[1]
+    noise = rng.normal(size=(5 * len(points), n)) / np.sqrt(n)
+    return normalized(np.repeat(points, 5, axis=0) + width * noise)
 
 
 def _fly(funnel, k, points, model, found):

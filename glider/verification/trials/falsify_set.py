@@ -21,6 +21,7 @@ from glider.verification.trials.falsify import (
     CLIMB_WIDTH,
     START_SHARES,
     Falsification,
+    strayed,
 )
 from glider.verification.trials.flights import (
     boundary_states,
@@ -126,7 +127,7 @@ class _Trial:
                 towards = self._directions(gliders[group[0]])
                 towards = towards + width * self._rng.normal(size=towards.shape)
                 glider = self._confidence.on_boundary(towards)
-                flights.append((glider, self._near(points[group], width)))
+                flights.append((glider, strayed(points[group], width, self._rng)))
         return self._fly_all(k, flights)
 
     def corner(self, k, before, kept, width):
@@ -144,7 +145,7 @@ class _Trial:
         if self._confidence.shape == "box":
             slope = np.sign(slope)
         glider = self._confidence.on_boundary(slope)
-        self._fly_all(k, [(glider, self._near(points[best], width))])
+        self._fly_all(k, [(glider, strayed(points[best], width, self._rng))])
 
     def outcome(self):
         """Returns all that was flown."""
@@ -158,12 +159,6 @@ class _Trial:
             states=states,
             deviations=deviations,
         )
-
-    def _near(self, points, width):
-        """Returns five points near each of some on the unit sphere."""
-        n = points.shape[1]
-        noise = self._rng.normal(size=(5 * len(points), n)) / np.sqrt(n)
-        return normalized(np.repeat(points, 5, axis=0) + width * noise)
 
     def _directions(self, deviation):
         """Returns the direction of w (r,) that a deviation is in."""
