@@ -289,65 +289,84 @@ def fit_scales(
         the scales and the negative log-likelihood there [nats].
     """
     index = [NAMES.index(name) for name in free]
-    logs = scales.logs.copy()
     low, high = FLOOR.logs, CEILING.logs
-    logs = np.clip(logs, low, high)
-    damping, step_of_log = 0.0, 1e-3
-
-    def scores(flight: LinearFlight) -> tuple[float, np.ndarray, np.ndarray]:
-        base = whiten(flight, Scales.from_logs(logs))
-        w, v = base.innovations[..., 0], base.log_variances
-        by_w, by_v = [], []
-        for j in index:
-            moved = logs.copy()
-            moved[j] += step_of_log
-            other = whiten(flight, Scales.from_logs(moved))
-            by_w.append((other.innovations[..., 0] - w) / step_of_log)
-            by_v.append((other.log_variances - v) / step_of_log)
-        dw, dv = np.array(by_w).reshape(len(index), -1), np.array(by_v)
-        dv = dv.reshape(len(index), -1)
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
-            gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
-            mean = dw + 0.5 * dv * w.ravel()
-            fisher = mean @ mean.T + 0.5 * dv @ dv.T
-        return base.cost, gradient, fisher
-
-    def total() -> tuple[float, np.ndarray, np.ndarray]:
-        parts = in_parallel(scores, flights)
-        value, gradient, curvature = _prior(logs)
-        value += sum(p[0] for p in parts)
-        return (
-            value,
-            gradient[index] + sum(p[1] for p in parts),
-            np.diag(curvature[index]) + sum(p[2] for p in parts),
-        )
-
-    value, gradient, fisher = total()
+    logs = np.clip(scales.logs, low, high)
+    damping = 0.0
+    bases, value = _likelihood(flights, logs)
     for _ in range(iterations):
+        gradient, fisher = _slopes(flights, bases, logs, index)
         at_floor = (logs[index] <= low[index]) & (gradient > 0.0)
         at_ceiling = (logs[index] >= high[index]) & (gradient < 0.0)
         loose = np.flatnonzero(~(at_floor | at_ceiling))
         if len(loose) == 0:
             break
         corner = fisher[np.ix_(loose, loose)]
-        corner = corner + np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
-        step = np.zeros(len(index))
-        step[loose] = -np.linalg.solve(corner, gradient[loose])
-        step = np.clip(step, -0.7, 0.7)
-        before = logs.copy()
-        logs[index] = np.clip(logs[index] + step, low[index], high[index])
-        promised = -float(gradient @ (logs - before)[index])
-        if promised < tolerance:
-            break
-        old = value, gradient, fisher
-        value, gradient, fisher = total()
-        if not value < old[0]:
-            logs, (value, gradient, fisher) = before, old
-            damping = max(10.0 * damping, 0.1)
-            if damping > 1e4:
+        gained = 0.0
+        while damping <= MOST_DAMPING:
+            heavier = np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
+            step = np.zeros(len(logs))
+            solved = -np.linalg.solve(corner + heavier, gradient[loose])
+            step[np.array(index)[loose]] = np.clip(solved, -0.7, 0.7)
+            moved = np.clip(logs + step, low, high)
+            promised = -float(gradient @ (moved - logs)[index])
+            if promised < tolerance:
                 break
-            continue
-        damping = 0.1 * damping if damping > 1e-2 else 0.0
-        if old[0] - value < tolerance:
+            there, lower = _likelihood(flights, moved)
+            if lower < value:
+                gained, bases, logs, value = value - lower, there, moved, lower
+                damping = 0.1 * damping if damping > 1e-2 else 0.0
+                break
+            damping = max(10.0 * damping, 0.1)
+        if gained < tolerance:
             break
-    return Scales.from_logs(logs), float(value)
+    return Scales.from_logs(logs), value
+
+
+MOST_DAMPING = 1e4
+"""Damping of a step of the scales beyond which there is none that gains."""
+
+_STEP_OF_LOG = 1e-3
+"""Step of a scale's logarithm for the slopes of what is filtered."""
+
+
+def _likelihood(
+    flights: Sequence[LinearFlight], logs: np.ndarray
+) -> tuple[list[Filtered], float]:
+    """Returns the flights whitened by scales, and their cost with the prior [nats]."""
+    scales = Scales.from_logs(logs)
+    found = in_parallel(lambda f: whiten(f, scales), flights)
+    return found, _prior(logs)[0] + sum(f.cost for f in found)
+
+
+def _slopes(
+    flights: Sequence[LinearFlight],
+    bases: Sequence[Filtered],
+    logs: np.ndarray,
+    index: Sequence[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the cost's slopes over logarithms of scales, and Fisher's information."""
+
+    def one(pair: tuple[LinearFlight, Filtered]) -> tuple[np.ndarray, np.ndarray]:
+        flight, base = pair
+        w, v = base.innovations[..., 0], base.log_variances
+        by_w, by_v = [], []
+        for j in index:
+            moved = logs.copy()
+            moved[j] += _STEP_OF_LOG
+            other = whiten(flight, Scales.from_logs(moved))
+            by_w.append((other.innovations[..., 0] - w) / _STEP_OF_LOG)
+            by_v.append((other.log_variances - v) / _STEP_OF_LOG)
+        dw, dv = np.array(by_w).reshape(len(index), -1), np.array(by_v)
+        dv = dv.reshape(len(index), -1)
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
+            mean = dw + 0.5 * dv * w.ravel()
+            fisher = mean @ mean.T + 0.5 * dv @ dv.T
+        return gradient, fisher
+
+    parts = in_parallel(one, zip(flights, bases, strict=True))
+    _, gradient, curvature = _prior(logs)
+    return (
+        gradient[index] + sum(p[0] for p in parts),
+        np.diag(curvature[index]) + sum(p[1] for p in parts),
+    )
