@@ -1,7 +1,8 @@
 """Moves of a search from one fitted set of effects to a better one, all refitted."""
 
 import dataclasses
-from collections.abc import Collection
+import heapq
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.search.fits import Search, to_first_order
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import best_of_sizes, climb
-from glider.sysid.search.weighing import uncertainty_of
+from glider.sysid.search.weighing import Weighed, uncertainty_of
 
 
 def with_means(search: Search, model: Fitted) -> Fitted:
@@ -59,7 +60,8 @@ def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
         lost = {}
         for kind in model.kinds:
             search.progress(f"is {kind} needed?")
-            fewer = search.fit(without(search.task, model, kind), iterations=4)
+            fewer = without(search.task, model, kind)
+            fewer = search.fit(fewer, iterations=4, wanted=model.cost + FAR)
             if search.price(fewer) < search.price(model):
                 model = fewer
                 break
@@ -187,6 +189,45 @@ def with_another(
     search.progress(f"{best[-1][0]} instead?")
     more = search.fit_with_strength(near.begin(best), iterations=4)
     return more if search.price(more) < search.price(model) else None
+
+
+def with_a_rival(
+    search: Search, model: Fitted, weighed: Mapping[str, Weighed]
+) -> Fitted | None:
+    """Returns a model worth more with a rival in an effect's place, or None.
+
+    To first order rivals do as well as an effect; refitted, one may do better. Only
+    effects that resampled flights are not sure of are asked, and the nearest rivals.
+
+    Args:
+        search: that remembers fits.
+        model: that was weighed.
+        weighed: what speaks for each of its effects.
+    """
+    doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
+    near = to_first_order(search.task, model) if doubtful else None
+    if near is None:
+        return None
+    score = near.score
+    own = score.by_first(model.kinds)
+    tried = []
+    for kind in doubtful:
+        rest = tuple(m for m in own if m[0] != kind)
+        rivals = score.among(weighed[kind].rivals)
+        for members in heapq.nlargest(MOST_TRIED, rivals.larger(rest), key=score):
+            if frozenset(k for k, _ in members) in search.fitted:
+                continue
+            search.progress(f"{members[-1][0]} in the place of {kind}?")
+            tried.append(search.fit_with_strength(near.begin(members), iterations=4))
+    best = min(tried, key=search.price, default=model)
+    return best if search.price(best) < search.price(model) else None
+
+
+SURE = 0.95
+"""Share of resampled flights from which on an effect's rivals are not asked for."""
+
+MOST_TRIED = 3
+"""Rivals that are fitted in an effect's place at most."""
 
 
 def without_a_pair(search: Search, model: Fitted) -> Fitted | None:

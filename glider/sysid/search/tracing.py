@@ -23,6 +23,7 @@ from glider.sysid.search.fields import (
 from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
 from glider.sysid.search.moves import (
     prune,
+    with_a_rival,
     with_a_shaped_one,
     with_another,
     with_fewer,
@@ -55,28 +56,33 @@ def trace(
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
     search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
-    model, evidence = prune(search, by_sets(search, start))
+    model, _ = prune(search, by_sets(search, start))
     while better := with_fewer(search, model) or with_a_shaped_one(search, model):
-        model, evidence = prune(search, better)
+        model, _ = prune(search, better)
     search.task = task
     if leaves_something(model) and (other := with_forced(search, model, LATE)):
-        model, evidence = prune(search, by_sets(search, other))
+        model, _ = prune(search, by_sets(search, other))
     field = None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
         field = beyond_names(search, model)
-        if field is not None:
-            model, evidence = prune(search, field.model)
+        model = model if field is None else field.model
     model = without_needless_curves(search, model)
+    model, evidence = prune(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
     dropped: set[str] = set()
-    while weak := weakest(weighed, evidence, beside_field=field is not None):
-        dropped.add(weak)
-        model = search.fit(without(task, model, weak))
-        if field is None and (another := with_another(search, model, dropped)):
-            model = another
-        model, evidence = prune(search, model)
+    while True:
+        other = with_a_rival(search, model, weighed) if field is None else None
+        if other is None:
+            weak = weakest(weighed, evidence, beside_field=field is not None)
+            if weak is None:
+                break
+            dropped.add(weak)
+            other = search.fit(without(task, model, weak))
+            if field is None:
+                other = with_another(search, other, dropped) or other
+        model, evidence = prune(search, other)
         weighed = weigh(task, model, scoring, rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)
