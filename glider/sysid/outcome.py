@@ -325,14 +325,17 @@ def _curve_entry(task: Task, model: Fitted, terms: tuple[str, ...]) -> FoundEffe
 
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
+    """Returns what differs from flight to flight, with its mean over the flights."""
     kind = task.layout.kinds[name]
     first = SPREAD_KINDS[name][1]
-    error = spread.std / math.sqrt(max(len(spread.values), 1))
+    values = list(spread.values.values())
+    error = spread.std / math.sqrt(max(len(values), 1))
+    mean = float(np.mean(values)) if values else 0.0
     return FoundEffect(
         kind=name,
         words=f"{kind.words}, another in each flight",
         coefficients={
-            c.name: Estimate(value=0.0, std=error, unit=c.unit)
+            c.name: Estimate(value=mean, std=error, unit=c.unit)
             for c in kind.coefficients
             if c.name == first
         },
