@@ -156,7 +156,6 @@ def fit_model(
     model: Fitted,
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
-    wanted: float = np.inf,
 ) -> Fitted:
     """Fits a model's free numbers, its curves and its scales.
 
@@ -165,7 +164,6 @@ def fit_model(
         model: where the fit starts.
         iterations: at most.
         free_scales: names of the scales to fit; all by default.
-        wanted: cost that a fit which will stay far above it is given up for [nats].
     """
     index = list(model.free)
     m = len(index)
@@ -205,9 +203,8 @@ def fit_model(
             break
         gram = np.sum(grams_of(flights, scales), axis=0)
         count = len(current.coordinates)
-        whole = with_prior(gram, own, mean, precision)
         step = bounded_step(
-            whole,
+            with_prior(gram, own, mean, precision),
             np.full(m + count, 1e-9),
             0.0,
             np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
@@ -216,8 +213,6 @@ def fit_model(
         if not np.all(np.isfinite(step)):  # It blows up: no model to go on from.
             best = dataclasses.replace(best, cost=np.inf)
             break
-        if iteration and value - OPTIMISM * _promised(whole, step) > wanted:
-            break
         if task.own_trims:
             constants = _constants([f.combined(step) for f in flights], scales)
             current = dataclasses.replace(current, constants=constants)
@@ -225,16 +220,6 @@ def fit_model(
         current = _moved(task, current, step, lower, upper)
     assert best is not None
     return best
-
-
-OPTIMISM = 3.0
-"""Times what a step promises that a fit may still gain in all."""
-
-
-def _promised(information: np.ndarray, step: np.ndarray) -> float:
-    """Returns by how much a step would lower the cost, were all linear [nats]."""
-    change = np.append(step, -1.0)
-    return 0.5 * float(information[-1, -1] - change @ information @ change)
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray]:

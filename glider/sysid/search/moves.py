@@ -60,8 +60,7 @@ def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
         lost = {}
         for kind in model.kinds:
             search.progress(f"is {kind} needed?")
-            fewer = without(search.task, model, kind)
-            fewer = search.fit(fewer, iterations=4, wanted=model.cost + FAR)
+            fewer = search.fit(without(search.task, model, kind), iterations=4)
             if search.price(fewer) < search.price(model):
                 model = fewer
                 break

@@ -9,11 +9,13 @@ from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import (
     prune,
+    with_a_rival,
     with_a_shaped_one,
     with_another,
     with_fewer,
     with_means,
 )
+from glider.sysid.search.weighing import Weighed
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -70,6 +72,24 @@ def test_what_was_dropped_makes_room_for_another():
     assert search.price(found) < search.price(bare)
     assert with_another(search, found, dropped={"mass"}) is None
     assert with_another(search, bare, dropped=offered) is None
+
+
+def test_a_rival_takes_the_place_of_what_was_named_for_it():
+    offered = ("servo_lag", "command_delay")
+    search, plate = search_among(KINDS["servo_lag"](time_constant=0.03), *offered)
+    named = kinds_fitted(search, plate, "command_delay")
+
+    def weighed(inclusion):
+        rivals = ("servo_lag",)
+        weighed = Weighed(rivals=rivals, inclusion=inclusion, support=1.0)
+        return {"command_delay": weighed}
+
+    assert with_a_rival(search, named, weighed(1.0)) is None  # It is sure of itself.
+    found = with_a_rival(search, named, weighed(0.5))
+    assert found is not None
+    assert found.kinds == ("servo_lag",)
+    assert search.price(found) < search.price(named)
+    assert with_a_rival(search, named, weighed(0.5)) is None  # It is known by now.
 
 
 def test_a_stall_is_found_behind_three_that_imitate_it():
