@@ -15,8 +15,9 @@ from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import Fitted, error_flights
 from glider.sysid.likelihood.scales import (
     FLOOR,
+    NAMES,
     OWN_VALUES,
-    negative_log_likelihood,
+    fit_scales,
     own_values,
 )
 from glider.sysid.likelihood.task import Task
@@ -32,6 +33,7 @@ from glider.sysid.result import (
     Spread,
 )
 from glider.sysid.search.fields import FoundField
+from glider.sysid.search.fits import PRICE
 from glider.sysid.search.peaks import find_peaks
 from glider.sysid.search.traced import Traced
 from glider.sysid.search.weighing import Uncertainty
@@ -74,9 +76,6 @@ SPREAD_KINDS = {
 }
 """Kinds that may differ from flight to flight: scale, coefficient, unit."""
 
-SPREAD_EVIDENCE = 6.0
-"""Evidence that a difference from flight to flight needs [nats]."""
-
 LEAST_SPREAD = 0.1
 """Difference from flight to flight that is worth a word, in the coefficient's scale."""
 
@@ -116,18 +115,22 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
 
 
 def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
-    """Returns what differs from flight to flight, with each flight's own value."""
+    """Returns what differs from flight to flight, with each flight's own value.
+
+    That is what is worth the price of an effect when all other scales are refitted.
+    """
     flights = error_flights(task, model)
-    base = negative_log_likelihood(flights, model.scales).sum()
+    _, base = fit_scales(flights, model.scales)
     found = {}
     own = own_values(flights, model.scales)
     names = [record.name for record in task.records]
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
-        lost = negative_log_likelihood(flights, least).sum() - base
+        others = [name for name in NAMES if name != scale]
+        lost = fit_scales(flights, least, others)[1] - base
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
-        shows = lost > SPREAD_EVIDENCE and getattr(model.scales, scale) > least_std
+        shows = lost > PRICE and getattr(model.scales, scale) > least_std
         if shows or (kind == "elevator_trim" and task.own_trims):  # Then it is told.
             values = [float(o[OWN_VALUES[kind][coefficient]]) for o in own]
             found[kind] = Spread(

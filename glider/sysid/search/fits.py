@@ -38,9 +38,9 @@ class Search:
         """Returns a model's cost with the price of its effects [nats]."""
         return price_of(self.task, model)
 
-    def fit(self, model: Fitted, iterations: int = 6, wanted: float = np.inf) -> Fitted:
-        """Fits a model and remembers it; the arguments as in `fit_model`."""
-        found = fit_model(self.task, model, iterations, wanted=wanted)
+    def fit(self, model: Fitted, iterations: int = 6) -> Fitted:
+        """Fits a model and remembers it."""
+        found = fit_model(self.task, model, iterations)
         if found.extra is None:
             key = frozenset(found.kinds)
             if key not in self.fitted or found.cost < self.fitted[key].cost:
