@@ -1,6 +1,7 @@
 """A real browser shows gliders, legend and clock, live and recorded, and obeys."""
 
 import colorsys
+import contextlib
 import math
 
 import numpy as np
@@ -140,26 +141,33 @@ def recorded():
     return meshcat, legend_of(tracks, "A flight", rate=0.5)
 
 
-@pytest.fixture(scope="module", params=["served", "one file"])
-def window(request, recorded, tmp_path_factory):
+@contextlib.contextmanager
+def played(url):
     """The recording in a browser, after it was played once."""
-    if request.param == "served":
-        url = serve_page(*recorded)
-    else:
-        page = tmp_path_factory.mktemp("page") / "flight.html"
-        write_html(page, *recorded)
-        url = page.as_uri()
     with opened(url) as window:
         assert window.wait_for(lambda: has_wire(window))
         assert window.wait_for(lambda: is_over(window))
         yield window
 
 
-def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
+@pytest.fixture(scope="module")
+def window(recorded, tmp_path_factory):
+    """Of one file; served, the same scripts work on the same page."""
+    page = tmp_path_factory.mktemp("page") / "flight.html"
+    write_html(page, *recorded)
+    with played(page.as_uri()) as window:
+        yield window
+
+
+def assert_at_last_places(window):
     assert window.wait_for(lambda: count(window, BLUE, END) > 200)
     assert count(window, BLUE, START, 15) < 100  # It was there at first: now a trail.
     assert count(window, GREEN, GHOSTS_END) > 200
     assert window.faults == []
+
+
+def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
+    assert_at_last_places(window)
 
 
 def halfway(end):
@@ -191,6 +199,13 @@ def test_the_slider_is_the_time_of_the_flight(window):
     assert window.wait_for(lambda: count(window, BLUE, halfway(END)) > 200)
     assert count(window, BLUE, END) < 20
     assert "nose 11° up" in text_of(window, "#flight-head")
+
+
+def test_a_served_recording_is_shown_and_scrubbed_as_its_file_is(recorded):
+    with played(serve_page(*recorded)) as window:
+        assert_at_last_places(window)
+        assert text_of(window, "#flight-head").startswith("A flight 0.3")
+        test_the_slider_is_the_time_of_the_flight(window)
 
 
 def test_it_is_played_again_from_where_it_stands_with_its_trail(window):
