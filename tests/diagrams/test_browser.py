@@ -15,7 +15,7 @@ from diagrams.marks import AddMarks
 from diagrams.page import Entry, Legend, serve_page, write_html
 from diagrams.playback import Track, legend_of, play
 from diagrams.scene import AddScene, Stage, camera_of
-from tests.helpers.browser import opened, why_not
+from tests.helpers.browser import opened, visit, why_not
 
 pytestmark = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
 
@@ -142,9 +142,9 @@ def recorded():
 
 
 @contextlib.contextmanager
-def played(url):
-    """The recording in a browser, after it was played once."""
-    with opened(url) as window:
+def played(opening):
+    """The recording in a window that opens, after it was played once."""
+    with opening as window:
         assert window.wait_for(lambda: has_wire(window))
         assert window.wait_for(lambda: is_over(window))
         yield window
@@ -155,7 +155,7 @@ def window(recorded, tmp_path_factory):
     """Of one file; served, the same scripts work on the same page."""
     page = tmp_path_factory.mktemp("page") / "flight.html"
     write_html(page, *recorded)
-    with played(page.as_uri()) as window:
+    with played(opened(page.as_uri())) as window:
         yield window
 
 
@@ -201,11 +201,12 @@ def test_the_slider_is_the_time_of_the_flight(window):
     assert "nose 11° up" in text_of(window, "#flight-head")
 
 
-def test_a_served_recording_is_shown_and_scrubbed_as_its_file_is(recorded):
-    with played(serve_page(*recorded)) as window:
-        assert_at_last_places(window)
-        assert text_of(window, "#flight-head").startswith("A flight 0.3")
-        test_the_slider_is_the_time_of_the_flight(window)
+def test_a_served_recording_is_shown_and_scrubbed_as_its_file_is(window, recorded):
+    browser, size = window.page.context.browser, window.page.viewport_size
+    with played(visit(browser, serve_page(*recorded), viewport=size)) as served:
+        assert_at_last_places(served)
+        assert text_of(served, "#flight-head").startswith("A flight 0.3")
+        test_the_slider_is_the_time_of_the_flight(served)
 
 
 def test_it_is_played_again_from_where_it_stands_with_its_trail(window):
