@@ -1,7 +1,6 @@
 """Settings of every test."""
 
 import os
-from collections import Counter
 
 # For NumPy, when it is imported, here and in what tests start: two processes with two
 # threads of linear algebra each wait for one another, small matrices ten times as long.
@@ -16,6 +15,7 @@ from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from tests.helpers.legs import WITHOUT_DRAKE, is_without_drake
+from tests.helpers.order import place_of
 
 matplotlib.use("Agg")  # Tests open no window.
 
@@ -34,16 +34,14 @@ def article_plan() -> Plan:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Runs the quick tests first; in several processes, the files with most slow ones.
+    """Runs the quick tests first; in several processes, the longest files.
 
-    A long file that comes last would keep one process busy and the others idle. What
-    Drake has no part in runs with one of the two.
+    What Drake has no part in runs with one of the two.
     """
     for item in items:
         if is_without_drake(item.path):
             item.add_marker(WITHOUT_DRAKE)
-    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: -slow[item.path])
+        items.sort(key=lambda item: place_of(item.path))
     else:
         items.sort(key=lambda item: item.get_closest_marker("slow") is not None)

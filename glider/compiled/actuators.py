@@ -3,7 +3,7 @@
 import numpy as np
 
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance
+from glider.compiled.runge_kutta import advance, put
 from glider.physics.chain import actuator_rates, actuator_terms
 from glider.physics.compose import initial_extra
 from glider.physics.effects import EffectKind
@@ -42,7 +42,7 @@ def actuator_path(times, commands, c, limits, states):
         step = times[k + 1] - times[k]
         advance(slope_of_actuators, times[k], y, step, 4, (commands[k], c, x), work)
         y[0] = min(max(y[0], limits[0]), limits[1])
-        states[k + 1] = y
+        put(y, states[k + 1])
 
 
 LOOPS = Family((slope_of_actuators, actuator_path), (actuator_path,))

@@ -7,7 +7,7 @@ import numpy as np
 from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import slopes
-from glider.compiled.runge_kutta import advance_block
+from glider.compiled.runge_kutta import advance_block, put
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 
@@ -94,7 +94,8 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, arrivals, sta
         nearest[:] = np.inf
         arrival[:] = np.nan
         for k in range(steps):
-            before[:] = work[:n, 0]
+            for i in range(n):
+                put(work[i, 0], before[i])
             if hold > 0 and k % hold == 0:
                 if noise.shape[1] > 0:
                     for j in range(BLOCK):
@@ -106,15 +107,17 @@ def guided(start, steps, step, feedback, servo, wire, theta, miss, arrivals, sta
             advance_block(slopes_guided, step * k, work, step, 4, data)
             approach(wire, before, work, nearest, arrival)
             if keep:
-                path[k] = work[:n, 0]
+                for i in range(n):
+                    put(work[i, 0], path[k, i])
         if not keep:
-            path[0] = work[:n, 0]
+            for i in range(n):
+                put(work[i, 0], path[0, i])
         for j in range(count):
             miss[first + j] = np.sqrt(nearest[j])
             for i in range(n):
                 arrivals[first + j, i] = arrival[i, j]
             if keep:
-                states[first + j, 0] = start[first + j]
+                put(start[first + j], states[first + j, 0])
             for k in range(path.shape[0]):
                 for i in range(n):
                     states[first + j, k + keep, i] = path[k, i, j]

@@ -12,6 +12,7 @@ import numpy as np
 
 from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import put
 from glider.physics.chain import (
     NUM_INPUTS,
     derivatives_of,
@@ -50,14 +51,14 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
         for i in range(value.shape[0]):
             slopes[i, i] = np.exp(-step * count * decay[i - n]) if i >= n else 1.0
     for k in acting if exact else acting[:1]:
-        y[:] = z
+        put(z, y)
         if exact:
             y[places[k]] = z[places[k]] + 1j * TINY
         for lap in range(count):
             # The step of `runge_kutta.advance`, which costs an eighth more here: its
             # data are counted as references in each of the many short calls.
-            start[:] = y[:n]
-            total[:] = y[:n]
+            put(y, start)
+            put(y, total)
             for stage in range(4):
                 weight = step / 6.0 if stage in (0, 3) else step / 3.0
                 ahead = 0.5 * step if stage < 2 else step
@@ -69,7 +70,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
                 if stage in (0, 2):
                     for i in range(decay.shape[0]):
                         y[places[n + i]] *= half[i]
-            y[:n] = total
+            put(total, y[:n])
         for j in range(n if exact else 0):
             slopes[j, k] = y[j].imag / TINY
         for j in range(value.shape[0]):
@@ -247,8 +248,9 @@ def ekf_run(
     shown = np.empty(rows)
     work = np.empty((3, size, size))
     for b in range(means.shape[0]):
-        mean[:] = means[b, 0]
-        covariance[:] = covariances[b, 0]
+        put(means[b, 0], mean)
+        for i in range(size):
+            put(covariances[b, 0, i], covariance[i])
         for k in range(inputs.shape[1]):
             for i in range(entry.shape[0]):
                 z[entry[i]] = inputs[b, k, i]
@@ -268,13 +270,14 @@ def ekf_run(
                 squares[b, k] = ekf_correct(
                     mean, covariance, shows, noise, shown, spreads[b, k], work
                 )
-                innovations[b, k] = shown
+                put(shown, innovations[b, k])
             else:
                 squares[b, k] = np.nan
                 innovations[b, k] = np.nan
                 spreads[b, k] = np.nan
-            means[b, k + 1] = mean
-            covariances[b, k + 1] = covariance
+            put(mean, means[b, k + 1])
+            for i in range(size):
+                put(covariance[i], covariances[b, k + 1, i])
 
 
 def ekf_fly(
@@ -301,7 +304,7 @@ def ekf_fly(
     now = np.empty(size)
     none = np.empty((0, 0))
     for b in range(states.shape[0]):
-        now[:] = states[b, 0]
+        put(states[b, 0], now)
         for k in range(inputs.shape[1]):
             for i in range(gain.shape[1]):
                 for j in range(n):
@@ -319,7 +322,7 @@ def ekf_fly(
             ekf_measure(z, estimated, field, measured[b, k], none)
             for i in range(measured.shape[2]):
                 measured[b, k, i] += errors[b, k, i]
-            states[b, k + 1] = now
+            put(now, states[b, k + 1])
 
 
 LOOPS = Family(

@@ -7,7 +7,7 @@ import numpy as np
 from glider.compiled.collocation import add_difference, spread
 from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance, advance_block
+from glider.compiled.runge_kutta import advance, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
@@ -74,7 +74,7 @@ def ilqr_roll(
         hold += 0.5 * costs.hold[n] * change * change
         cost += 0.5 * costs.stage[n] * u * u
         new_inputs[k] = u
-        new_states[k + 1] = x
+        put(x, new_states[k + 1])
         advance(slope_held, k * step, new_states[k + 1], step, order, (u, theta), work)
     for i in range(n):
         error = new_states[steps, i] - costs.goal[i]

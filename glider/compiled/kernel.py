@@ -81,10 +81,10 @@ _BORROWING = {
     name
     for name, value in vars(chain).items()
     if isinstance(value, types.FunctionType) and value.__module__ == chain.__name__
-} - {"theta_of"}
-"""Functions of the chain that return scalars: compiled without counting references to
-the arrays that they are handed, which took a third of a glider's step. What returns an
-array has to count, and they may not call it."""
+} - {"theta_of"} | {runge_kutta.put.__name__}
+"""Functions, of the chain but for one, that return scalars or nothing: compiled without
+counting references to the arrays that they are handed, which took a third of a glider's
+step. What returns an array has to count, and they may not call it."""
 
 _COMPILING = threading.RLock()
 

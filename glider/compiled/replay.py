@@ -7,6 +7,7 @@ import numpy as np
 
 from glider.compiled.constants import DIFFERENCE
 from glider.compiled.kernel import Family
+from glider.compiled.runge_kutta import put
 from glider.physics.chain import (
     accelerations,
     derivatives,
@@ -41,7 +42,7 @@ def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):
     """
     total, y = work[0], work[1]
     total[:] = 0.0
-    y[:] = x
+    put(x, y)
     for stage in range(4):
         node = (stage + 1) // 2
         weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
@@ -79,12 +80,15 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def log_rollout(times, start, elevator, rate, wind, bank, numbers, field, states):
+def log_rollout(
+    times, start, pitch, elevator, rate, wind, bank, numbers, field, states
+):
     """Flies from one start along a log's times, elevator prescribed.
 
     Args:
         times: (K + 1,).
         start: (n,).
+        pitch: (K, 3, 2) as in `log_step`; or (K, 0, 2).
         elevator: (K, 3) as in `log_step`.
         rate: (K,).
         wind: (K, 2) velocity of the air [m/s].
@@ -94,39 +98,9 @@ def log_rollout(times, start, elevator, rate, wind, bank, numbers, field, states
         states: (K + 1, n), written.
     """
     theta = theta_of(numbers, field)
-    free_pitch = np.empty((0, 2))
     x = start.copy()
     work = np.empty((2, x.shape[0]), x.dtype)
-    states[0] = x
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
-        log_step(
-            times[k],
-            x,
-            step,
-            elevator[k],
-            rate[k],
-            wind[k, 0],
-            wind[k, 1],
-            free_pitch,
-            banked(theta, bank[k]),
-            work,
-        )
-        states[k + 1] = x
-
-
-def log_translation(
-    times, start, pitch, elevator, rate, wind, bank, numbers, field, states
-):
-    """Flies as `log_rollout` does, with the pitch and its rate prescribed as well.
-
-    Args:
-        pitch: (K, 3, 2) as in `log_step`.
-    """
-    theta = theta_of(numbers, field)
-    x = start.copy()
-    work = np.empty((2, x.shape[0]), x.dtype)
-    states[0] = x
+    put(x, states[0])
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         log_step(
@@ -141,29 +115,7 @@ def log_translation(
             banked(theta, bank[k]),
             work,
         )
-        states[k + 1] = x
-
-
-def log_advance(times, nodes, elevator, rate, wind, bank, numbers, field, ends):
-    """Flies each interval of a log from its own node; ends (K, n) is written."""
-    theta = theta_of(numbers, field)
-    free_pitch = np.empty((0, 2))
-    work = np.empty((2, nodes.shape[1]), nodes.dtype)
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
-        ends[k] = nodes[k]
-        log_step(
-            times[k],
-            ends[k],
-            step,
-            elevator[k],
-            rate[k],
-            wind[k, 0],
-            wind[k, 1],
-            free_pitch,
-            banked(theta, bank[k]),
-            work,
-        )
+        put(x, states[k + 1])
 
 
 def log_extras(times, nodes, elevator, rate, numbers, field):
@@ -175,7 +127,7 @@ def log_extras(times, nodes, elevator, rate, numbers, field):
     work = np.empty((2, n), nodes.dtype)
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
-        x[:] = nodes[k]
+        put(nodes[k], x)
         log_step(
             times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
         )
@@ -216,24 +168,24 @@ def log_slopes(
         sizes: (m,) how far they are moved.
         field: the residual Field, whose last basis function is a constant.
         ends: (K, n), written: the state that each interval ends in.
-        by_x: (K, n, n), written: its slopes by the node.
-        by_term: (K, n, 6), written: by each constant of FIELD_TERMS.
+        by_x: (K, n, n), written: its slopes by the node; or (K, n, 0).
+        by_term: (K, n, 6), written: by each constant of FIELD_TERMS; or (K, n, 0).
         by_theta: (K, n, m), written: along each direction.
     """
-    n = nodes.shape[1]
+    n, width = nodes.shape[1], by_x.shape[2]
     theta = theta_of(numbers, field)
     free_pitch = np.empty((0, 2))
     x = np.empty_like(nodes[0])
     work = np.empty((2, n), x.dtype)
     last = field.weights.shape[0] - 1
-    columns = 1 + n + by_term.shape[2] + moved.shape[0]
+    columns = 1 + width + by_term.shape[2] + moved.shape[0]
     for k in range(times.shape[0] - 1):
         step = times[k + 1] - times[k]
         for j in range(columns):
-            x[:] = nodes[k]
+            put(nodes[k], x)
             size, own = DIFFERENCE, theta
-            in_term, in_theta = j - 1 - n, j - 1 - n - by_term.shape[2]
-            if 0 < j <= n:
+            in_term, in_theta = j - 1 - width, j - 1 - width - by_term.shape[2]
+            if 0 < j <= width:
                 x[j - 1] += size
             elif in_theta >= 0:
                 size = sizes[in_theta]
@@ -283,7 +235,7 @@ def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
     moved = numbers.copy()
     x = np.empty_like(nodes[0])
     for k in range(nodes.shape[0]):
-        x[:] = nodes[k]
+        put(nodes[k], x)
         y = measure(x, theta)
         for i in range(3):
             pose[k, i] = y[i]
@@ -314,7 +266,7 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
     theta = theta_of(numbers, field)
     x = np.empty_like(nodes[0])
     for k in range(nodes.shape[0]):
-        x[:] = nodes[k]
+        put(nodes[k], x)
         x[3] += elevator[k]
         u = rate[k] + 0.0 * x[0]
         flow, terms = meet_air(times[k], x, u, 0.0, 0.0, theta)
@@ -335,8 +287,6 @@ LOOPS = Family(
         banked,
         log_step,
         log_rollout,
-        log_translation,
-        log_advance,
         log_extras,
         log_slopes,
         log_measure,
@@ -344,8 +294,6 @@ LOOPS = Family(
     ),
     (
         log_rollout,
-        log_translation,
-        log_advance,
         log_extras,
         log_slopes,
         log_measure,
@@ -381,11 +329,10 @@ def roll_out(
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual field.
     """
-    states = np.empty((len(times), len(start)))
-    LOOPS.over(kinds, True).log_rollout(
-        times, start, elevator, rate, wind, bank, numbers, field, states
+    free = np.empty((len(rate), 0, 2))
+    return translate(
+        kinds, times, start, free, elevator, rate, wind, bank, numbers, field
     )
-    return states
 
 
 def translate(
@@ -405,7 +352,7 @@ def translate(
     `pitch` (K, 3, 2) is pitch and pitch rate at start, middle and end of each step.
     """
     states = np.empty((len(times), len(start)))
-    LOOPS.over(kinds, True).log_translation(
+    LOOPS.over(kinds, True).log_rollout(
         times, start, pitch, elevator, rate, wind, bank, numbers, field, states
     )
     return states
@@ -427,8 +374,22 @@ def advance_nodes(
     `nodes` is (K + 1, n); the other arguments as in `roll_out`.
     """
     ends = np.empty_like(nodes[1:])
-    LOOPS.over(kinds, True).log_advance(
-        times, nodes, elevator, rate, wind, bank, numbers, field, ends
+    nothing, free = np.empty((*ends.shape, 0)), np.zeros(0)
+    LOOPS.over(kinds, True).log_slopes(
+        times,
+        nodes,
+        elevator,
+        rate,
+        wind,
+        bank,
+        numbers,
+        np.empty((0, len(numbers))),
+        free,
+        field,
+        ends,
+        nothing,
+        nothing,
+        nothing,
     )
     return ends
 

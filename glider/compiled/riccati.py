@@ -5,7 +5,7 @@ import numpy as np
 from glider.compiled import jacobian
 from glider.compiled.jacobian import directional, stacked
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance
+from glider.compiled.runge_kutta import advance, put
 from glider.physics.model import GliderModel
 
 
@@ -71,19 +71,22 @@ def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost
     for i in range(n + 1):
         each[i, i] = 1.0
     for k in range(count):
-        z[:n] = states[k]
+        put(states[k], z[:n])
         z[n] = inputs[k]
         directional(times[k], z, each, n, field, excess[k], jacobian[k])
-        excess[k] -= slopes[k]
+        for i in range(n):
+            excess[k, i] -= slopes[k, i]
 
     flat = np.empty(n * (n + 1))
     now = flat.reshape((n, n + 1))
     work = np.empty((3, n * (n + 1)))
     back = np.empty(n)
-    now[:, :n] = s
-    now[:, n] = 0.0
+    for i in range(n):
+        put(s[i], now[i, :n])
+        now[i, n] = 0.0
     for k in range(count // 2, -1, -1):
-        cost[k] = now
+        for i in range(n):
+            put(now[i], cost[k, i])
         for j in range(n + 1):
             push = 0.0
             for i in range(n):

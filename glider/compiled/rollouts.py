@@ -4,7 +4,7 @@ import numpy as np
 
 from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance_block
+from glider.compiled.runge_kutta import advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 
@@ -51,12 +51,14 @@ def rollouts(start, command, step, order, theta, states):
                 work[n, 0, j] = command[first + min(j, count - 1), k]
             advance_block(slopes, k * step, work, step, order, theta)
             if keep:
-                path[k] = work[:n, 0]
+                for i in range(n):
+                    put(work[i, 0], path[k, i])
         if not keep:
-            path[0] = work[:n, 0]
+            for i in range(n):
+                put(work[i, 0], path[0, i])
         for j in range(count):
             if keep:
-                states[first + j, 0] = start[first + j]
+                put(start[first + j], states[first + j, 0])
             for k in range(path.shape[0]):
                 for i in range(n):
                     states[first + j, k + keep, i] = path[k, i, j]

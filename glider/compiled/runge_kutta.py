@@ -8,6 +8,16 @@ that serve several gliders (half the time of one after the other).
 from glider.compiled.constants import BLOCK
 
 
+def put(source, target):
+    """Writes one row of numbers into another of its length.
+
+    `target[:] = source` does too, but costs the compiler three seconds: it brings in
+    all of Python's strings, for a message about lengths that differ.
+    """
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
 def advance(slope, t, x, step, order, data, work):
     """Advances x (n,) in place by one step of ẋ = f(t, x).
 

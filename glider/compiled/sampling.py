@@ -8,6 +8,7 @@ from glider.compiled import rollouts as tapes
 from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import rollouts
+from glider.compiled.runge_kutta import put
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
 
@@ -66,7 +67,7 @@ def sampled_costs(
     starts = np.empty((BLOCK, n))
     path = np.empty((BLOCK, steps + 1, n))
     for j in range(BLOCK):
-        starts[j] = start
+        put(start, starts[j])
     for first in range(0, batch, BLOCK):
         count = min(BLOCK, batch - first)
         for j in range(BLOCK):  # What is left of the last block repeats a glider.
@@ -81,7 +82,8 @@ def sampled_costs(
             row = first + j
             cost_to_go(path[j], command[row], nominal, price, step, cost, to_go[row])
             if states.shape[0] > 0:
-                states[row] = path[j]
+                for k in range(steps + 1):
+                    put(path[j, k], states[row, k])
 
 
 LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,))

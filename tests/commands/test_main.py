@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from glider.__main__ import main
-from tests.helpers.campaigns import campaign_path
+from tests.helpers.campaigns import campaign_path, first_flights
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """The main job on a few flights of the sample campaign."""
     out = tmp_path_factory.mktemp("out") / "report"
-    flights = ",".join(f"flight_{i:03d}" for i in range(10))
+    flights = ",".join(first_flights(8))
     campaign = str(campaign_path("attached_lift"))
     code = main(["close-the-loop", campaign, "--out", str(out), "--flights", flights])
     return code, out
@@ -112,7 +112,7 @@ def test_what_was_found_is_told_even_where_it_cannot_be_kept(
         raise OSError(28, "No space left on device", str(folder))
 
     monkeypatch.setattr("glider.report.folder.replace_files", fill_the_disk)
-    flights = ",".join(f"flight_{i:03d}" for i in range(6))
+    flights = ",".join(first_flights(6))
     out = tmp_path / "out"
     options = ["--flights", flights, "--effects", "wind", "--out", str(out)]
     assert main(["close-the-loop", "head_wind", *options]) == 2

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from glider.compiled.rollouts import fly_tapes
 from glider.design.explanations import UNKNOWN, explain
 from glider.design.findings import Findings, load_findings
 from glider.design.limits import ThrowLimits
@@ -12,6 +13,7 @@ from glider.design.proposal import next_throw, propose, read_task
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, KINDS
 from glider.physics.model import GliderModel
+from glider.physics.state import VELOCITY
 from glider.report.next_throw_words import is_done, sentences
 from tests.helpers.late import LATE
 from tests.helpers.tasks import fly, typical
@@ -56,11 +58,34 @@ def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
     assert not is_done(proposal)
 
 
-def test_the_same_seed_proposes_the_same(late, proposal):
-    again = propose(*late, launches=2)
-    for one, other in zip(proposal.throws, again.throws, strict=True):
+def test_the_same_seed_proposes_the_same(late, monkeypatch):
+    monkeypatch.setattr("glider.design.proposal.ROUNDS", 1)
+    first, again = (propose(*late, launches=1) for _ in range(2))
+    for one, other in zip(first.throws, again.throws, strict=True):
         assert np.array_equal(one.commands, other.commands)
         assert np.array_equal(one.launch, other.launch)
+
+
+def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
+    """Flown by the plate alone from launches as fast and as slow as is told."""
+    limits = proposal.place.limits
+    for throw in proposal.throws:
+        period = throw.times[1]
+        tape = np.repeat(throw.commands, 10)
+        for sign in (-1.0, 1.0):
+            start = throw.launch.copy()
+            start[VELOCITY] *= 1.0 + sign * limits.missed_speed / throw.speed
+            states = fly_tapes(GliderModel(), start[None], tape[None], period / 10.0)[0]
+            flown = states[: int(throw.duration / period * 10)]
+            # The servo's two milliseconds move it by some millimetres.
+            assert flown[:, 1].min() > limits.z[0] - 0.02
+            assert np.linalg.norm(flown[:, VELOCITY], axis=1).max() < limits.speed
+
+
+def test_a_floor_above_the_launch_leaves_no_throw(late, monkeypatch):
+    monkeypatch.setattr("glider.design.proposal.ROUNDS", 1)
+    with pytest.raises(InputError, match="floor"):
+        propose(*late, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))
 
 
 def test_throws_differ(proposal):

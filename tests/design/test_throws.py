@@ -1,17 +1,12 @@
 """Throws keep within the limits of the launch, the servo and the flight."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glider.compiled.rollouts import fly_tapes
 from glider.design.limits import ThrowLimits
-from glider.design.proposal import propose
 from glider.design.throws import GENES, Range, throw_of
-from glider.errors import InputError
-from glider.physics.model import GliderModel
-from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.state import STATE_NAMES
 
 LIMITS = ThrowLimits(
     launch_height=[0.0, 0.3],
@@ -49,25 +44,3 @@ def test_any_genes_make_a_throw_within_the_limits(genes):
     assert LIMITS.elevator[0] < angle.min()
     assert angle.max() < LIMITS.elevator[1]
     assert np.allclose(np.diff(throw.times), 0.02)
-
-
-def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
-    """Flown by the plate alone from launches as fast and as slow as is told."""
-    limits = proposal.place.limits
-    for throw in proposal.throws:
-        period = throw.times[1]
-        tape = np.repeat(throw.commands, 10)
-        for sign in (-1.0, 1.0):
-            start = throw.launch.copy()
-            start[VELOCITY] *= 1.0 + sign * limits.missed_speed / throw.speed
-            states = fly_tapes(GliderModel(), start[None], tape[None], period / 10.0)[0]
-            flown = states[: int(throw.duration / period * 10)]
-            # The servo's two milliseconds move it by some millimetres.
-            assert flown[:, 1].min() > limits.z[0] - 0.02
-            assert np.linalg.norm(flown[:, VELOCITY], axis=1).max() < limits.speed
-
-
-def test_a_floor_above_the_launch_leaves_no_throw(late, monkeypatch):
-    monkeypatch.setattr("glider.design.proposal.ROUNDS", 1)
-    with pytest.raises(InputError, match="floor"):
-        propose(*late, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))

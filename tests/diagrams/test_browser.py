@@ -1,6 +1,7 @@
 """A real browser shows gliders, legend and clock, live and recorded, and obeys."""
 
 import colorsys
+import contextlib
 import math
 
 import numpy as np
@@ -14,7 +15,7 @@ from diagrams.marks import AddMarks
 from diagrams.page import Entry, Legend, serve_page, write_html
 from diagrams.playback import Track, legend_of, play
 from diagrams.scene import AddScene, Stage, camera_of
-from tests.helpers.browser import opened, why_not
+from tests.helpers.browser import opened, visit, why_not
 
 pytestmark = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
 
@@ -140,26 +141,33 @@ def recorded():
     return meshcat, legend_of(tracks, "A flight", rate=0.5)
 
 
-@pytest.fixture(scope="module", params=["served", "one file"])
-def window(request, recorded, tmp_path_factory):
-    """The recording in a browser, after it was played once."""
-    if request.param == "served":
-        url = serve_page(*recorded)
-    else:
-        page = tmp_path_factory.mktemp("page") / "flight.html"
-        write_html(page, *recorded)
-        url = page.as_uri()
-    with opened(url) as window:
+@contextlib.contextmanager
+def played(opening):
+    """The recording in a window that opens, after it was played once."""
+    with opening as window:
         assert window.wait_for(lambda: has_wire(window))
         assert window.wait_for(lambda: is_over(window))
         yield window
 
 
-def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
+@pytest.fixture(scope="module")
+def window(recorded, tmp_path_factory):
+    """Of one file; served, the same scripts work on the same page."""
+    page = tmp_path_factory.mktemp("page") / "flight.html"
+    write_html(page, *recorded)
+    with played(opened(page.as_uri())) as window:
+        yield window
+
+
+def assert_at_last_places(window):
     assert window.wait_for(lambda: count(window, BLUE, END) > 200)
     assert count(window, BLUE, START, 15) < 100  # It was there at first: now a trail.
     assert count(window, GREEN, GHOSTS_END) > 200
     assert window.faults == []
+
+
+def test_a_recording_ends_with_the_gliders_at_their_last_places(window):
+    assert_at_last_places(window)
 
 
 def halfway(end):
@@ -191,6 +199,14 @@ def test_the_slider_is_the_time_of_the_flight(window):
     assert window.wait_for(lambda: count(window, BLUE, halfway(END)) > 200)
     assert count(window, BLUE, END) < 20
     assert "nose 11° up" in text_of(window, "#flight-head")
+
+
+def test_a_served_recording_is_shown_and_scrubbed_as_its_file_is(window, recorded):
+    browser, size = window.page.context.browser, window.page.viewport_size
+    with played(visit(browser, serve_page(*recorded), viewport=size)) as served:
+        assert_at_last_places(served)
+        assert text_of(served, "#flight-head").startswith("A flight 0.3")
+        test_the_slider_is_the_time_of_the_flight(served)
 
 
 def test_it_is_played_again_from_where_it_stands_with_its_trail(window):

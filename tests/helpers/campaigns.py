@@ -16,6 +16,11 @@ BLIND = ("a", "b", "c", "d", "e", "f")
 """Campaigns whose missing effect nobody has told us."""
 
 
+def first_flights(count: int) -> list[str]:
+    """Returns the names of a campaign's first flights."""
+    return [f"flight_{i:03d}" for i in range(count)]
+
+
 def campaign_path(name: str) -> Path:
     """Returns the folder of a campaign; the samples are those that ship."""
     if name in sample_names():

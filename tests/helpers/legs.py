@@ -9,23 +9,35 @@ import pytest
 _TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
-    *("campaign", "comparison", "compiled", "design", "docs", "doctor", "files"),
-    *("helpers", "report", "sysid"),
+    *("campaign", "commands", "comparison", "compiled", "design", "docs", "doctor"),
+    *("files", "helpers", "report", "sysid"),
 )
-"""Of tests in which Drake has no part, reading, tracing, reports; and of the docs,
-which are the same with any."""
+"""Of tests in which Drake has no part, reading, tracing, reports, commands; and of the
+docs, which are the same with any. The main job with either Drake is closing the loop's
+example."""
 
 FILES = (
     "diagrams/test_browser.py",
+    "examples/test_next_throw.py",
+    "studies/test_basis_model.py",
+    "studies/test_figures.py",
+    "studies/test_searches.py",
+    "test_changed.py",
+    "test_contributing.py",
+    "test_floors.py",
+    "verification/test_check_funnel.py",
+    "verification/test_confidence.py",
     "verification/test_defect.py",
     "verification/test_exact_time.py",
     "verification/test_flight_proof.py",
     "verification/test_forged.py",
     "verification/test_interval.py",
+    "verification/test_interval_gliders.py",
     "verification/test_remainder_proof.py",
     "verification/test_taylor_models.py",
 )
-"""The same, of a browser and of proofs that no solver has a part in."""
+"""The same: of a browser, of sources, of regressions, and of proofs that no solver has
+a part in."""
 
 WITHOUT_DRAKE = pytest.mark.skipif(
     sys.version_info >= (3, 12) and shutil.which("python3.11") is not None,

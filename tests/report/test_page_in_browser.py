@@ -1,5 +1,7 @@
 """The report in a real browser: it draws, without a word of complaint, and obeys."""
 
+import contextlib
+
 import pytest
 
 from glider.report.page import to_html
@@ -157,40 +159,50 @@ def test_a_phone_shows_one_panel_a_row_and_scrolls_down_only(browser, report):
         assert seen.faults == []
 
 
-def test_colors_follow_the_readers_system(browser, report):
+@contextlib.contextmanager
+def in_the_dark(page, look):
+    """The page for a reader whose system is dark; yields how it looked in the light."""
+    light = page.evaluate(look)
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_function(f"{look}[2] !== {light[2]!r}")
+    yield light
+    page.emulate_media(color_scheme="light")
+    page.wait_for_function(f"{look}[2] === {light[2]!r}")
+
+
+def test_colors_follow_the_readers_system(desk):
     look = """[getComputedStyle(document.body).backgroundColor,
         document.querySelector("#coefficients .plot").data.at(-1).line.color,
         document.querySelector("#coefficients .plot").layout.font.color]"""
-    with visit(browser, report.as_uri(), color_scheme="light") as seen:
-        light = seen.page.evaluate(look)
-        seen.page.emulate_media(color_scheme="dark")
-        seen.page.wait_for_function(f"{look}[2] !== {light[2]!r}")
-        dark = seen.page.evaluate(look)
+    with in_the_dark(desk.page, look) as light:
+        dark = desk.page.evaluate(look)
         assert all(a != b for a, b in zip(light, dark, strict=True))
         assert light[0] == "rgb(255, 255, 255)"
         assert sum(map(int, dark[0][4:-1].split(","))) < 120
-        assert seen.faults == []
+    assert desk.page.evaluate(look) == light
+    assert desk.faults == []
 
 
-def test_on_paper_it_is_light_and_as_wide_as_the_sheet(browser, report):
+def test_on_paper_it_is_light_and_as_wide_as_the_sheet(desk):
     look = """[getComputedStyle(document.body).backgroundColor,
         Math.max(...[...document.querySelectorAll(".plot .main-svg")].map(
             (svg) => svg.getBoundingClientRect().right
                 - document.querySelector("main").getBoundingClientRect().left)),
         document.querySelector("#curves .plot").layout.font.color]"""
-    with visit(browser, report.as_uri(), color_scheme="dark") as seen:
-        before = seen.page.evaluate(look)
-        seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-        seen.page.wait_for_function(f"{look}[1] < 700")
-        ground, _, ink = seen.page.evaluate(look)
-        spare = seen.page.evaluate(
+    page = desk.page
+    with in_the_dark(page, look):
+        before = page.evaluate(look)
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        page.wait_for_function(f"{look}[1] < 700")
+        ground, _, ink = page.evaluate(look)
+        spare = page.evaluate(
             f"""[...document.querySelectorAll("{PLOTS}")].map((p) => p.clientWidth
                 - p.querySelector(".main-svg").getBoundingClientRect().width)"""
         )
         assert min(spare) >= -1.0  # No panel covers its neighbour.
         assert ground == "rgb(255, 255, 255)"
         assert ink == "#1b1f24"
-        seen.page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-        assert seen.page.evaluate(look)[0] == before[0]
-        assert len(seen.page.pdf()) > 20_000
-        assert seen.faults == []
+        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        assert page.evaluate(look)[0] == before[0]
+        assert len(page.pdf()) > 20_000
+    assert desk.faults == []

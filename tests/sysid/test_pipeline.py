@@ -6,7 +6,7 @@ import pytest
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.sysid.pipeline import close_the_loop
-from tests.helpers.campaigns import campaign_path
+from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
 
 
@@ -38,8 +38,7 @@ ATTACHED_LIFT = {"slope": 3.0, "stall_angle": 0.26, "fade": 0.05}
 @pytest.fixture(scope="module")
 def few():
     """The sample campaign's first flights."""
-    names = [f"flight_{i:03d}" for i in range(12)]
-    return close_the_loop(campaign_path("attached_lift"), flights=names)
+    return close_the_loop(campaign_path("attached_lift"), flights=first_flights(12))
 
 
 def test_attached_lift_is_named_with_its_coefficients(few):
@@ -103,7 +102,7 @@ def test_the_model_file_holds_the_effect(few):
     ],
 )
 def test_practice_effects_are_named(name, kind, truths):
-    result = close_the_loop(campaign_path(name))
+    result = close_the_loop(campaign_path(name), flights=first_flights(20))
     assert result.verdict == "effect_found"
     assert kinds_of(result) == [kind]
     assert_coefficients(result, kind, truths)
@@ -112,7 +111,7 @@ def test_practice_effects_are_named(name, kind, truths):
 
 @pytest.mark.slow
 def test_nothing_is_found_in_still_air():
-    result = close_the_loop(campaign_path("still_air"))
+    result = close_the_loop(campaign_path("still_air"), flights=first_flights(20))
     assert result.verdict == "no_effect"
     assert result.effects == ()
     assert result.left.depends_on == ()
@@ -123,7 +122,7 @@ def test_nothing_is_found_in_still_air():
 
 @pytest.mark.slow
 def test_what_the_library_lacks_is_unexplained_and_carried():
-    result = close_the_loop(campaign_path("floor_vent"))
+    result = close_the_loop(campaign_path("floor_vent"), flights=first_flights(20))
     assert result.verdict == "unexplained"
     assert kinds_of(result) == ["unexplained"]
     assert result.effects[0].depends_on[0] == "x"

@@ -14,17 +14,14 @@ from tests.helpers.tasks import fly, typical
         ("tail_wake",),
         ("pose_latency",),
         ("marker_offset",),
-        ("camber",),
         ("pitch_rate_lift",),
-        ("induced_drag",),
         ("axial_drag",),
         ("elevator_blowback",),
         ("stalled_downwash",),
         ("wind_shear",),
         ("added_mass",),
         ("inertia",),  # Which added_mass holds too.
-        ("wind", "profile_drag"),  # More kinds and pairs: bench_tracing.
-    ],
+    ],  # More kinds: lifelike campaigns; and pairs: bench_tracing.
     ids="+".join,
 )
 def test_planted_effects_are_traced(kinds):

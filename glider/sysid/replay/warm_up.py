@@ -24,9 +24,7 @@ def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     model = theta, NO_FIELD
     moved, sizes = theta[None][:0].copy(), np.zeros(0)
     replay.with_extras(kinds, times, nodes, path, rate, *model)
-    replay.advance_nodes(kinds, times, nodes, *along, *model)
     replay.slopes_along(kinds, times, nodes, *along, theta, moved, sizes, NO_FIELD)
     replay.measure_nodes(kinds, nodes, theta, free, layout.scale)
-    replay.roll_out(kinds, times, nodes[0], *along, *model)
     replay.translate(kinds, times, nodes[0], pitch, *along, *model)
     replay.flow_at(kinds, times, nodes, np.zeros(3), np.zeros(3), theta, NO_FIELD)

@@ -21,7 +21,7 @@ DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 
 @pytest.fixture(scope="module")
 def campaign():
-    plan = CampaignPlan(flights=12)
+    plan = CampaignPlan(flights=8)
     return simulate_campaign(DRAG, plan, np.random.default_rng(5))
 
 
@@ -82,7 +82,7 @@ def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
     monkeypatch.setattr(
         "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
     )
-    plan = CampaignPlan(flights=12)
+    plan = CampaignPlan(flights=8)
     flown = simulate_campaign(DRAG, plan, np.random.default_rng(6))
     result = close_the_loop(without(without_servo(flown, elevator), *missing))
     assert [e.kind for e in result.effects] == ["profile_drag"]
