@@ -114,8 +114,8 @@ class TaylorRemainder:
             half: (d, B) their half-widths.
 
         Returns:
-            bounds (r, B) on the parts of the boxes with |w| <= 1; what is surely
-            reached in their centers, if in the unit ball, (r, B); how much each
+            bounds (r, B) on the parts of the boxes in the unit balls; what is surely
+            reached in their centers, if in the balls, (r, B); how much each
             coordinate is to blame for the bounds, (r, d, B).
         """
         m, d = len(self.basis), self.dimension
