@@ -2,10 +2,11 @@
 
 import argparse
 import json
+import math
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command
-from glider.errors import InputError
+from glider.commands.parsing import Commands, add_command, check_seed
+from glider.errors import InputError, show
 
 LEVEL = 0.95
 """Probability with which the true glider is among those that are flown, unless told:
@@ -13,6 +14,12 @@ that of `glider.verification.dynamics.confidence`, which takes a second to impor
 
 FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
+
+MOST_FLIGHTS = 1_000_000
+"""Flights that fit the memory of any machine."""
+
+SEED = 0
+"""Seed of the draws, unless told."""
 
 _DESCRIPTION = """\
 Checks the certificate of a funnel: that it is of a flight from a problem's launch to
@@ -79,7 +86,6 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--confidence",
         metavar="P",
-        type=float,
         nargs="?",
         const=LEVEL,
         help="fly gliders that the data allow with this probability "
@@ -95,7 +101,6 @@ def add(commands: Commands) -> None:
         "--flights",
         metavar="N",
         type=int,
-        default=FLIGHTS,
         help="with --confidence: flights before the climb, which adds half as many "
         f"again and more (default: {FLIGHTS})",
     )
@@ -103,8 +108,8 @@ def add(commands: Commands) -> None:
         "--seed",
         metavar="N",
         type=int,
-        default=0,
-        help="with --confidence: of the draws; the same seed, the same flights",
+        help="with --confidence: of the draws; the same seed, the same flights "
+        f"(default: {SEED})",
     )
     parser.add_argument(
         "--json", action="store_true", help="print JSON instead of sentences"
@@ -119,13 +124,20 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--every is {args.every}; a positive number is needed.")
     if args.resume and not args.prove:
         raise InputError("--resume is of no use without --prove, which is needed.")
-    if args.box and args.confidence is None:
-        raise InputError("--box is of no use without --confidence, which is needed.")
-    if args.flights < 1 or args.seed < 0:
+    level = _level(args.confidence)
+    for name in ("box", "flights", "seed"):
+        value = getattr(args, name)
+        if level is None and value is not None and value is not False:
+            raise InputError(
+                f"--{name} is of no use without --confidence, which is needed."
+            )
+    flights = FLIGHTS if args.flights is None else args.flights
+    seed = SEED if args.seed is None else args.seed
+    if not 1 <= flights <= MOST_FLIGHTS:
         raise InputError(
-            f"--flights is {args.flights} and --seed {args.seed}; a positive number "
-            "and one that is not negative are needed."
+            f"--flights is {flights}; a number from 1 to {MOST_FLIGHTS:,} is needed."
         )
+    check_seed(seed)
     file = read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -146,9 +158,9 @@ def run(args: argparse.Namespace) -> int:
     model = load_glider(args.model) if args.model else None
     problem = load_problem(args.problem) if args.problem else PerchingProblem()
     confidence = None
-    if args.confidence is not None:
+    if level is not None:
         shape = "box" if args.box else "ellipsoid"
-        confidence = _confidence(funnel, args.model, args.confidence, shape)
+        confidence = _confidence(funnel, args.model, level, shape)
     proof = trial = None
     with Progress(transient=True, console=Console(stderr=True)) as bar:
 
@@ -164,9 +176,9 @@ def run(args: argparse.Namespace) -> int:
                 funnel, args.every, resume=args.resume, progress=follow("flights")
             )
         if confidence and verdict.holds:
-            rng = np.random.default_rng(args.seed)
+            rng = np.random.default_rng(seed)
             trial = falsify_set(
-                funnel, confidence, args.flights, rng, progress=follow("gliders")
+                funnel, confidence, flights, rng, progress=follow("gliders")
             )
     good = verdict.holds and (proof is None or proof.complete)
     good = good and (trial is None or trial.escapes == 0)
@@ -174,22 +186,39 @@ def run(args: argparse.Namespace) -> int:
         report = check_report(funnel, verdict, proof, problem)
         report |= {"model_compared": model is not None}
         if confidence and trial:
-            report["gliders"] = trial_report(funnel, confidence, trial, args.seed)
+            report["gliders"] = trial_report(funnel, confidence, trial, seed)
         print(json.dumps(report, indent=2))
     else:
         print(describe_check(funnel, verdict, proof, problem, args.model))
         if confidence and trial:
-            print(describe_trial(funnel, confidence, trial, args.seed))
+            print(describe_trial(funnel, confidence, trial, seed))
     return 0 if good else 1
+
+
+def _level(text):
+    """Returns the probability that --confidence is; None where it is not there."""
+    if text is None:
+        return None
+    try:
+        level = float(text)
+    except ValueError:
+        level = math.nan
+    if 0.0 < level < 1.0:
+        return level
+    raise InputError(
+        f"--confidence is {show(text)}; a probability between 0 and 1, such as "
+        f"{LEVEL:g}, is needed, or nothing after it."
+    )
 
 
 def _confidence(funnel, model, level, shape):
     """Returns the set of gliders to fly, by the model's file or the funnel's own."""
-    from glider.physics.model import load_covariance
+    from glider.physics.model import has_parameters_only, load_covariance
     from glider.verification.dynamics.confidence import make_confidence
 
     if model:
-        covariance, where = load_covariance(model), model
+        where = model
+        covariance = None if has_parameters_only(model) else load_covariance(model)
     else:
         covariance, where = None, "--confidence"
         if funnel.gliders:

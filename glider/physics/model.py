@@ -297,14 +297,22 @@ def load_glider(path: Path | str) -> GliderModel:
     Raises:
         InputError: the file is neither.
     """
+    if has_parameters_only(path):
+        return GliderModel(parameters=load_parameters(Path(path)))
+    return load_model(path)
+
+
+def has_parameters_only(path: Path | str) -> bool:
+    """Returns whether a file is a vehicle's, without effects and what is known of them.
+
+    A file that cannot be read is none: `load_model` says what is wrong with it.
+    """
     try:
         names = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError):
-        names = None  # `load_model` says what is wrong.
+        return False
     fields = {field.name for field in dataclasses.fields(GliderParameters)}
-    if isinstance(names, dict) and fields & set(names):
-        return GliderModel(parameters=load_parameters(Path(path)))
-    return load_model(path)
+    return isinstance(names, dict) and bool(fields & set(names))
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

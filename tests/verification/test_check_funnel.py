@@ -4,10 +4,17 @@ import dataclasses
 import functools
 import json
 
+import pytest
+
 from glider.__main__ import main
 from glider.paths import models_path
 from glider.physics.covariance import Covariance
-from glider.physics.model import load_covariance, load_model, save_model
+from glider.physics.model import (
+    GliderModel,
+    load_covariance,
+    load_model,
+    save_model,
+)
 from glider.verification.funnel.funnel import (
     load_funnel,
     save_funnel,
@@ -102,15 +109,34 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
     assert "The funnel was made for a smaller set than these" in words
     assert "V about its own center: 0 of" not in words
 
-    save_model(worse, load_model(model))
-    assert main([*command, "--model", str(worse)]) == 2
-    assert "worse.yaml: how well the glider is known is not" in capsys.readouterr().err
-    assert main([*command, "1.5"]) == 2
-    assert "between 0 and 1" in capsys.readouterr().err
-    assert main([*command, "--flights", "0"]) == 2
-    assert "--flights is 0" in capsys.readouterr().err
-    assert main(["check-funnel", *few, "--box"]) == 2
-    assert "--box is of no use without --confidence" in capsys.readouterr().err
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--confidence", "1.5"], "--confidence is '1.5'; a probability between 0"),
+        (["--confidence", "95"], "such as 0.95"),
+        (["--confidence", "abc"], "--confidence is 'abc'; a probability"),
+        (["--confidence", "nan"], "--confidence is 'nan'; a probability"),
+        (["--confidence", "--flights", "0"], "--flights is 0; a number from 1 to"),
+        (["--confidence", "--flights", "9999999999999"], "from 1 to 1,000,000"),
+        (["--confidence", "--seed", "-1"], "--seed is -1"),
+        (["--box"], "--box is of no use without --confidence"),
+        (["--flights", "100"], "--flights is of no use without --confidence"),
+        (["--seed", "0"], "--seed is of no use without --confidence"),
+        (["--confidence"], "a --model with a covariance"),
+        (["--confidence", "--model", "VEHICLE"], "a --model with a covariance"),
+        (["--confidence", "--model", "MODEL"], "model.yaml: how well the glider is"),
+    ],
+)
+def test_what_makes_no_set_is_said_in_a_sentence(arguments, words, tmp_path, capsys):
+    model = tmp_path / "model.yaml"
+    save_model(model, GliderModel())
+    vehicle = str(models_path("vehicles", "perching.yaml"))
+    files = {"MODEL": str(model), "VEHICLE": vehicle}
     alone = str(models_path("funnels", "drawn.npz"))
-    assert main(["check-funnel", alone, "--confidence"]) == 2
-    assert "a --model with a covariance" in capsys.readouterr().err
+    command = ["check-funnel", alone, "--every", "1000"]
+    assert main([*command, *(files.get(a, a) for a in arguments)]) == 2
+    found = capsys.readouterr()
+    assert words in found.err
+    assert found.err.count("\n") == 1
+    assert not found.out

@@ -15,11 +15,14 @@ from glider.verification.dynamics.error_dynamics import (
 )
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal_path import nominal_path
-from glider.verification.proof.boxes import bound_in_ball
+from glider.verification.proof import remainder_proof
+from glider.verification.proof.boxes import bound_in_balls
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval
 from glider.verification.proof.interval_sets import tight_cover
 from glider.verification.proof.remainder_proof import (
+    PATIENCE,
+    RemainderProof,
     bound_remainder,
     halve,
     prove_remainder,
@@ -117,8 +120,8 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
     coefficients = rng.normal(size=(len(table.degrees), count))
     coefficients[4:] *= 0.1
     center, half = ball(m, count, seed=2), 0.8 * rng.uniform(0.3, 1.0, (m, count))
-    bounds = bound_in_ball(
-        coefficients, np.full(count, 0.1), center, half, table.exponents
+    bounds = bound_in_balls(
+        coefficients, np.full(count, 0.1), center, half, table.exponents, [slice(0, m)]
     )
     v = rng.uniform(-1.0, 1.0, (4000, m))
     values = np.abs(table.values(v) @ coefficients) + 0.1
@@ -130,15 +133,45 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
     far = np.array([[0.9], [0.0], [0.0]]), np.full((m, 1), 0.5)
     slope = np.zeros((len(table.degrees), 1))
     slope[1] = 1.0
-    found = bound_in_ball(slope, np.zeros(1), *far, table.exponents)
-    assert found[0] == pytest.approx(1.0)  # The lower end, v = -1.
+
+    def bound_in(*balls):
+        return bound_in_balls(slope, np.zeros(1), *far, table.exponents, balls)[0]
+
+    assert bound_in(slice(0, m)) == pytest.approx(1.0)  # The lower end, v = -1.
     slope[0] = 1.0
-    found = bound_in_ball(slope, np.zeros(1), *far, table.exponents)
-    assert found[0] == pytest.approx(1.0 + 0.2, abs=0.02)  # The ball ends at v = 0.2.
+    # The ball ends at v = 0.2.
+    assert bound_in(slice(0, m)) == pytest.approx(1.0 + 0.2, abs=0.02)
     # Time is free of the ball.
-    far[0][0], far[1][0] = 0.0, 0.0
-    found = bound_in_ball(slope, np.zeros(1), *far, table.exponents)
-    assert found[0] == pytest.approx(2.0)
+    assert bound_in(slice(1, m)) == pytest.approx(2.0)
+
+
+def test_each_of_two_balls_has_a_bound_of_its_own():
+    balls = [slice(0, 3), slice(3, 5)]
+    table = monomials(6, 3)
+    rng = np.random.default_rng(4)
+    count, some = 100, len(table.degrees)
+    coefficients = np.zeros((some, count))
+    coefficients[: 1 + 6] = rng.normal(size=(1 + 6, count))
+    coefficients[7:] = 0.05 * rng.normal(size=(some - 7, count))
+    center = np.concatenate([ball(3, count, seed=2), ball(2, count, seed=3)])
+    center = np.concatenate([center, rng.uniform(-0.5, 0.5, (1, count))])
+    half = rng.uniform(0.2, 1.0, (6, count))
+    arguments = coefficients, np.zeros(count), center, half, table.exponents
+    bounds, loose = (bound_in_balls(*arguments, of) for of in (balls, balls[:1]))
+    v = rng.uniform(-1.0, 1.0, (20_000, 6))
+    values = np.abs(table.values(v) @ coefficients)
+    for i in range(count):
+        at = center[:, i] + v * half[:, i]
+        inside = np.all(
+            [np.linalg.norm(at[:, b], axis=1) <= 1.0 for b in balls], axis=0
+        )
+        assert values[inside, i].max(initial=0.0) <= bounds[i]
+    assert np.all(bounds <= loose * (1.0 + 1e-9))
+    # Of a slope across a whole ball its length counts, not that of its parts.
+    linear, whole = np.zeros((some, 1)), (np.zeros((6, 1)), np.ones((6, 1)))
+    linear[1:7, 0] = 1.0
+    found = bound_in_balls(linear, np.zeros(1), *whole, table.exponents, balls)
+    assert found[0] == pytest.approx(np.sqrt(3.0) + np.sqrt(2.0) + 1.0)
 
 
 @pytest.mark.parametrize("k", [0, EARLY])
@@ -184,6 +217,23 @@ def test_an_interval_may_be_proven_in_halves(pieces):
     assert max(first.ratio, second.ratio) == pytest.approx(whole.ratio, rel=0.05)
 
 
+def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(
+    pieces, monkeypatch
+):
+    real = remainder_proof.bound_remainder
+
+    def stubborn(remainder, budget):
+        if remainder.span == (-1.0, 1.0):
+            return RemainderProof(proven=False, boxes=budget, ratio=0.9)
+        return real(remainder, budget)
+
+    monkeypatch.setattr(remainder_proof, "bound_remainder", stubborn)
+    piece = pieces[EARLY]
+    proof = prove_remainder(piece, make_interval(piece))
+    assert proof.proven
+    assert proof.boxes < 2 * PATIENCE
+
+
 def test_halving_loses_no_point_of_the_ball():
     rng, points = np.random.default_rng(5), ball(3, 2000)
     points = np.vstack([points, rng.uniform(-1.0, 1.0, (1, 2000))])
@@ -204,8 +254,9 @@ def test_what_is_unknown_is_never_bounded():
         coefficients = np.zeros((len(table.degrees), 1))
         coefficients[k] = np.nan
         box = np.zeros((3, 1)), np.ones((3, 1))
-        found = bound_in_ball(coefficients, np.zeros(1), *box, table.exponents)
-        assert np.isinf(found[0])
+        arguments = coefficients, np.zeros(1), *box, table.exponents
+        for balls in ([slice(0, 3)], [slice(0, 1), slice(1, 2)], []):
+            assert np.isinf(bound_in_balls(*arguments, balls)[0])
 
 
 @pytest.mark.parametrize(

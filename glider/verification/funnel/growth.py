@@ -26,6 +26,10 @@ was made that had no margin left between two of them, where a limit of the servo
 down, and that could not be proven."""
 
 
+NEIGHBORS = 2
+"""Rounds of ascent from where the neighbors in time reached their largest value."""
+
+
 class BoundaryForms(NamedTuple):
     """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times."""
 
@@ -60,13 +64,22 @@ def boundary_forms(
 def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     """Returns the largest V̇/V (T,) found by ascent [1/s].
 
+    One ascent misses the truth at some time or other, by up to 0.08 1/s with 12 starts.
+    The worst point moves steadily, so that what a neighbor in time found leads there.
+
     Args:
-        forms: V̇/V on the boundary.
+        forms: V̇/V on the boundary, at times in order.
         starts: (B, n) where the ascent starts, besides the axes of the quadratic part.
     """
     axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
-    return largest_values(*forms, np.concatenate([seeds, axes], axis=1))[0]
+    points = np.concatenate([seeds, axes], axis=1)
+    value, worst = largest_values(*forms, points)
+    for _ in range(NEIGHBORS):
+        around = np.concatenate([worst[:1], worst, worst[-1:]])
+        points = np.stack([around[:-2], worst, around[2:]], axis=1)
+        value, worst = largest_values(*forms, points)
+    return value
 
 
 class GrowthBetween:

@@ -71,13 +71,14 @@ def _shift(polynomial, centers, halves, left, right, binomials):
     return shifted, sizes
 
 
-def bound_in_ball(coefficients, remainder, center, half, exponents):
-    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in the ball.
+def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
+    """Returns bounds (B,) of |p(v)| + remainder on the parts of boxes in unit balls.
 
-    For any λ >= 0 the maximum of p in the ball is at most that of
+    For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
     over the box; there, what is mixed in v or cubic counts by its size, and the others
-    are a sum of quadratic functions of one v_i each. λ is the best of a few.
+    are a sum of quadratic functions of one v_i each. So each ball has a λ of its own,
+    the best of a few, and what is in none has no need of one.
 
     Args:
         coefficients: (M, B) of polynomials in v.
@@ -85,14 +86,19 @@ def bound_in_ball(coefficients, remainder, center, half, exponents):
         center: (m, B) of the boxes.
         half: (m, B) their half-widths.
         exponents: (M, m) of the monomials.
+        balls: which coordinates are those of a unit ball, for each ball.
     """
+    which = np.full(len(center), -1)
+    for k, ball in enumerate(balls):
+        which[ball] = k
     # Numba keeps compiled code when a constant of another module changes: arguments.
-    constants = ROUNDING, WIDER
-    return _bound_in_ball(coefficients, remainder, center, half, exponents, constants)
+    return _bound_in_balls(
+        coefficients, remainder, center, half, exponents, which, (ROUNDING, WIDER)
+    )
 
 
 @machine_code
-def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
+def _bound_in_balls(coefficients, remainder, center, half, exponents, which, constants):
     rounding, wider = constants
     count, boxes = coefficients.shape
     m = len(center)
@@ -102,8 +108,8 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
             if exponents[k, i] == 2 and exponents[k].sum() == 2:
                 square[k] = 1 + i
     bounds = np.empty(boxes)
-    linear, quadratic = np.empty(m), np.empty(m)
-    tries = np.empty(m + 2)
+    linear, quadratic = np.empty(m), np.zeros(m)
+    tries = np.empty(m + 3)
     for box in range(boxes):
         mixed = remainder[box]
         for k in range(1 + m, count):
@@ -117,36 +123,55 @@ def _bound_in_ball(coefficients, remainder, center, half, exponents, constants):
         if not np.isfinite(known):  # min and max would drop a NaN.
             bounds[box] = np.inf
             continue
-        room = 1.0
-        for i in range(m):
-            room -= center[i, box] ** 2
         worst = 0.0
         for sign in (1.0, -1.0):
-            across, along = 0.0, 1e-300
+            total = sign * coefficients[0, box] + rounding * abs(coefficients[0, box])
             for i in range(m):
                 linear[i] = sign * coefficients[1 + i, box]
-                pull = 2.0 * center[i, box] * half[i, box]
-                tries[i] = linear[i] / pull if pull != 0.0 else 0.0
-                across += linear[i] * pull
-                along += pull * pull
-            tries[m], tries[m + 1] = 0.0, across / along
-            least = np.inf
-            for weight in tries:
-                if not weight >= 0.0:
-                    continue
-                value = weight * room
-                size = weight * (abs(room) + 1.0)
+                if which[i] < 0:
+                    first, second = abs(linear[i]), sign * quadratic[i]
+                    total += first + second
+                    if second < 0.0 and first < -2.0 * second:
+                        total += first * first / (-4.0 * second) - first - second
+                    total += rounding * (first + abs(second))
+            for ball in range(which.max() + 1):
+                room, across, along, flat = 1.0, 0.0, 1e-300, 0.0
                 for i in range(m):
-                    first = linear[i] - 2.0 * weight * center[i, box] * half[i, box]
-                    second = sign * quadratic[i] - weight * half[i, box] ** 2
-                    if second < 0.0 and abs(first) < -2.0 * second:
-                        value += first * first / (-4.0 * second)
-                    else:
-                        value += second + abs(first)
-                    size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
-                value += rounding * size
-                least = min(least, value)
-            worst = max(worst, sign * coefficients[0, box] + least)
+                    tries[i] = 0.0
+                    if which[i] != ball:
+                        continue
+                    room -= center[i, box] ** 2
+                    pull = 2.0 * center[i, box] * half[i, box]
+                    if pull != 0.0:
+                        tries[i] = linear[i] / pull
+                    across += linear[i] * pull
+                    along += pull * pull
+                    if half[i, box] > 0.0:
+                        flat += (linear[i] / half[i, box]) ** 2
+                # The last is the best of all where p is linear.
+                tries[m], tries[m + 1] = 0.0, across / along
+                tries[m + 2] = 0.5 * np.sqrt(flat)
+                least = np.inf
+                for weight in tries:
+                    if not (weight >= 0.0 and np.isfinite(weight)):
+                        continue
+                    value = weight * room
+                    size = weight * (abs(room) + 1.0)
+                    for i in range(m):
+                        if which[i] != ball:
+                            continue
+                        pull = 2.0 * center[i, box] * half[i, box]
+                        first = linear[i] - weight * pull
+                        second = sign * quadratic[i] - weight * half[i, box] ** 2
+                        if second < 0.0 and abs(first) < -2.0 * second:
+                            value += first * first / (-4.0 * second)
+                        else:
+                            value += second + abs(first)
+                        size += abs(linear[i]) + abs(quadratic[i]) + 4.0 * weight
+                    value += rounding * size
+                    least = min(least, value)
+                total += least
+            worst = max(worst, total)
         bounds[box] = (worst + mixed) * wider
     return bounds
 

@@ -37,7 +37,7 @@ from glider.verification.funnel.ascent import DIFFERENCE
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import (
     blame_of,
-    bound_in_ball,
+    bound_in_balls,
     shifted,
 )
 from glider.verification.proof.interval_gliders import GlidersPath, gliders_path
@@ -114,8 +114,8 @@ class TaylorRemainder:
             half: (d, B) their half-widths.
 
         Returns:
-            bounds (r, B) on the parts of the boxes with |w| <= 1; what is surely
-            reached in their centers, if in the unit ball, (r, B); how much each
+            bounds (r, B) on the parts of the boxes in the unit balls; what is surely
+            reached in their centers, if in the balls, (r, B); how much each
             coordinate is to blame for the bounds, (r, d, B).
         """
         m, d = len(self.basis), self.dimension
@@ -135,8 +135,6 @@ class TaylorRemainder:
             theta = theta_at(self.model, self.path.names, deviations)
         rates = open_loop_rates(self.model, states, command, theta)
         time = on_boxes(unit[d])
-        free = np.arange(d)[:, None] >= m
-        in_ball = np.where(free, 0.0, center), np.where(free, 0.0, half)
         within = np.all(
             [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls], axis=0
         )
@@ -148,7 +146,11 @@ class TaylorRemainder:
             difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
             ratio = difference / on_boxes(self.limits[i])
             sizes, unknown = ratio.coefficients, ratio.remainder
-            most.append(bound_in_ball(sizes, unknown, *in_ball, table.exponents))
+            most.append(
+                bound_in_balls(
+                    sizes, unknown, center, half, table.exponents, self.balls
+                )
+            )
             least.append(np.where(within, np.abs(sizes[0]) - unknown, 0.0))
             blame.append(blame_of(ratio, rate))
         return np.array(most), np.array(least), np.array(blame)
