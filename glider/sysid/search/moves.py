@@ -11,7 +11,7 @@ from glider.sysid.likelihood.scales import OWN_VALUES, own_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.fits import Search, to_first_order
 from glider.sysid.search.sets_in_models import without
-from glider.sysid.search.subsets import best_of_sizes, best_set, climb
+from glider.sysid.search.subsets import best_of_sizes, climb
 from glider.sysid.search.weighing import Weighed, uncertainty_of
 
 
@@ -162,27 +162,6 @@ def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted
 
 UNDERVALUED = 30.0
 """Evidence, to first order, that an effect put in by force may cost [nats]."""
-
-
-def with_a_detour(search: Search, model: Fitted) -> Fitted | None:
-    """Returns a model worth more that is found from the model without an effect.
-
-    About a wrong set all flights are linear where that set took them; without one of
-    its effects they lie elsewhere, and first order may see what it did not.
-    """
-    tried = []
-    for kind in model.kinds:
-        fewer = search.fitted.get(frozenset(model.kinds) - {kind})
-        near = None if fewer is None else to_first_order(search.task, fewer)
-        if fewer is None or near is None:
-            continue
-        members = best_set(near.score, near.score.by_first(fewer.kinds))
-        if frozenset(k for k, _ in members) in search.fitted:
-            continue
-        search.progress(f"another set, seen without {kind}?")
-        tried.append(search.fit_with_strength(near.begin(members), iterations=4))
-    best = min(tried, key=search.price, default=model)
-    return best if search.price(best) < search.price(model) else None
 
 
 def with_another(

@@ -22,7 +22,6 @@ from glider.sysid.search.fields import (
 )
 from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
 from glider.sysid.search.moves import (
-    with_a_detour,
     prune,
     with_a_rival,
     with_a_shaped_one,
@@ -58,11 +57,7 @@ def trace(
     search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
     model, _ = prune(search, by_sets(search, start))
-    while better := (
-        with_fewer(search, model)
-        or with_a_shaped_one(search, model)
-        or (leaves_something(model) and with_a_detour(search, model))
-    ):
+    while better := with_fewer(search, model) or with_a_shaped_one(search, model):
         model, _ = prune(search, better)
     search.task = task
     if leaves_something(model) and (other := with_forced(search, model, LATE)):
