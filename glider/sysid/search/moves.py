@@ -1,122 +1,13 @@
-"""Moves of a search from one fitted set of effects to a better one, all refitted."""
+"""Moves of a search to other effects that first order misjudged, all else refitted."""
 
-import dataclasses
 import heapq
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
-import numpy as np
-
-from glider.sysid.likelihood.model_fit import Fitted, error_flights
-from glider.sysid.likelihood.scales import OWN_VALUES, own_values
-from glider.sysid.likelihood.task import Task
-from glider.sysid.search.fits import Search, to_first_order
-from glider.sysid.search.sets_in_models import without
-from glider.sysid.search.subsets import best_of_sizes, climb
-from glider.sysid.search.weighing import Weighed, uncertainty_of
-
-
-def with_means(search: Search, model: Fitted) -> Fitted:
-    """Returns a model with what flights have of their own, where its mean is not zero.
-
-    To first order a spread that took up the mean hides it; both are fitted anew.
-    """
-    task = search.task
-    flights = error_flights(task, model)
-    own = own_values(flights, model.scales)
-    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
-    is_off = np.abs(mean) > OFF * error
-    for kind, places in OWN_VALUES.items():
-        slots = {task.layout.index[kind, name]: k for name, k in places.items()}
-        is_free = bool(set(slots) & set(model.free))
-        if kind not in task.kinds or is_free or not is_off[list(slots.values())].any():
-            continue
-        theta = model.theta.copy()
-        for slot, place in slots.items():
-            theta[slot] += mean[place]
-        kinds = (*model.kinds, kind)
-        if model.extra is None and frozenset(kinds) in search.fitted:
-            continue
-        search.progress(f"{kind} in all flights?")
-        other = dataclasses.replace(
-            model, kinds=kinds, theta=theta, free=task.free(kinds)
-        )
-        other = search.fit_with_strength(other, iterations=4)
-        if search.price(other) < search.price(model):
-            model = other
-    return model
-
-
-OFF = 5.0
-"""Standard errors by which a mean over flights is off zero."""
-
-
-def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
-    """Drops the effects that are not worth their price when all else is refitted.
-
-    Returns:
-        the model, and the evidence of each effect that stays [nats].
-    """
-    while True:
-        lost = {}
-        for kind in model.kinds:
-            search.progress(f"is {kind} needed?")
-            fewer = search.fit(without(search.task, model, kind), iterations=4)
-            if search.price(fewer) < search.price(model):
-                model = fewer
-                break
-            lost[kind] = fewer.cost - model.cost
-        else:
-            lighter = without_a_pair(search, model)
-            if lighter is None:
-                return model, lost
-            model = lighter
-
-
-def with_fewer(search: Search, model: Fitted) -> Fitted | None:
-    """Returns a model with fewer effects that is worth more, or None.
-
-    To first order about a set that is wrong, several effects may do as well as the few
-    that act: the best set of each smaller size is fitted, at last the plate with what
-    all flights have.
-    """
-    task = search.task
-    if len(model.kinds) < 2:
-        return None
-    near = to_first_order(task, model)
-    if near is None:
-        return None
-    score = near.score
-    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
-    if not sizes:
-        return None
-    least = score(sizes[-1]) - SLACK * (score(sizes[-1]) - score(()))
-    for members in reversed(sizes):
-        kinds = frozenset(kind for kind, _ in members)
-        if kinds in search.fitted or score(members) < least:
-            continue
-        search.progress(f"fitting {', '.join(sorted(kinds))} instead")
-        fewer = search.fit_with_strength(near.begin(members), iterations=4)
-        lost = search.price(fewer) - search.price(model)
-        if lost < 0.0:
-            return fewer
-        if lost > FAR:
-            break
-    if frozenset() in search.fitted or score(sizes[-1]) - score(()) > WEAK:
-        return None
-    search.progress("fitting the plate instead")
-    fewer = search.fit_with_strength(near.begin(()), iterations=4)
-    fewer = with_means(search, fewer)
-    return fewer if search.price(fewer) < search.price(model) else None
-
-
-WEAK = 3000.0
-"""Evidence of all effects, to first order, from which on they are no mere means."""
-
-FAR = 300.0
-"""Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
-
-SLACK = 0.1
-"""Share of the evidence of all that a smaller set may lack, to first order."""
+from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.search.fits import FirstOrder, Search, to_first_order
+from glider.sysid.search.pruning import without_needless_curves
+from glider.sysid.search.subsets import Members, climb
+from glider.sysid.search.weighing import Weighed
 
 
 def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
@@ -144,20 +35,15 @@ def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted
         return None
     score = near.score
     own = score.by_first(model.kinds)
-    tried = []
+    sets = []
     for kind in kinds:
         if kind in model.kinds or kind not in score.variants:
             continue
-        variants = score.variants[kind]
-        sets = [climb(score, (*own, (kind, v)), keep=[(kind, v)]) for v in variants]
-        members = max(sets, key=score)
-        is_known = frozenset(k for k, _ in members) in search.fitted
-        if is_known or score(members) < score(own) - UNDERVALUED:
-            continue
-        search.progress(f"{kind} after all?")
-        tried.append(search.fit_with_strength(near.begin(members), iterations=4))
-    best = min(tried, key=search.price, default=model)
-    return best if search.price(best) < search.price(model) else None
+        members = [(kind, variant) for variant in score.variants[kind]]
+        best = max((climb(score, (*own, m), keep=[m]) for m in members), key=score)
+        if score(best) >= score(own) - UNDERVALUED:
+            sets.append(best)
+    return _best_fitted(search, model, near, sets)
 
 
 UNDERVALUED = 30.0
@@ -185,9 +71,7 @@ def with_another(
     best = max(larger, key=score, default=own)
     if not score(best) > score(own):
         return None
-    search.progress(f"{best[-1][0]} instead?")
-    more = search.fit_with_strength(near.begin(best), iterations=4)
-    return more if search.price(more) < search.price(model) else None
+    return _best_fitted(search, model, near, [best])
 
 
 def with_a_rival(
@@ -209,17 +93,12 @@ def with_a_rival(
         return None
     score = near.score
     own = score.by_first(model.kinds)
-    tried = []
+    sets: list[Members] = []
     for kind in doubtful:
         rest = tuple(m for m in own if m[0] != kind)
         rivals = score.among(weighed[kind].rivals)
-        for members in heapq.nlargest(MOST_TRIED, rivals.larger(rest), key=score):
-            if frozenset(k for k, _ in members) in search.fitted:
-                continue
-            search.progress(f"{members[-1][0]} in the place of {kind}?")
-            tried.append(search.fit_with_strength(near.begin(members), iterations=4))
-    best = min(tried, key=search.price, default=model)
-    return best if search.price(best) < search.price(model) else None
+        sets += heapq.nlargest(MOST_TRIED, rivals.larger(rest), key=score)
+    return _best_fitted(search, model, near, sets)
 
 
 SURE = 0.95
@@ -229,62 +108,17 @@ MOST_TRIED = 3
 """Rivals that are fitted in an effect's place at most."""
 
 
-def without_a_pair(search: Search, model: Fitted) -> Fitted | None:
-    """Returns the model without two effects that only work against each other.
-
-    Where a formula has not quite the right shape, two others may be bought that nearly
-    cancel; each alone then seems needed. Curves, as strong as they must be, do better.
-    """
-    task = search.task
-    if not model.has_curves or len(model.kinds) < 3:
-        return None
-    for first, second in opposed_pairs(task, model):
-        search.progress(f"are {first} and {second} needed?")
-        fewer = without(task, model, first, second)
-        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
-        fewer = search.fit_with_strength(fewer, iterations=4)
-        fewer = search.fit_with_strength(fewer, iterations=4)
-        if search.price(fewer) < search.price(model):
-            return fewer
-    return None
-
-
-OPPOSED = 0.7
-"""Correlation of two effects' coefficients from which on they may cancel."""
-
-
-def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
-    """Returns pairs of effects whose coefficients are hard to tell apart."""
-    known = uncertainty_of(task, model)
-    std = np.sqrt(np.diag(known.covariance))
-    correlation = np.abs(known.covariance / std[:, None] / std)
-    slots = {
-        kind: [
-            known.free.index(i)
-            for i in task.layout.slots_of(kind)
-            if i in known.free and not task.is_shape(i)
-        ]
-        for kind in model.kinds
-    }
-    found = []
-    for k, first in enumerate(model.kinds):
-        for second in model.kinds[k + 1 :]:
-            block = correlation[np.ix_(slots[first], slots[second])]
-            if block.size and block.max() > OPPOSED:
-                found.append((float(block.max()), first, second))
-    return [(a, b) for _, a, b in sorted(found, reverse=True)[:3]]
-
-
-def without_needless_curves(search: Search, model: Fitted) -> Fitted:
-    """Returns the model without its curves, unless they are worth their price."""
-    if not model.has_curves:
-        return model
-    search.progress("are curves needed?")
-    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
-    bare = search.fit(bare, iterations=4)
-    gained = bare.cost - model.cost - model.freedom
-    return model if gained > CURVE_PRICE else bare
-
-
-CURVE_PRICE = 15.0
-"""Evidence that curves beside the formulas must bring [nats]."""
+def _best_fitted(
+    search: Search, model: Fitted, near: FirstOrder, sets: Iterable[Members]
+) -> Fitted | None:
+    """Returns the best of sets that nobody has fitted yet, if worth more, or None."""
+    tried = []
+    for members in sets:
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds in search.fitted:
+            continue
+        others = ", ".join(sorted(kinds.difference(model.kinds)))
+        search.progress(f"{others} after all?")
+        tried.append(search.fit_with_strength(near.begin(members), iterations=4))
+    best = min(tried, key=search.price, default=model)
+    return best if search.price(best) < search.price(model) else None

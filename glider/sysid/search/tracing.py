@@ -21,16 +21,14 @@ from glider.sysid.search.fields import (
     survey,
 )
 from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
+from glider.sysid.search.means import with_means
 from glider.sysid.search.moves import (
-    prune,
     with_a_rival,
     with_a_shaped_one,
     with_another,
-    with_fewer,
     with_forced,
-    with_means,
-    without_needless_curves,
 )
+from glider.sysid.search.pruning import prune, with_fewer, without_needless_curves
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced

@@ -1,0 +1,143 @@
+"""Moves of a search to fewer effects, all else refitted."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.task import Task
+from glider.sysid.search.fits import Search, to_first_order
+from glider.sysid.search.means import with_means
+from glider.sysid.search.sets_in_models import without
+from glider.sysid.search.subsets import best_of_sizes
+from glider.sysid.search.weighing import uncertainty_of
+
+
+def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
+    """Drops the effects that are not worth their price when all else is refitted.
+
+    Returns:
+        the model, and the evidence of each effect that stays [nats].
+    """
+    while True:
+        lost = {}
+        for kind in model.kinds:
+            search.progress(f"is {kind} needed?")
+            fewer = search.fit(without(search.task, model, kind), iterations=4)
+            if search.price(fewer) < search.price(model):
+                model = fewer
+                break
+            lost[kind] = fewer.cost - model.cost
+        else:
+            lighter = without_a_pair(search, model)
+            if lighter is None:
+                return model, lost
+            model = lighter
+
+
+def with_fewer(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model with fewer effects that is worth more, or None.
+
+    To first order about a set that is wrong, several effects may do as well as the few
+    that act: the best set of each smaller size is fitted, at last the plate with what
+    all flights have.
+    """
+    task = search.task
+    if len(model.kinds) < 2:
+        return None
+    near = to_first_order(task, model)
+    if near is None:
+        return None
+    score = near.score
+    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
+    if not sizes:
+        return None
+    least = score(sizes[-1]) - SLACK * (score(sizes[-1]) - score(()))
+    for members in reversed(sizes):
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds in search.fitted or score(members) < least:
+            continue
+        search.progress(f"fitting {', '.join(sorted(kinds))} instead")
+        fewer = search.fit_with_strength(near.begin(members), iterations=4)
+        lost = search.price(fewer) - search.price(model)
+        if lost < 0.0:
+            return fewer
+        if lost > FAR:
+            break
+    if frozenset() in search.fitted or score(sizes[-1]) - score(()) > WEAK:
+        return None
+    search.progress("fitting the plate instead")
+    fewer = search.fit_with_strength(near.begin(()), iterations=4)
+    fewer = with_means(search, fewer)
+    return fewer if search.price(fewer) < search.price(model) else None
+
+
+WEAK = 3000.0
+"""Evidence of all effects, to first order, from which on they are no mere means."""
+
+FAR = 300.0
+"""Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
+
+SLACK = 0.1
+"""Share of the evidence of all that a smaller set may lack, to first order."""
+
+
+def without_a_pair(search: Search, model: Fitted) -> Fitted | None:
+    """Returns the model without two effects that only work against each other.
+
+    Where a formula has not quite the right shape, two others may be bought that nearly
+    cancel; each alone then seems needed. Curves, as strong as they must be, do better.
+    """
+    task = search.task
+    if not model.has_curves or len(model.kinds) < 3:
+        return None
+    for first, second in opposed_pairs(task, model):
+        search.progress(f"are {first} and {second} needed?")
+        fewer = without(task, model, first, second)
+        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
+        fewer = search.fit_with_strength(fewer, iterations=4)
+        fewer = search.fit_with_strength(fewer, iterations=4)
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
+
+
+OPPOSED = 0.7
+"""Correlation of two effects' coefficients from which on they may cancel."""
+
+
+def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
+    """Returns pairs of effects whose coefficients are hard to tell apart."""
+    known = uncertainty_of(task, model)
+    std = np.sqrt(np.diag(known.covariance))
+    correlation = np.abs(known.covariance / std[:, None] / std)
+    slots = {
+        kind: [
+            known.free.index(i)
+            for i in task.layout.slots_of(kind)
+            if i in known.free and not task.is_shape(i)
+        ]
+        for kind in model.kinds
+    }
+    found = []
+    for k, first in enumerate(model.kinds):
+        for second in model.kinds[k + 1 :]:
+            block = correlation[np.ix_(slots[first], slots[second])]
+            if block.size and block.max() > OPPOSED:
+                found.append((float(block.max()), first, second))
+    return [(a, b) for _, a, b in sorted(found, reverse=True)[:3]]
+
+
+def without_needless_curves(search: Search, model: Fitted) -> Fitted:
+    """Returns the model without its curves, unless they are worth their price."""
+    if not model.has_curves:
+        return model
+    search.progress("are curves needed?")
+    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
+    bare = search.fit(bare, iterations=4)
+    gained = bare.cost - model.cost - model.freedom
+    return model if gained > CURVE_PRICE else bare
+
+
+CURVE_PRICE = 15.0
+"""Evidence that curves beside the formulas must bring [nats]."""
