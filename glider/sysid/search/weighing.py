@@ -151,8 +151,8 @@ class Uncertainty:
 def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
     """Returns how well a model's numbers are known.
 
-    The larger of what the likelihood says and what the scatter of the flights' scores
-    says, see `glider.sysid.likelihood.information.covariance`.
+    The larger of what the likelihood says and what leaving out each flight says, see
+    `glider.sysid.likelihood.information.covariance`.
     """
     directions = slopes(task.layout, model.theta, model.free)
     flights = linear_flights(task, model, directions)

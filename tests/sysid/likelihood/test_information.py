@@ -50,3 +50,21 @@ def test_what_is_known_beforehand_narrows_them():
     found = covariance(grams, 1.0, np.array([1e9, 0.0]))
     assert np.sqrt(found[0, 0]) < 1e-4
     assert np.sqrt(found[1, 1]) == pytest.approx(1.0 / np.sqrt(200 * 30), rel=0.15)
+
+
+def test_errors_cover_where_flights_are_few_for_the_coefficients():
+    """Twelve flights with slopes of their own, nine coefficients: 90 to 99 %."""
+    rng = np.random.default_rng(0)
+    covered = []
+    for _ in range(400):
+        x = rng.normal(size=(12, 20, 9)) * np.exp(0.5 * rng.normal(size=(12, 1, 9)))
+        own = 0.5 * rng.normal(size=(12, 1, 9))
+        y = rng.normal(size=(12, 20)) + np.sum(own * x, axis=2)
+        table = np.concatenate([x, y[:, :, None]], axis=2)
+        grams = np.einsum("fni,fnj->fij", table, table)
+        step = solve(grams.sum(axis=0))
+        shift = np.eye(10)
+        shift[:9, 9] = -step
+        found = covariance(np.einsum("ai,fab,bj->fij", shift, grams, shift), 1.0)
+        covered.append(np.abs(step) < 1.96 * np.sqrt(np.diag(found)))
+    assert 0.9 < np.mean(covered) < 0.99
