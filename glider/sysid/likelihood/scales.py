@@ -293,7 +293,7 @@ def fit_scales(
     logs = np.clip(scales.logs, low, high)
     damping = 0.0
     bases, value = _likelihood(flights, logs)
-    for _ in range(iterations):
+    for _ in range(iterations if np.isfinite(value) else 0):  # Else it blows up.
         gradient, fisher = _slopes(flights, bases, logs, index)
         at_floor = (logs[index] <= low[index]) & (gradient > 0.0)
         at_ceiling = (logs[index] >= high[index]) & (gradient < 0.0)
@@ -354,11 +354,10 @@ def _slopes(
             moved = logs.copy()
             moved[j] += _STEP_OF_LOG
             other = whiten(flight, Scales.from_logs(moved))
-            by_w.append((other.innovations[..., 0] - w) / _STEP_OF_LOG)
-            by_v.append((other.log_variances - v) / _STEP_OF_LOG)
-        dw, dv = np.array(by_w).reshape(len(index), -1), np.array(by_v)
-        dv = dv.reshape(len(index), -1)
+            by_w.append((other.innovations[..., 0] - w).ravel())
+            by_v.append((other.log_variances - v).ravel())
         with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+            dw, dv = np.array(by_w) / _STEP_OF_LOG, np.array(by_v) / _STEP_OF_LOG
             gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
             mean = dw + 0.5 * dv * w.ravel()
             fisher = mean @ mean.T + 0.5 * dv @ dv.T
