@@ -8,7 +8,7 @@ from pathlib import Path
 from glider.sysid import plausibility
 from glider.sysid.fit import folds
 from glider.sysid.likelihood import curves, outliers
-from glider.sysid.search import fits, moves, signs, subsets, tracing, weighing
+from glider.sysid.search import fits, pruning, signs, subsets, tracing, weighing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -45,7 +45,7 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
-    "curve_price": f"{moves.CURVE_PRICE:.0f}",
+    "curve_price": f"{pruning.CURVE_PRICE:.0f}",
     "curves": f"{curves.COUNT}",
     "doubted": f"{weighing.DOUBTED:.0f}",
     "field_price": f"{tracing.FIELD_PRICE:.0f}",
