@@ -7,7 +7,7 @@ The drawn model knows nothing of a truth's effect; the corrected one is what the
 perches if the hook takes it: near enough, slow enough, the nose up as it should be.
 """
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -77,6 +77,13 @@ def main(launches: int = 20, truths: tuple[str, ...] = TRUTHS) -> None:
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:]
-    count = int(words.pop(0)) if words else 20
-    main(count, tuple(words) or TRUTHS)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("launches", nargs="?", type=int, default=20)
+    parser.add_argument("truths", nargs="*", metavar="TRUTH", default=list(TRUTHS))
+    asked = parser.parse_args()
+    unknown = set(asked.truths) - set(TRUTHS)
+    if unknown:
+        parser.error(f"no truth {sorted(unknown)[0]!r}; there are {', '.join(TRUTHS)}")
+    main(asked.launches, tuple(asked.truths))
