@@ -332,8 +332,7 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     kind = task.layout.kinds[name]
     first = SPREAD_KINDS[name][1]
     values = list(spread.values.values())
-    error = spread.std / math.sqrt(max(len(values), 1))
-    mean = float(np.mean(values)) if values else 0.0
+    mean, error = float(np.mean(values)), spread.std / math.sqrt(len(values))
     return FoundEffect(
         kind=name,
         words=f"{kind.words}, another in each flight",

@@ -288,7 +288,7 @@ def fit_scales(
     Returns:
         the scales and the negative log-likelihood there [nats].
     """
-    index = [NAMES.index(name) for name in free]
+    index = np.array([NAMES.index(name) for name in free], dtype=int)
     low, high = FLOOR.logs, CEILING.logs
     logs = np.clip(scales.logs, low, high)
     damping = 0.0
@@ -306,7 +306,7 @@ def fit_scales(
             heavier = np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
             step = np.zeros(len(logs))
             solved = -np.linalg.solve(corner + heavier, gradient[loose])
-            step[np.array(index)[loose]] = np.clip(solved, -0.7, 0.7)
+            step[index[loose]] = np.clip(solved, -0.7, 0.7)
             moved = np.clip(logs + step, low, high)
             promised = -float(gradient @ (moved - logs)[index])
             if promised < tolerance:
@@ -342,7 +342,7 @@ def _slopes(
     flights: Sequence[LinearFlight],
     bases: Sequence[Filtered],
     logs: np.ndarray,
-    index: Sequence[int],
+    index: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the cost's slopes over logarithms of scales, and Fisher's information."""
 

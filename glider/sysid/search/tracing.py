@@ -54,19 +54,20 @@ def trace(
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
     search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
-    model, _ = prune(search, by_sets(search, start))
+    model, evidence = prune(search, by_sets(search, start))
     while better := with_fewer(search, model) or with_a_shaped_one(search, model):
-        model, _ = prune(search, better)
+        model, evidence = prune(search, better)
     search.task = task
     if leaves_something(model) and (other := with_forced(search, model, LATE)):
-        model, _ = prune(search, by_sets(search, other))
-    field = None
+        model, evidence = prune(search, by_sets(search, other))
+    pruned, field = model, None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
         field = beyond_names(search, model)
         model = model if field is None else field.model
     model = without_needless_curves(search, model)
-    model, evidence = prune(search, model)
+    if model is not pruned:
+        model, evidence = prune(search, model)
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
     dropped: set[str] = set()
