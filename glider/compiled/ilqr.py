@@ -11,6 +11,7 @@ from glider.compiled.runge_kutta import advance, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
+from glider.physics.stiffness import count_laps
 
 
 def slope_held(t, node, x, data, rate):
@@ -25,6 +26,7 @@ def ilqr_roll(
     share,
     step,
     order,
+    laps,
     states,
     inputs,
     feed,
@@ -41,6 +43,7 @@ def ilqr_roll(
         share: of the feed-forward.
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        laps: equal steps of the integrator to one of them.
         states: (N + 1, n) x̄.
         inputs: (N,) ū [rad/s].
         feed: (N,) k.
@@ -74,8 +77,11 @@ def ilqr_roll(
         hold += 0.5 * costs.hold[n] * change * change
         cost += 0.5 * costs.stage[n] * u * u
         new_inputs[k] = u
-        put(x, new_states[k + 1])
-        advance(slope_held, k * step, new_states[k + 1], step, order, (u, theta), work)
+        after = new_states[k + 1]
+        put(x, after)
+        for lap in range(laps):
+            t = (k + lap / laps) * step
+            advance(slope_held, t, after, step / laps, order, (u, theta), work)
     for i in range(n):
         error = new_states[steps, i] - costs.goal[i]
         cost += 0.5 * costs.final[i] * error * error
@@ -95,13 +101,13 @@ def slopes_aside(t, node, work, data):
             work[i, 1, j] = d[i]
 
 
-def ilqr_ends(points, steps, step, order, theta, ends):
+def ilqr_ends(points, steps, step, order, laps, theta, ends):
     """Writes where points of states and command are a step later.
 
     Args:
         points: (M, n + 1); point m is one of step m modulo N, as `spread` has them.
         steps: N.
-        step, order: as in `ilqr_roll`.
+        step, order, laps: as in `ilqr_roll`.
         theta: the glider's numbers.
         ends: (M, n), written.
     """
@@ -114,7 +120,9 @@ def ilqr_ends(points, steps, step, order, theta, ends):
             begins[j] = step * (k % steps)
             for i in range(width):
                 work[i, 0, j] = points[k, i]
-        advance_block(slopes_aside, 0.0, work, step, order, (theta, begins))
+        for lap in range(laps):
+            t = lap / laps * step
+            advance_block(slopes_aside, t, work, step / laps, order, (theta, begins))
         for j in range(here):
             for i in range(width - 1):
                 ends[first + j, i] = work[i, 0, j]
@@ -262,6 +270,7 @@ def roll(
         share,
         step,
         order,
+        count_laps(model, step, order),
         *nominal,
         *policy,
         costs,
@@ -287,7 +296,7 @@ def linearize_steps(
     ends, jacobian = np.empty((len(moved), n)), np.zeros((steps, n, n + 1))
     spread(points, DIFFERENCE, moved)
     LOOPS.over(model.kinds, model.has_field).ilqr_ends(
-        moved, steps, step, order, model.numbers, ends
+        moved, steps, step, order, count_laps(model, step, order), model.numbers, ends
     )
     add_difference(ends, 0.5 / DIFFERENCE, jacobian)
     return jacobian

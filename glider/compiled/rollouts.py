@@ -7,6 +7,7 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
+from glider.physics.stiffness import count_laps
 
 
 def slopes(t, node, work, theta):
@@ -21,7 +22,7 @@ def slopes(t, node, work, theta):
             work[i, 1, j] = d[i]
 
 
-def rollouts(start, command, step, order, theta, states):
+def rollouts(start, command, step, order, laps, theta, states):
     """Flies a batch of gliders under command tapes in still air.
 
     Gliders go in blocks, and of a block all take a step before any takes the
@@ -33,6 +34,7 @@ def rollouts(start, command, step, order, theta, states):
         command: (B, N) elevator-rate commands, each held for one step [rad/s].
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        laps: equal steps of the integrator to one of them.
         theta: the gliders' numbers.
         states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
     """
@@ -49,7 +51,9 @@ def rollouts(start, command, step, order, theta, states):
         for k in range(steps):
             for j in range(BLOCK):
                 work[n, 0, j] = command[first + min(j, count - 1), k]
-            advance_block(slopes, k * step, work, step, order, theta)
+            for lap in range(laps):
+                t = (k + lap / laps) * step
+                advance_block(slopes, t, work, step / laps, order, theta)
             if keep:
                 for i in range(n):
                     put(work[i, 0], path[k, i])
@@ -83,7 +87,8 @@ def fly_tapes(
         starts: (B, n) states at launch.
         commands: (B, N) elevator-rate commands, each held for a step [rad/s].
         step: [s].
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
+            where the effects' own states ask for it.
         only_last: whether to return the last states alone.
 
     Returns:
@@ -96,6 +101,7 @@ def fly_tapes(
         np.ascontiguousarray(commands, dtype=float),
         step,
         order,
+        count_laps(model, step, order),
         model.numbers,
         states,
     )

@@ -11,6 +11,7 @@ from glider.compiled.rollouts import rollouts
 from glider.compiled.runge_kutta import put
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
+from glider.physics.stiffness import count_laps
 
 
 def cost_to_go(states, command, nominal, price, step, cost, to_go):
@@ -35,7 +36,7 @@ def cost_to_go(states, command, nominal, price, step, cost, to_go):
 
 
 def sampled_costs(
-    start, command, nominal, price, step, order, servo, cost, theta, to_go, states
+    start, command, nominal, price, step, order, laps, servo, cost, theta, to_go, states
 ):
     """Flies one launch under many command sequences and says what each costs.
 
@@ -54,6 +55,7 @@ def sampled_costs(
         price: of the likelihood ratio; 0 for none.
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        laps: equal steps of the integrator to one of them.
         servo: its limits; the glider gets commands that keep them, as far as no
             effect delays them.
         cost: of a flight, see `FlightCost`.
@@ -77,7 +79,7 @@ def sampled_costs(
                 rate = min(max(command[first + min(j, count - 1), k], low), high)
                 elevator += rate * step
                 given[j, k] = rate
-        rollouts(starts, given, step, order, theta, path)
+        rollouts(starts, given, step, order, laps, theta, path)
         for j in range(count):
             row = first + j
             cost_to_go(path[j], command[row], nominal, price, step, cost, to_go[row])
@@ -127,7 +129,8 @@ def cost_sequences(
         step: [s].
         cost: of a flight.
         servo: limits that the commands are kept within.
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta.
+        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
+            where the effects' own states ask for it.
         nominal: (N,) that the likelihood ratio is taken about [rad/s].
         price: its weight.
         keep_states: whether to return the flights.
@@ -145,6 +148,7 @@ def cost_sequences(
         price,
         step,
         order,
+        count_laps(model, step, order),
         servo,
         cost,
         model.numbers,

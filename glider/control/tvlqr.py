@@ -12,6 +12,7 @@ from glider.control.policy import (
     weight_matrix,
 )
 from glider.physics.model import GliderModel
+from glider.physics.stiffness import longest_step
 from glider.planning.plan import Plan
 
 STEP = 0.003
@@ -33,13 +34,16 @@ def compiled_policy(
         model: the glider that the plan is for.
         plan: what to follow.
         weights: of the feedback; None for the article's.
-        step: longest step of the pass [s].
+        step: longest step of the pass [s]; shorter where the effects' own states ask
+            for it.
 
     Raises:
         InputError: the plan is for another glider.
     """
     check_plan(model, plan)
     weights = TrackingWeights() if weights is None else weights
+    # The cost-to-go settles at twice the rate of a state.
+    step = min(step, 0.5 * longest_step(model))
     n, count = model.num_states, aligned_count(plan, step)
     times = np.linspace(0.0, plan.duration, 2 * count + 1)
     gains, corrections, cost = solve_riccati(

@@ -27,6 +27,7 @@ from glider.physics.state import (
     POSE_NAMES,
     STATE_NAMES,
 )
+from glider.physics.stiffness import longest_step
 
 STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""
@@ -122,7 +123,8 @@ def make_ekf(
         slow: what else to estimate.
         known: what else changes and is known at each sample, by name as in
             SlowState; for example WIND_NAMES.
-        step: longest Runge-Kutta step [s].
+        step: longest Runge-Kutta step [s]; shorter where the effects' own states ask
+            for it.
 
     Raises:
         InputError: what is given does not fit together.
@@ -163,6 +165,7 @@ def make_ekf(
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
     acting, seen = _depend(model, z, taken)
     period = 1.0 / rate
+    step = min(step, longest_step(model))
     count = math.ceil(period / step - 1e-9)
     return Ekf(
         model=model,

@@ -45,6 +45,9 @@ from glider.physics.parameters import (
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.physics.typed_yaml import dump_typed, load_typed
 
+_TINY = 1e-30
+"""Length of a complex step."""
+
 _IN_MOTION = (-1.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
 """A state of STATE_NAMES in which nothing is divided by zero."""
 
@@ -131,6 +134,21 @@ class GliderModel:
         x = self.initial_state(_IN_MOTION)
         rates = self.chain.derivatives(math.nan, x, 1.0, 0.0, 0.0, self.numbers)
         return bool(np.any(np.isnan(rates)))
+
+    @functools.cached_property
+    def settling_rate(self) -> float:
+        """Largest rate |λ| at which the effects' own states settle [1/s]; 0 for none.
+
+        λ are the eigenvalues of the slopes of the states' rates by these states.
+        """
+        x = self.initial_state(_IN_MOTION).astype(complex)
+        own = slice(NUM_STATES, len(x))
+        slopes = []
+        for unit in np.eye(len(x))[own]:
+            moved, theta = x + 1j * _TINY * unit, self.numbers
+            rates = self.chain.derivatives(0.0, moved, 0.0, 0.0, 0.0, theta)
+            slopes.append(np.imag(rates[own]) / _TINY)
+        return float(max(np.abs(np.linalg.eigvals(slopes)))) if slopes else 0.0
 
     def initial_state(self, state: ArrayLike) -> np.ndarray:
         """Returns the full state in still air with the effects' own states at rest.

@@ -12,6 +12,7 @@ from glider.errors import InputError, show
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
+from glider.physics.stiffness import longest_step
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Flights
 
@@ -123,7 +124,7 @@ def fly(
             command follows the state at once.
         noise: (B, H, m) added to the states that each command is computed from,
             m states and `make_clock(...).commands` commands.
-        step: longest step [s].
+        step: longest step [s]; shorter where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
         keep_paths: whether to return all states, and what the servo made of held
             commands.
@@ -139,6 +140,7 @@ def fly(
             f"{', '.join(model.state_names)}; diagrams.closed_loop with its observer "
             "is needed."
         )
+    step = min(step, longest_step(model))
     clock = make_clock(policy, command_rate, step, after)
     starts = full_starts(model, starts)
     shape = (len(starts), clock.commands, len(known))

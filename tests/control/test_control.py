@@ -38,12 +38,15 @@ from glider.physics.effects import (
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
+from glider.planning import dircol
 from glider.planning.plan import Plan
 from glider.simulation.fly import fly
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
     LAGGING,
     NOMINAL,
+    PROBLEM,
+    QUICK,
     drake_gains,
     drake_policy,
     plan_of,
@@ -207,6 +210,17 @@ def test_weights_without_a_solution_are_refused(weights):
 def test_a_plan_for_another_glider_is_refused(make):
     with pytest.raises(InputError, match=r"servo_lag\.servo_rate"):
         make(LAGGING, plan_of())
+
+
+def test_a_quick_servo_is_fed_back_as_none():
+    """The compiled pass against Drake's, whose steps are as short as it needs."""
+    planned = dircol.plan(QUICK, PROBLEM)
+    table = compiled_policy(QUICK, planned)
+    drake = tracking_gains(QUICK, planned)
+    for time in (0.0, 0.3, 0.6):
+        k = int(np.argmin(np.abs(table.times - time)))
+        gain = drake.K.value(table.times[k])[0]
+        np.testing.assert_allclose(table.gains[k], gain, atol=1e-3 * np.max(abs(gain)))
 
 
 # ---------------------------------------------------------------------- cruise

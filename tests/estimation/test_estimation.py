@@ -65,7 +65,7 @@ from glider.simulation.monte_carlo import (
     LaunchSpread,
     draw_launches,
 )
-from tests.helpers.flights import NOMINAL, PROBLEM, plan_of, policy
+from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states
 
 NOISE = np.square(CAPTURE.std)
@@ -460,6 +460,19 @@ def test_without_its_known_inputs_they_are_the_model_s():
     np.testing.assert_allclose(
         estimator.GetOutputPort("estimate").Eval(context), found.means[0, 1], atol=1e-9
     )
+
+
+def test_a_quick_servo_is_estimated_as_none():
+    """Its state is quicker than the samples come: the filter divides its steps."""
+    found = []
+    for model in (NOMINAL, QUICK):
+        ekf = perching_ekf(model)
+        rates = np.random.default_rng(0).uniform(-8.0, 8.0, (1, 60, 1))
+        flown = fly_watched(ekf, launch_prior(ekf, LAUNCH).mean, rates[0])
+        found.append(run_ekf(ekf, launch_prior(ekf, LAUNCH), rates, flown.measured))
+        np.testing.assert_allclose(found[-1].means[0], flown.states[0], atol=1e-8)
+    near, quick = (f.covariances[0, :, :7, :7] for f in found)
+    np.testing.assert_allclose(quick, near, atol=0.02 * np.max(near))
 
 
 def test_feedback_of_the_estimate_perches():

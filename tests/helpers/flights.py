@@ -19,6 +19,9 @@ PROBLEM = PerchingProblem()
 NO_HOOK = PerchingProblem(hook=Hook(reach=1e-9))
 NOMINAL = GliderModel()
 LAGGING = GliderModel(effects=(SERVO_LAG(time_constant=0.03),))
+QUICK = GliderModel(effects=(SERVO_LAG(time_constant=0.0005),))
+"""Glider that flies like the nominal one, but whose servo's state is much quicker than
+the steps of the integrators."""
 
 
 @functools.cache

@@ -19,7 +19,7 @@ from glider.planning.ilqr import (
     ilqr,
 )
 from glider.planning.problem import goal_cost, goal_problem
-from tests.helpers.flights import LAGGING
+from tests.helpers.flights import LAGGING, NOMINAL, QUICK
 from tests.helpers.physics import random_states
 
 HEAVY = GliderModel(parameters=load_parameters(models_path("vehicles", "heavy.yaml")))
@@ -103,6 +103,15 @@ def test_a_plan_is_a_flight_and_its_cost_is_that_of_the_flight(order):
     assert planned.duration == pytest.approx(0.75)
     assert planned.times[-1] == pytest.approx(planned.duration)
     assert goal_cost(REGULAR, planned.states[-1]) < cost
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_a_quick_servo_costs_what_none_costs(order):
+    settings = IlqrSettings(order=order)
+    plans = [ilqr(model, REGULAR, settings) for model in (NOMINAL, QUICK)]
+    assert plans[1].converged
+    error = 0.01 if order == 4 else 0.05  # Euler's own, of 10 ms.
+    assert plans[1].cost == pytest.approx(plans[0].cost, rel=error)
 
 
 @pytest.mark.parametrize("order", [1, 4])

@@ -37,6 +37,7 @@ from glider.planning.sampling import (
     mppi_step,
     mppi_update,
 )
+from tests.helpers.flights import QUICK
 
 ARTICLE = load_problem(models_path("problems", "sampling.yaml"))
 REPLANNING = load_problem(models_path("problems", "replanning.yaml"))
@@ -362,6 +363,18 @@ def test_a_plan_becomes_a_sequence(article_plan):
 def test_what_cannot_be_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         make()
+
+
+def test_a_sequence_costs_a_quick_servo_what_it_costs_none():
+    """A traced model may hold a lag of half a millisecond, a command lasts twenty."""
+    commands = draw(50, 40, 4.0)
+    near, quick = (
+        replanning_cost(model, REPLANNING).to_go(
+            model.initial_state(LAUNCH), commands, draw(1, 40)[0], SETTINGS.price
+        )
+        for model in (GliderModel(), QUICK)
+    )
+    np.testing.assert_allclose(quick, near, rtol=0.1)
 
 
 @pytest.mark.parametrize("search", [cem, mppi])

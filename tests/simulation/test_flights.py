@@ -7,7 +7,7 @@ from glider.physics.servo import limited_rate
 from glider.simulation.flights import hooked
 from glider.simulation.fly import fly
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, draw_noise, policy
+from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, QUICK, draw_noise, policy
 
 STARTS = draw_launches(
     PROBLEM,
@@ -49,6 +49,14 @@ def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
         free = room > 0.1
         assert np.mean(free) > 0.5
         np.testing.assert_allclose(moved[free], flight.rates[:-1][free], atol=1e-9)
+
+
+def test_a_quick_servo_perches_as_none():
+    near, quick = (
+        fly(model, policy(), STARTS, problem=NO_HOOK) for model in (NOMINAL, QUICK)
+    )
+    assert np.max(quick.miss) < 0.3
+    np.testing.assert_allclose(quick.miss, near.miss, atol=0.01)
 
 
 def test_commands_are_those_of_the_policy_after_the_servos_limits():
