@@ -96,8 +96,8 @@ def estimated_loop(
 
     Args:
         truth: the glider that flies; it need not be the filter's.
-        regulator: from the state of the filter's glider to one command. It becomes
-            a part of this diagram, and fits into no other.
+        regulator: from the state of the filter's glider to one command, its first
+            output. It becomes a part of this diagram, and fits into no other.
         ekf: samples motion capture at its own rate.
         prior: what the filter believes at launch.
         command_rate: the command is held between samples at this rate [Hz]; None:
@@ -142,7 +142,7 @@ def estimated_loop(
     builder.Connect(capture, estimator.GetInputPort("measured"))
     builder.Connect(state, regulator.get_input_port())
     builder.Connect(state, believed.GetInputPort("state"))
-    command = hold_command(builder, regulator.get_output_port(), command_rate)
+    command = hold_command(builder, regulator.get_output_port(0), command_rate)
     builder.ExportOutput(state, "estimate")
     builder.Connect(command, servo.GetInputPort("command"))
     builder.Connect(command, believed.GetInputPort("command"))

@@ -5,11 +5,15 @@ import dataclasses
 import numpy as np
 
 from diagrams.closed_loop import closed_loop
+from diagrams.estimated_loop import estimated_loop
+from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
 from glider.control.mpc import ModelPredictiveController, Replanned
 from glider.control.mppi import MppiController, replanning_cost, sequence_of
 from glider.control.tvlqr_drake import tracking_regulator
+from glider.estimation.perching import CAPTURE, LAUNCH_STD, perching_ekf
+from glider.estimation.running import make_prior
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
@@ -45,19 +49,24 @@ def race(
     starts: np.ndarray,
     *,
     seed: int = 0,
+    unsure: float | None = None,
     progress: Progress | None = None,
 ) -> Race:
     """Flies launches of a glider under three controllers made with a model of it.
 
-    All command at COMMAND_RATE from the states as they are; who plans anew does so
-    with the goal and the weights of models/problems/replanning.yaml.
+    All command at COMMAND_RATE, from the states as they are or from what a filter with
+    that model makes of motion capture; who plans anew does so with the goal and the
+    weights of models/problems/replanning.yaml.
 
     Args:
         truth: the glider that flies.
         model: what is believed of it.
         problem: of the plan that TVLQR follows and MPPI starts from.
         starts: (B, 7) launch states.
-        seed: of MPPI.
+        seed: of MPPI and of motion capture's noise, which is the same for each
+            controller.
+        unsure: how many times LAUNCH_STD the filter believes a launch to err; None
+            for no filter.
         progress: told what is being done.
 
     Raises:
@@ -68,6 +77,12 @@ def race(
     replanning = load_problem(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(model, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps)
+    noise = None
+    if unsure is not None:
+        ekf = perching_ekf(model)
+        prior = make_prior(ekf, planned.states[0], unsure * np.array(LAUNCH_STD))
+        rng = np.random.default_rng(seed)
+        noise = CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate))
     made: list[Replanned] = []
     mpc = ModelPredictiveController(model, replanning, COMMAND_RATE, made.append)
     systems = {
@@ -78,11 +93,16 @@ def race(
     flights = {}
     for name, (system, rate) in systems.items():
         say(f"fly by {name}")
+        if unsure is None:
+            loop = closed_loop(truth, system, planned=model, command_rate=rate)
+        else:
+            loop = estimated_loop(truth, system, ekf, prior, command_rate=rate)
         flights[name] = simulate_flights(
-            closed_loop(truth, system, planned=model, command_rate=rate),
+            loop,
             starts,
             planned.duration + AFTER,
             problem=problem,
+            capture_noise=noise,
             progress=progress,
         )
     return Race(

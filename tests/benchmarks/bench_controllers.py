@@ -1,10 +1,12 @@
 """TVLQR, MPPI and planning anew by collocation over the seven truths: README's table.
 
-    python -m tests.benchmarks.bench_controllers [LAUNCHES] [TRUTH ...]
+    python -m tests.benchmarks.bench_controllers [--estimated] [LAUNCHES] [TRUTH ...]
 
 The drawn model knows nothing of a truth's effect; the corrected one is what the logs of
 100 flights tell. Launches err as today, and two and three times as wide. A flight
 perches if the hook takes it: near enough, slow enough, the nose up as it should be.
+With --estimated the controllers get what a Kalman filter with the same model makes of
+motion capture (1 mm, 120 Hz), not the true state; of the corrected models alone.
 """
 
 import argparse
@@ -40,7 +42,9 @@ def widened(times: int) -> LaunchSpread:
     )
 
 
-def main(launches: int = 20, truths: tuple[str, ...] = TRUTHS) -> None:
+def main(
+    launches: int = 20, truths: tuple[str, ...] = TRUTHS, estimated: bool = False
+) -> None:
     """Prints the table, a row as soon as it is known."""
     problem, seconds, failures = PerchingProblem(), [], 0
     print(f"Perches of {launches}, launches 1, 2 and 3 times as wide; median miss [mm]")
@@ -48,16 +52,18 @@ def main(launches: int = 20, truths: tuple[str, ...] = TRUTHS) -> None:
     print("|---|---|" + "---|" * len(CONTROLLERS))
     for name in truths:
         truth = load_truth(name)
-        models = {
-            "drawn": GliderModel(parameters=truth.parameters),
-            "corrected": trace_model(truth, FLIGHTS, np.random.default_rng(0)).model,
-        }
+        corrected = trace_model(truth, FLIGHTS, np.random.default_rng(0)).model
+        models = {"corrected": corrected}
+        if not estimated:
+            drawn = GliderModel(parameters=truth.parameters)
+            models = {"drawn": drawn, "corrected": corrected}
         for label, model in models.items():
             cells = {controller: [] for controller in CONTROLLERS}
             for times in WIDTHS:
                 rng = np.random.default_rng([1, times])
                 starts = draw_launches(problem, widened(times), launches, rng)
-                raced = race(truth, model, problem, starts)
+                unsure = times if estimated else None
+                raced = race(truth, model, problem, starts, unsure=unsure)
                 seconds.append(raced.seconds)
                 failures += raced.failures
                 for controller, flown in raced.flights.items():
@@ -82,8 +88,9 @@ if __name__ == "__main__":
     )
     parser.add_argument("launches", nargs="?", type=int, default=20)
     parser.add_argument("truths", nargs="*", metavar="TRUTH", default=list(TRUTHS))
+    parser.add_argument("--estimated", action="store_true", help="fly by the filter")
     asked = parser.parse_args()
     unknown = set(asked.truths) - set(TRUTHS)
     if unknown:
         parser.error(f"no truth {sorted(unknown)[0]!r}; there are {', '.join(TRUTHS)}")
-    main(asked.launches, tuple(asked.truths))
+    main(asked.launches, tuple(asked.truths), asked.estimated)
