@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from glider.physics.stiffness import count_laps
 from glider.planning.point_dynamics import Dynamics
 
 POINTS = 20
 """Points in each segment at which the path is looked at."""
 
 STEPS = 8
-"""Runge-Kutta steps in which a segment is flown afresh."""
+"""Runge-Kutta steps in which a segment is flown afresh, at least."""
 
 
 def path_defect(
@@ -57,8 +58,9 @@ def segment_drift(
         states: (N, n) at the knots.
         inputs: (N,) at the knots, straight lines between.
     """
-    phase = np.linspace(0.0, 1.0, 2 * STEPS + 1)[:, None]
+    steps = max(STEPS, count_laps(dynamics.model, float(np.max(np.diff(times)))))
+    phase = np.linspace(0.0, 1.0, 2 * steps + 1)[:, None]
     tape = inputs[:-1] + np.diff(inputs) * phase
     thirds = np.stack([tape[:-1:2], tape[1::2], tape[2::2]], axis=1)
-    ends = dynamics.fly(states[:-1], thirds, np.diff(times) / STEPS)
+    ends = dynamics.fly(states[:-1], thirds, np.diff(times) / steps)
     return np.abs(ends - states[1:]).max(axis=0)
