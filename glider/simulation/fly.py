@@ -12,7 +12,7 @@ from glider.errors import InputError, show
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
-from glider.physics.stiffness import longest_step
+from glider.physics.stiffness import count_laps
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Flights
 
@@ -124,7 +124,7 @@ def fly(
             command follows the state at once.
         noise: (B, H, m) added to the states that each command is computed from,
             m states and `make_clock(...).commands` commands.
-        step: longest step [s]; shorter where the effects' own states ask for it.
+        step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
         keep_paths: whether to return all states, and what the servo made of held
             commands.
@@ -140,8 +140,8 @@ def fly(
             f"{', '.join(model.state_names)}; diagrams.closed_loop with its observer "
             "is needed."
         )
-    step = min(step, longest_step(model))
     clock = make_clock(policy, command_rate, step, after)
+    laps = count_laps(model, clock.step)
     starts = full_starts(model, starts)
     shape = (len(starts), clock.commands, len(known))
     noise = np.empty((len(starts), 0, len(known))) if noise is None else noise
@@ -155,18 +155,19 @@ def fly(
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
     else:
-        sampled = np.arange(2 * clock.steps + 1) * 0.5 * clock.step
+        sampled = np.arange(2 * clock.steps * laps + 1) * 0.5 * clock.step / laps
     offset, gain = policy.sample(sampled)
     problem = PerchingProblem() if problem is None else problem
     miss, arrivals, states = fly_feedback(
         model,
         starts,
-        clock.steps,
-        clock.step,
-        Feedback(offset=offset, gain=gain, hold=clock.hold, noise=noise),
+        clock.steps * laps,
+        clock.step / laps,
+        Feedback(offset=offset, gain=gain, hold=clock.hold * laps, noise=noise),
         wire=(problem.wire[0], problem.wire[1]),
         keep_paths=keep_paths,
     )
+    states = states[:, ::laps]
     commands = None
     if keep_paths and clock.hold:
         begins = states[:, : -1 : clock.hold]

@@ -51,12 +51,19 @@ def test_a_flight_is_its_row_with_the_rate_of_each_command(noisy):
         np.testing.assert_allclose(moved[free], flight.rates[:-1][free], atol=1e-9)
 
 
-def test_a_quick_servo_perches_as_none():
+@pytest.mark.parametrize("rate", [None, 50.0])
+def test_a_quick_servo_perches_as_none(rate):
     near, quick = (
-        fly(model, policy(), STARTS, problem=NO_HOOK) for model in (NOMINAL, QUICK)
+        fly(
+            model, policy(), STARTS, command_rate=rate, problem=NO_HOOK, keep_paths=True
+        )
+        for model in (NOMINAL, QUICK)
     )
     assert np.max(quick.miss) < 0.3
     np.testing.assert_allclose(quick.miss, near.miss, atol=0.01)
+    np.testing.assert_array_equal(quick.times, near.times)
+    np.testing.assert_allclose(quick.paths[..., :2], near.paths[..., :2], atol=0.02)
+    np.testing.assert_array_equal(quick.ends, quick.paths[:, -1])
 
 
 def test_commands_are_those_of_the_policy_after_the_servos_limits():
