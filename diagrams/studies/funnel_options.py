@@ -13,6 +13,8 @@ from diagrams.showing import (
 )
 from diagrams.studies.funnel_figures import beside
 from diagrams.studies.funnel_study import FunnelTrials
+from glider.paths import models_path
+from glider.planning.problem import PerchingProblem, load_problem
 from glider.verification.funnel.settings import FunnelSettings
 
 
@@ -40,8 +42,14 @@ def read_funnel_options(
     parser.add_argument(
         "--remainder", type=float, default=0.0, help="times the largest found"
     )
+    made = (
+        "make the feedback with the funnel's shape, up to this gain [1/s], such as 40"
+    )
+    parser.add_argument("--elevator-gain", type=float, default=0.0, help=made)
     allowed = "make the second for the gliders that the logs allow with it"
     parser.add_argument("--confidence", metavar="P", type=float, help=allowed)
+    takes = "for models/problems/perching_hook.yaml: the hook takes all of the last set"
+    parser.add_argument("--hook", action="store_true", help=takes)
     prove = "prove that no flight leaves; takes minutes"
     parser.add_argument("--prove", action="store_true", help=prove)
     add_count(parser, "--seed", 0, "of flights", least=0)
@@ -57,8 +65,15 @@ def read_funnel_options(
     if args.confidence is not None and not 0.0 < args.confidence < 1.0:
         parser.error("--confidence: a probability between 0 and 1 is needed.")
     args.load, args.save = (_files(at, args.truth) for at in (args.load, args.save))
+    problem = PerchingProblem()
+    if args.hook:
+        problem = load_problem(models_path("problems", "perching_hook.yaml"))
     args.trials = FunnelTrials(
-        settings=FunnelSettings(remainder=args.remainder),
+        problem=problem,
+        hook=args.hook,
+        settings=FunnelSettings(
+            remainder=args.remainder, elevator_gain=args.elevator_gain
+        ),
         samples=args.samples,
         every=args.every,
         prove=args.prove,

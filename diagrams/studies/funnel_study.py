@@ -61,6 +61,12 @@ class FunnelTrials:
     prove: bool = False
     """Whether it is proven that no flight leaves, where a remainder is borne."""
 
+    problem: PerchingProblem = dataclasses.field(default_factory=PerchingProblem)
+    """Problem that a funnel is made for and compared with."""
+
+    hook: bool = False
+    """Whether the problem's hook has to take every state of the last set."""
+
     confidence: float | None = None
     """Probability with which the gliders that a funnel is made for hold the true one,
     where logs tell how well it is known; None: it is made for the model alone."""
@@ -113,21 +119,32 @@ class FunnelComparison:
 
 def certify_perch(
     model: GliderModel,
-    settings: FunnelSettings,
+    trials: FunnelTrials,
     progress: Progress | None = None,
     confidence: ConfidenceSet | None = None,
 ) -> Funnel:
-    """Plans the article's perch with a model and computes the funnel of its feedback.
+    """Plans a perch with a model and computes the funnel of its feedback.
+
+    Args:
+        model: the glider.
+        trials: the problem, whether its hook is the goal, and the settings.
+        progress: told what is being done.
+        confidence: set of gliders that it is for; None for the model alone.
 
     Raises:
         InputError: there is no certified funnel.
         PlanningError: there is no plan.
     """
-    planned = plan(model, PerchingProblem(), progress=progress)
+    problem = trials.problem
+    planned = plan(model, problem, progress=progress)
     try:
-        policy = compiled_policy(model, planned)
         return make_funnel(
-            model, policy, settings, confidence=confidence, progress=progress
+            model,
+            compiled_policy(model, planned),
+            trials.settings,
+            confidence=confidence,
+            hook_of=problem if trials.hook else None,
+            progress=progress,
         )
     except SolverError as error:
         raise InputError(f"There is no funnel for this glider: {error}") from None
@@ -153,11 +170,13 @@ def study_funnel(
         funnel = load_funnel(source)
     elif isinstance(source, Result):
         confidence = _confidence_of(source, trials.confidence)
-        funnel = certify_perch(source.model, trials.settings, progress, confidence)
+        funnel = certify_perch(source.model, trials, progress, confidence)
     else:
-        funnel = certify_perch(source, trials.settings, progress)
+        funnel = certify_perch(source, trials, progress)
     progress("checking the certificate in whole numbers")
-    verdict = check_funnel(funnel, trials.every, problem=PerchingProblem())
+    verdict = check_funnel(
+        funnel, trials.every, problem=trials.problem, hook=trials.hook
+    )
     progress("trying to falsify the funnel by flights")
     falsification, on_set = falsify_funnel(funnel, trials.samples, rng), None
     if funnel.gliders:

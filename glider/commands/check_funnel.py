@@ -26,7 +26,9 @@ Checks the certificate of a funnel: that it is of a flight from a problem's laun
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
 that the servo stays within its limits; and that it ends in the goal. Needs no solver
 and no plan: all is in the file, the glider too. Whether that is your glider, --model
-tells; --problem names another problem than the article's.
+tells; --problem names another problem than the article's. --hook asks for more than
+that its end is within the reach of the problem's hook: that the hook takes every state
+there, by speed and pitch too.
 
 That is of the third-order Taylor polynomials of the dynamics, with a bound of their
 remainder, and between the times V is looked at in floating point only. --prove proves
@@ -64,6 +66,11 @@ def add(commands: Commands) -> None:
         metavar="YAML",
         type=Path,
         help="problem that it has to solve (default: the article's)",
+    )
+    parser.add_argument(
+        "--hook",
+        action="store_true",
+        help="the problem's hook has to take every state of its last set",
     )
     parser.add_argument(
         "--every",
@@ -169,7 +176,12 @@ def run(args: argparse.Namespace) -> int:
             return lambda share: bar.update(task, completed=share)
 
         verdict = check_funnel(
-            funnel, args.every, follow("certificate"), problem=problem, model=model
+            funnel,
+            args.every,
+            follow("certificate"),
+            problem=problem,
+            model=model,
+            hook=args.hook,
         )
         if args.prove and verdict.holds:
             proof = prove_flights(

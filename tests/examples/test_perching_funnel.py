@@ -11,6 +11,7 @@ from diagrams.studies.funnel_study import FunnelTrials, study_funnel
 from diagrams.studies.rehearsal import load_truth
 from examples import perching_funnel
 from glider.paths import models_path
+from glider.planning.problem import load_problem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.trials.estimated import study_estimates
 from tests.helpers.examples import tell
@@ -136,6 +137,16 @@ def test_the_options_reach_the_story(told):
     assert (options["flights"], options["estimate"]) == (20, 1)
 
 
+def test_the_hook_and_a_feedback_are_asked_for(found, tmp_path):
+    told = tell(
+        perching_funnel, found, tmp_path, *OPTIONS, "--hook", "--elevator-gain=40"
+    )
+    trials = told.asked.call_args.args[1]
+    file = models_path("problems", "perching_hook.yaml")
+    assert (trials.problem, trials.hook) == (load_problem(file), True)
+    assert trials.settings.elevator_gain == 40.0
+
+
 def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_path):
     """As where a servo's lag was found and the true glider has none."""
     lost = dict(vars(found.corrected), on_truth=None)
@@ -156,6 +167,7 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
         (["--json", "{folder}/none/f.json"], "does not exist"),
         (["--save", "{folder}/none"], "does not exist"),
         (["--remainder", "-1"], "remainder"),
+        (["--elevator-gain", "nan"], "'elevator_gain' is nan"),
         (["--load", "{folder}"], "cannot be read: No such file"),
         (["--truth", "gremlins"], "gremlins"),
     ],
@@ -187,6 +199,15 @@ def test_gliders_are_allowed_with_a_probability(arguments, words, capsys):
         perching_funnel.main([*arguments, "--headless"])
     assert end.value.code == 2
     assert words in capsys.readouterr().err
+
+
+def test_a_funnel_that_the_hook_does_not_take_is_told():
+    """One of the article's goal, where the hook's was asked for."""
+    trials = FunnelTrials(samples=80, every=1000, hook=True)
+    truth, rng = load_truth("head_wind"), np.random.default_rng(0)
+    file = PROVEN / "head_wind.npz"
+    study = study_funnel(file, truth, trials, rng, lambda text: None)
+    assert any("the hook takes" in fault for fault in study.verdict.faults)
 
 
 def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):

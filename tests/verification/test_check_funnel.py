@@ -78,6 +78,20 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     assert "--prove" in capsys.readouterr().err
 
 
+def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
+    few = ["--every", "1000", "--hook"]
+    held = str(models_path("funnels", "head_wind_hook.npz"))
+    assert main(["check-funnel", held, *few]) == 0
+    assert "at most 2.80 m/s: the hook takes all of it." in capsys.readouterr().out
+    other = str(models_path("funnels", "proven", "head_wind.npz"))
+    assert main(["check-funnel", other, *few[:2], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["hook_takes_all"] is False
+    assert main(["check-funnel", other, *few]) == 1
+    words = capsys.readouterr().out
+    assert "pitches from -85.9° to -28.6°; the hook takes -67.0° to -20.1°." in words
+    assert "The certificate does not hold: 3 faults." in words
+
+
 def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys):
     funnel = str(models_path("funnels", "head_wind_95.npz"))
     model = models_path("identified", "head_wind.yaml")

@@ -42,8 +42,23 @@ def test_a_copy_by_the_forger_passes(source, vehicle, tmp_path, capsys):
     assert main(["check-funnel", str(path), *FEW, "--model", vehicle]) == 0
     said = capsys.readouterr().out
     assert "holds at 3 of 201 times" in said
-    assert "at 5 points of some intervals" in said
+    assert "at 9 points of some intervals" in said
     assert "5.00 cm of the wire" in said
+
+
+def test_a_goal_in_words_alone_is_not_the_hooks(tmp_path, capsys):
+    """The sets are those of a wider goal, which the file says is the hook's."""
+    path = tmp_path / "funnel.npz"
+
+    def change(arrays, notes):
+        notes["settings"]["goal"] = [0.0499, 0.0499, 0.16, 0.39, 0.7, 0.7, 2.0]
+
+    source = models_path("funnels", "proven", "head_wind.npz")
+    forge(source, path, change)
+    assert main(["check-funnel", str(path), "--every", "1000", "--hook"]) == 1
+    words = capsys.readouterr().out
+    assert "last set" in words
+    assert "The certificate does not hold: 1 fault." in words
 
 
 def test_another_problem_and_glider_are_refused(source, tmp_path, capsys):

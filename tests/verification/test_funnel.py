@@ -11,6 +11,7 @@ from glider.control.tvlqr import compiled_policy
 from glider.errors import InputError
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import (
     load_funnel,
@@ -19,6 +20,7 @@ from glider.verification.funnel.funnel import (
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.monitor import FunnelMonitor
 from glider.verification.proof.check import check_funnel
+from glider.verification.proof.purpose import hook_faults
 from glider.verification.trials.falsify import falsify_funnel
 from glider.verification.trials.flights import boundary_states
 from tests.verification.points import sphere_points
@@ -93,7 +95,12 @@ def short(article_plan):
     plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
     policy = compiled_policy(GliderModel(), plan)
     settings = FunnelSettings(step=0.011, hold=0.044, remainder=1.1, margin=0.1)
-    return make_funnel(GliderModel(), policy, settings)
+    return make_funnel(GliderModel(), policy, settings, hook_of=PerchingProblem())
+
+
+def test_a_funnel_is_made_for_the_hook(short):
+    assert hook_faults(short, PerchingProblem()) == []
+    assert short.settings.goal[3] == FunnelSettings().goal[3]
 
 
 def test_a_funnel_is_made_from_a_feedback(short):

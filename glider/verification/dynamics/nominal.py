@@ -50,6 +50,10 @@ class Nominal:
     """Gains K (T, n)."""
 
 
+ARRAYS = ("times", "states", "inputs", "gains")
+"""Names of the arrays of a nominal, one entry a time."""
+
+
 def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:
     """Flies the feedback from its plan's launch.
 

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from glider.control.policy import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand
@@ -21,6 +22,7 @@ from glider.verification.dynamics.moving_center import (
 )
 from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.goal import hook_goal
 from glider.verification.funnel.growth import (
     SHARES,
     BoundaryForms,
@@ -77,6 +79,7 @@ def make_funnel(
     settings: FunnelSettings | None = None,
     *,
     confidence: ConfidenceSet | None = None,
+    hook_of: PerchingProblem | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Funnel:
@@ -88,6 +91,8 @@ def make_funnel(
         settings: goal and margins.
         confidence: set of gliders that are to stay, each in the funnel about its own
             center; None for the model's own. It takes a remainder to bear.
+        hook_of: problem whose hook is to take every state of the last set: the goal in
+            place, speed and pitch is its (`hook_goal`). None for that of the settings.
         seed: of the points where remainder and growth are sampled.
         progress: told what is being done.
 
@@ -106,17 +111,24 @@ def make_funnel(
             "remainder; 'remainder' is 0, and a positive number is needed."
         )
     nominal = make_nominal(model, policy, settings.step)
+    if hook_of is not None:
+        goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
+        settings = dataclasses.replace(settings, goal=goal)
     coefficients = expand(nominal)
-    center = make_moving_center(nominal, confidence) if confidence else None
-    total = nominal.states.shape[1] + (confidence.dimension if confidence else 0)
+    n = nominal.states.shape[1]
+    total = n + (confidence.dimension if confidence else 0)
     directions = normalized(rng.normal(size=(SAMPLES, total)))
-
+    if settings.elevator_gain > 0.0:
+        own = normalized(directions[:, :n])
+        steered = ShapeFlow(nominal, coefficients, settings, own, steer=True)
+        _shape(
+            steered, lambda share: say(f"funnel: its feedback, {100.0 * share:.0f} %")
+        )
+        nominal = steered.nominal
+        coefficients = expand(nominal)
+    center = make_moving_center(nominal, confidence) if confidence else None
     flow = ShapeFlow(nominal, coefficients, settings, directions, center)
-    try:
-        S = flow.run(lambda share: say(f"funnel: its shape, {100.0 * share:.0f} %"))
-    except np.linalg.LinAlgError:
-        raise SolverError("The funnel vanishes; a tighter goal may help.") from None
-
+    S = _shape(flow, lambda share: say(f"funnel: its shape, {100.0 * share:.0f} %"))
     say("funnel: its size")
     gauge = _Gauge(nominal, coefficients, settings, directions, center)
     if not gauge.is_bounded:
@@ -144,6 +156,14 @@ def make_funnel(
         seconds=time.perf_counter() - began,
         gliders=center,
     )
+
+
+def _shape(flow: ShapeFlow, progress: Callable[[float], None]) -> np.ndarray:
+    """Returns S (T, n, n) of a flow."""
+    try:
+        return flow.run(progress)
+    except np.linalg.LinAlgError:
+        raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from glider.verification.dynamics.moving_center import (
     MovingCenter,
     make_moving_center,
 )
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.file import FunnelFile, read_file, write_file
 from glider.verification.funnel.settings import FunnelSettings
@@ -90,7 +90,7 @@ class Funnel:
     def between(self, first: int, last: int) -> "Funnel":
         """Returns the funnel from one of its times to another, given their indices."""
         here = slice(first, last + 1)
-        parts = {name: getattr(self.nominal, name)[here] for name in _NOMINAL_ARRAYS}
+        parts = {name: getattr(self.nominal, name)[here] for name in ARRAYS}
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
         nominal = dataclasses.replace(self.nominal, **parts)
         gliders = self.gliders and self.gliders.between(first, last)
@@ -123,13 +123,12 @@ class Funnel:
         return np.clip(times, self.nominal.times[0], self.nominal.times[-1])
 
 
-_NOMINAL_ARRAYS = ("times", "states", "inputs", "gains")
 _OWN_ARRAYS = ("S", "slopes", "beta", "weights", "grams")
 
 
 def save_funnel(path: Path | str, funnel: Funnel) -> None:
     """Writes a funnel as .npz, its glider included; `load_funnel` reads it."""
-    arrays = {name: getattr(funnel.nominal, name) for name in _NOMINAL_ARRAYS}
+    arrays = {name: getattr(funnel.nominal, name) for name in ARRAYS}
     arrays |= {name: getattr(funnel, name) for name in _OWN_ARRAYS}
     # The check mends a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
@@ -183,7 +182,7 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
     nominal = Nominal(
         model=model,
         state_names=file.state_names,
-        **{name: file.arrays[name] for name in _NOMINAL_ARRAYS},
+        **{name: file.arrays[name] for name in ARRAYS},
     )
     gliders = None
     if file.confidence is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.dynamics.nominal_path import nominal_between
 from glider.verification.funnel.ascent import largest_values
 from glider.verification.funnel.remainder import remainder_form
@@ -20,10 +20,10 @@ from glider.verification.sos.forms import (
     to_ball,
 )
 
-SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Points of each interval between two times where V̇ is looked at. With three, a funnel
-was made that had no margin left between two of them, where a limit of the servo cuts it
-down, and that could not be proven."""
+SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Points of each interval between two times where V̇ is looked at. With three, and again
+with five, a funnel was made in which V̇ rises between two of them, where a limit of the
+servo cuts it down, and that could not be proven."""
 
 
 NEIGHBORS = 2
@@ -96,10 +96,7 @@ class GrowthBetween:
         self._share, self._every = share, every
         self._times = nominal.times
         here = nominal_between(nominal, share)
-        parts = {
-            name: getattr(here, name)[::every]
-            for name in ("times", "states", "inputs", "gains")
-        }
+        parts = {name: getattr(here, name)[::every] for name in ARRAYS}
         here = dataclasses.replace(here, **parts)
         self._at = here.times
         self._coefficients = expand(here)

@@ -52,6 +52,12 @@ class FunnelSettings:
     disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
     proven that the true one is no larger, at all times."""
 
+    elevator_gain: float = 0.0
+    """Largest gain on the elevator's own deviation [1/s] of a feedback that is made
+    with the funnel's shape, the steepest descent of V that the servo can follow
+    (`glider.verification.funnel.feedback`); 0 for the policy's own feedback. 40 is
+    slow enough for commands that are held for 20 ms."""
+
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""
         for name in ("goal", "sizes"):
@@ -70,12 +76,13 @@ class FunnelSettings:
                     f"FunnelSettings: '{name}' is {show(value)}; a positive number "
                     "is needed."
                 )
-        if self.remainder != 0.0 and not _is_positive(self.remainder):
-            raise InputError(
-                f"FunnelSettings: 'remainder' is {show(self.remainder)}; a number "
-                "that is "
-                "not negative is needed."
-            )
+        for name in ("remainder", "elevator_gain"):
+            value = getattr(self, name)
+            if not (_is_positive(value) or value == 0.0):
+                raise InputError(
+                    f"FunnelSettings: '{name}' is {show(value)}; a number that is "
+                    "not negative is needed."
+                )
 
     def goal_axes(self, num_states: int) -> np.ndarray:
         """Returns the goal's half-axes (n,), the effects' own states included."""

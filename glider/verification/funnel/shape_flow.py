@@ -6,19 +6,23 @@ For the set {eᵀ S e <= 1}, with S = L Lᵀ,
     |z| = 1,  W = Lᵀ Σ L:
 the least growth of S, in the sense of Σ, for which no deviation leaves. N is computed
 every few steps and goes on in a straight line between. A servo limit that the set
-would break cuts it down.
+would break cuts it down. The feedback may be made on the way, from S one time later.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 
+from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import ARRAYS, Nominal
+from glider.verification.funnel.feedback import command_slopes, steepest_gains
 from glider.verification.funnel.limits import (
     bounds_about,
     goal_about,
     keep_bounds,
+    servo_bounds,
 )
 from glider.verification.funnel.remainder import (
     inflate,
@@ -52,6 +56,7 @@ class ShapeFlow:
         settings: FunnelSettings,
         directions: np.ndarray,
         center: MovingCenter | None = None,
+        steer: bool = False,
     ):
         """Takes what the flow depends on.
 
@@ -61,11 +66,22 @@ class ShapeFlow:
             settings: goal, sizes and steps.
             directions: (B, n + r) of `sample_remainder`.
             center: of the gliders that may fly; None for the model's own.
+            steer: whether the feedback is made on the way, in place of the nominal's.
+                Where centers move depends on it: it takes no `center`.
         """
+        if steer:
+            nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
+            coefficients = coefficients.copy()
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
         self._bounds, self._center = bounds_about(nominal, center), center
         self._sizes = settings.size_axes(nominal.states.shape[1])
+        self._slopes = command_slopes(nominal) if steer else None
+
+    @property
+    def nominal(self) -> Nominal:
+        """Nominal flight, with the feedback that was made where one was."""
+        return self._nominal
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -80,7 +96,9 @@ class ShapeFlow:
         n = len(self._sizes)
         last = len(times) - 1
         hold = max(1, round(self._settings.hold / (times[1] - times[0])))
-        S = self._cut(goal_about(self._settings.goal_axes(n), self._center), last)
+        S = goal_about(self._settings.goal_axes(n), self._center)
+        self._steer(S, last)
+        S = self._cut(S, last)
         shapes = np.zeros((last + 1, n, n))
         shapes[last] = S
         before, growth, slope = None, np.zeros((n, n)), np.zeros((n, n))
@@ -93,9 +111,23 @@ class ShapeFlow:
                 slope *= min(1.0, CHANGE_SHARE * np.linalg.norm(growth) / change)
                 if progress:
                     progress((last - k) / last)
+            self._steer(S, k - 1)
             S = self._step(S, k, growth + since * slope, slope)
             S = shapes[k - 1] = self._cut(S, k - 1)
         return shapes
+
+    def _steer(self, S, k):
+        """Makes the feedback at a time, for a set about then, if it is to be made."""
+        if self._slopes is None:
+            return
+        nominal, (directions, bounds) = self._nominal, self._bounds
+        nominal.gains[k] = steepest_gains(
+            S, self._slopes[k], bounds[k, 0], self._settings.elevator_gain
+        )
+        arrays = {name: getattr(nominal, name)[k : k + 1] for name in ARRAYS}
+        here = dataclasses.replace(nominal, **arrays)
+        self._coefficients[k] = expand(here)[0]
+        directions[k] = servo_bounds(here)[0][0]
 
     def _cut(self, S, k):
         """Returns S of the set within the servo's limits at a time."""

@@ -34,7 +34,7 @@ from glider.verification.proof.exact_check import (
     proven_slack,
 )
 from glider.verification.proof.gliders_check import gliders_faults
-from glider.verification.proof.purpose import model_faults, problem_faults
+from glider.verification.proof.purpose import hook_faults, model_faults, problem_faults
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
@@ -99,6 +99,7 @@ def check_funnel(
     *,
     problem: PerchingProblem | None = None,
     model: GliderModel | None = None,
+    hook: bool = False,
 ) -> Verdict:
     """Checks a funnel.
 
@@ -108,11 +109,13 @@ def check_funnel(
         progress: called with the share that is done.
         problem: the problem that it has to be a funnel of; any if None.
         model: the glider that it has to be a funnel of; any if None.
+        hook: whether the problem's hook has to take every state of the last set.
     """
     at = funnel.some_times(every)
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     faults = model_faults(funnel, model) if model else []
     faults += problem_faults(funnel, problem) if problem else []
+    faults += hook_faults(funnel, problem) if hook and problem else []
     faults += _defect_faults(funnel, growth)
     faults += gliders_faults(funnel)
     rounding = seen = 0.0

@@ -124,6 +124,33 @@ def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     return faults
 
 
+def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
+    """Returns what of a funnel's goal the problem's hook does not take, if anything.
+
+    Where it takes all, every state of the last set is one that it holds at the wire.
+    """
+    reached, hook = arrival(funnel, problem), problem.hook
+    least, most = np.degrees(hook.pitch_limits)
+    low, high = np.degrees(reached.pitch)
+    faults = []
+    if not reached.miss < hook.reach:
+        faults.append(
+            f"The goal reaches {reached.miss:.8g} m from the wire; the hook takes less "
+            f"than {hook.reach:.4g} m."
+        )
+    if not reached.speed <= hook.speed_limit:
+        faults.append(
+            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook takes up "
+            f"to {hook.speed_limit:.4g} m/s."
+        )
+    if not (least <= low and high <= most):
+        faults.append(
+            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook takes "
+            f"{least:.1f}° to {most:.1f}°."
+        )
+    return faults
+
+
 def _differences(values, meant, names):
     """Returns |difference|, name, value and what is meant, of each state."""
     return list(zip(np.abs(values - meant), names, values, meant, strict=True))

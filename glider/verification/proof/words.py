@@ -12,7 +12,7 @@ from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof
-from glider.verification.proof.purpose import Arrival, arrival, model_hash
+from glider.verification.proof.purpose import arrival, hook_faults, model_hash
 
 HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
@@ -30,6 +30,7 @@ def check_report(
         "file_sha256": funnel.sha256,
         "glider_sha256": model_hash(funnel.nominal.model),
         "end": dataclasses.asdict(arrival(funnel, problem)),
+        "hook_takes_all": not hook_faults(funnel, problem),
         "remainder": remainder_status(funnel, proof),
         "made_for": notes_of(funnel.gliders.confidence) if funnel.gliders else None,
     }
@@ -81,7 +82,7 @@ def describe_check(
     lines += _describe_gliders(funnel)
     if proof:
         lines.append(describe_proof(funnel, proof))
-    return "\n".join([*lines, describe_arrival(arrival(funnel, problem), problem)])
+    return "\n".join([*lines, describe_arrival(funnel, problem)])
 
 
 def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
@@ -176,20 +177,18 @@ def _describe_gliders(funnel):
     ]
 
 
-def describe_arrival(reached: Arrival, problem: PerchingProblem) -> str:
+def describe_arrival(funnel: Funnel, problem: PerchingProblem) -> str:
     """Returns a sentence about the last set, and what of it a hook takes."""
+    reached, hook = arrival(funnel, problem), problem.hook
     low, high = np.degrees(reached.pitch)
     words = (
         f"The last set, at {reached.time:.4f} s, is within "
         f"{100.0 * reached.miss:.2f} cm of the wire, with pitches of {low:.0f}° to "
         f"{high:.0f}° and at most {reached.speed:.2f} m/s"
     )
-    hook = problem.hook
-    least, most = hook.pitch_limits
-    pitch_is_good = least <= reached.pitch[0] and reached.pitch[1] <= most
-    if pitch_is_good and reached.speed <= hook.speed_limit:
-        return f"{words}, which the hook takes."
-    low, high = np.degrees([least, most])
+    if not hook_faults(funnel, problem):
+        return f"{words}: the hook takes all of it."
+    low, high = np.degrees(hook.pitch_limits)
     return (
         f"{words}; the hook takes {low:.0f}° to {high:.0f}° and up to "
         f"{hook.speed_limit:.2f} m/s only: not all of it is a perch."
