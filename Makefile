@@ -60,6 +60,7 @@ tables: setup
 proofs: setup
 	for funnel in models/funnels/proven/*.npz models/funnels/head_wind_95.npz; do \
 		$(BIN)/python -m glider check-funnel $$funnel --prove || exit 1; done
+	$(BIN)/python -m glider check-funnel models/funnels/head_wind_hook.npz --hook --prove
 
 docs: setup
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs

@@ -51,3 +51,23 @@ def test_climbing_finds_nearly_all_of_what_many_more_samples_find():
     )
     assert np.all(few[:, 4:] > 0.85 * many[:, 4:])
     assert np.all(few[:, :4] == 0.0)
+
+
+def test_climbing_goes_on_from_what_its_neighbors_in_time_found():
+    """A hill of the pitch's R, which a climb of one time alone misses at some."""
+    funnel = load_funnel(models_path("funnels", "head_wind_hook.npz"))
+    at = np.arange(174, 190)
+    coefficients = expand(funnel.nominal)
+
+    def found(seed, at):
+        """Returns the largest R of the pitch's rate (K,)."""
+        points = sphere_points(500, 7, seed)
+        sampled = sample_remainder(
+            funnel.nominal, coefficients, funnel.S[at], points, at
+        )
+        return sampled[:, 6]
+
+    truth = np.maximum(found(1, at), found(2, at))
+    alone = np.concatenate([found(0, at[[k]]) for k in range(len(at))])
+    assert np.min(alone / truth) < 0.85
+    assert np.min(found(0, at) / truth) > 0.9

@@ -63,9 +63,6 @@ EIGENVALUE_SHARE = 0.1
 """Least eigenvalue of a Gram matrix, as a share of the margin of V̇/V. On the sphere
 bᵀb = 2, so that all of the margin would be a half."""
 
-SAMPLE_EVERY = 4
-"""Times from one sample of the remainder to the next; between, it is interpolated."""
-
 STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its
 quadratic part. With 12, and none from neighbors in time, it missed so much that one
@@ -245,17 +242,14 @@ class _Gauge:
     def _beta(self, S):
         if self._settings.remainder == 0.0:
             return np.zeros(self._nominal.states.shape)
-        every = np.arange(len(S))
-        some = np.unique(np.append(every[::SAMPLE_EVERY], every[-1]))
         sampled = sample_remainder(
             self._nominal,
             self._coefficients,
-            S[some],
+            S,
             self._directions,
-            some,
+            np.arange(len(S)),
             self._center,
         )
-        sampled = np.array([np.interp(every, some, row) for row in sampled.T]).T
         return inflate(sampled, self._settings.remainder)
 
 

@@ -29,6 +29,10 @@ CLIMBS = 4
 """Climbs for each rate and sign, each from the best of its share of the directions: R
 has several hills."""
 
+NEIGHBORS = 2
+"""Rounds of climbing from where the neighbors in time reached their largest R. Without
+any, a hill of R in pitch was missed at times, and a funnel was not proven there."""
+
 LEAST_REMAINDER = 1e-9
 """Sampled remainder that counts [m/s², rad/s²]. A smaller one may be rounding, of which
 6e-14 was seen; in the shipped funnels those that count are 0.02 or more."""
@@ -53,7 +57,7 @@ def sample_remainder(
         S: (K, n, n) of the sets.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
             negatives too. The first n are of the deviation e, the others of δ.
-        at: (K,) indices of the times.
+        at: (K,) indices of the times, in order.
         center: of the gliders that may fly; None for the model's own.
     """
     n = S.shape[-1]
@@ -85,10 +89,25 @@ def sample_remainder(
         picked = np.take_along_axis(values, (which % count)[None, :, None], axis=2)
         return np.where(which < count, 1.0, -1.0) * picked[..., 0]
 
-    highest, _ = climb_sphere(climbed, starts.reshape(len(at), -1, total))
+    highest, points = climb_sphere(climbed, starts.reshape(len(at), -1, total))
+    highest, points = _best(highest, points, count)
+    for _ in range(NEIGHBORS if len(at) > 1 else 0):
+        around = np.concatenate([points[:1], points, points[-1:]])
+        starts = np.stack([around[:-2], points, around[2:]], axis=2)
+        climbs = climb_sphere(climbed, starts.reshape(len(at), -1, total))
+        highest, points = _best(*climbs, count)
     found = np.zeros((len(at), n))
-    found[:, rows] = highest.reshape(len(at), 2, count, CLIMBS).max(axis=(1, 3))
+    found[:, rows] = highest.reshape(len(at), 2, count).max(axis=1)
     return found
+
+
+def _best(values, points, count):
+    """Returns the best of each rate's and sign's climbs, (K, 2 count), and where."""
+    values = values.reshape(len(values), 2 * count, -1)
+    points = points.reshape(*values.shape, -1)
+    best = values.argmax(axis=2)[..., None]
+    points = np.take_along_axis(points, best[..., None], axis=2)[:, :, 0]
+    return np.take_along_axis(values, best, axis=2)[..., 0], points
 
 
 def split_directions(
