@@ -14,6 +14,7 @@ from glider.campaign.checks.frame import (
     usable_motion,
 )
 from glider.campaign.checks.masks import ALL, Masks, SetAside, name_rows
+from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.standing import find_hand
 from glider.campaign.logs import Campaign, Flight
@@ -54,6 +55,7 @@ def inspect(campaign: Campaign) -> Inspection:
     masks = dict(faults.masks)
     told += faults.set_aside
     check_clocks(campaign, masks)
+    off_rates = check_rates(campaign)
     campaign, torn = _drop_servoless(campaign, masks)
     told += torn
     told += _mask(campaign, masks, thrown, _HELD)
@@ -77,7 +79,7 @@ def inspect(campaign: Campaign) -> Inspection:
         campaign=campaign,
         masks={name: masks[name] for name in sorted(names)},
         set_aside=tuple(sorted(told + odd, key=lambda s: s.file)),
-        warnings=warnings + faults.warnings,
+        warnings=warnings + off_rates + faults.warnings,
     )
 
 
