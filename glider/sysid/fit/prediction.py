@@ -109,13 +109,11 @@ class Launch:
 
     Attributes:
         state: (n,) of the compiled dynamics.
-        constants: its wind and trim.
-        pitch_zero: error of its pitch reading [rad].
+        constants: its wind, its trim and the zero of its pitch reading.
     """
 
     state: np.ndarray
     constants: Constants
-    pitch_zero: float
 
 
 def find_launch(model: Flown, record: Record, rows: int) -> Launch:
@@ -127,14 +125,8 @@ def find_launch(model: Flown, record: Record, rows: int) -> Launch:
         if not np.all(np.isfinite(own)):  # It blows up: it starts as measured.
             own = np.zeros_like(own)
         n = len(flight.nodes[0])
-        wind_x, wind_z, trim, zero = own[n + PROCESSES :]
-        constants = Constants(
-            wind=(constants.wind[0] + wind_x, constants.wind[1] + wind_z),
-            trim=constants.trim + trim,
-        )
-    return Launch(
-        state=flight.nodes[0] + own[:n], constants=constants, pitch_zero=float(zero)
-    )
+        constants = Constants.of(constants.values + own[n + PROCESSES :])
+    return Launch(state=flight.nodes[0] + own[:n], constants=constants)
 
 
 def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
@@ -154,11 +146,11 @@ def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
     )
     kinds = layout.compiled_kinds
     states = roll_out(kinds, record.time, launch.state, *signals)
-    zero = np.array([0.0, 0.0, launch.pitch_zero])
+    zero = np.array([0.0, 0.0, launch.constants.pitch_zero])
 
     nodes = true_nodes(record, model.theta, model.field)
     turned = (nodes - record.nodes)[:, [2, 6]]
-    turned[:, 0] -= launch.pitch_zero
+    turned[:, 0] -= launch.constants.pitch_zero
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
     start = nodes[0].copy()

@@ -13,7 +13,7 @@ from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import flow_variables
 from glider.sysid.replay.signals import logged_elevator, pose_signals, trimmed
-from glider.sysid.replay.theta import OFFSET
+from glider.sysid.replay.theta import OFFSET, Layout
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -23,10 +23,23 @@ class Constants:
     Attributes:
         wind: (2,) [m/s].
         trim: of the elevator [rad].
+        pitch_zero: of the pitch reading [rad].
     """
 
     wind: tuple[float, float] = (0.0, 0.0)
     trim: float = 0.0
+    pitch_zero: float = 0.0
+
+    @property
+    def values(self) -> np.ndarray:
+        """Wind in x and z, trim and pitch zero, as the filter has them (4,)."""
+        return np.array([*self.wind, self.trim, self.pitch_zero])
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> "Constants":
+        """Returns the constants of such values."""
+        x, z, trim, pitch_zero = map(float, values)
+        return cls(wind=(x, z), trim=trim, pitch_zero=pitch_zero)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -140,6 +153,8 @@ def linearize(
         constants: of this flight.
     """
     layout = record.layout
+    if constants.pitch_zero:
+        theta, directions = _as_read(layout, theta, directions, constants.pitch_zero)
     kinds, intervals = layout.compiled_kinds, len(record.time) - 1
     wind = np.asarray(constants.wind) + record.side_wind
 
@@ -198,12 +213,7 @@ def linearize(
     if record.has_servo:
         outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
     own = np.zeros((n + OWN_STATES, len(directions) + 1))
-    own[n + PROCESSES :, -1] = (
-        -constants.wind[0],
-        -constants.wind[1],
-        -constants.trim,
-        0,
-    )
+    own[n + PROCESSES :, -1] = -constants.values
     return LinearFlight(
         start=own,
         constants=constants,
@@ -217,6 +227,18 @@ def linearize(
         pose_by_x=pose_by_x,
         outputs=outputs,
     )
+
+
+def _as_read(
+    layout: Layout, theta: np.ndarray, directions: Sequence[Direction], zero: float
+) -> tuple[np.ndarray, list[Direction]]:
+    """Returns model and directions of a flight whose pitch reads too much [rad]."""
+    own = np.zeros_like(theta)
+    own[layout.index["pitch_offset", "angle"]] = zero
+    return theta + own, [
+        dataclasses.replace(d, base=d.base + own, moved=d.moved + own)
+        for d in directions
+    ]
 
 
 def _by_trim(

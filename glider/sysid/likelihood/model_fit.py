@@ -168,7 +168,7 @@ def fit_model(
     index = list(model.free)
     m = len(index)
     lower, upper = task.layout.lower[index], task.layout.upper[index]
-    best, step, halvings = None, None, 0
+    best, about, step, halvings = None, [], None, 0
     current = model
     for iteration in range(iterations + 1):
         flights = linear_flights(
@@ -193,11 +193,11 @@ def fit_model(
             if halvings > 3 or step is None:
                 break
             step = 0.5 * step
-            current = _moved(task, best, step, lower, upper)
+            current = _moved(best, about, index, step, lower, upper)
             continue
         gained = np.inf if best is None else best.cost - value
-        best = current
-        if iteration == iterations or m + len(current.coordinates) == 0:
+        best, about = current, flights
+        if iteration == iterations:
             break
         if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
             break
@@ -213,11 +213,7 @@ def fit_model(
         if not np.all(np.isfinite(step)):  # It blows up: no model to go on from.
             best = dataclasses.replace(best, cost=np.inf)
             break
-        if task.own_trims:
-            constants = _constants([f.combined(step) for f in flights], scales)
-            current = dataclasses.replace(current, constants=constants)
-            best = dataclasses.replace(best, constants=constants)
-        current = _moved(task, current, step, lower, upper)
+        current = _moved(best, about, index, step, lower, upper)
     assert best is not None
     return best
 
@@ -227,19 +223,36 @@ def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray
     return in_parallel(lambda f: whiten(f, scales).gram, flights)
 
 
-def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Constants]:
-    found = in_parallel(lambda f: flight_constants(f, scales), flights)
-    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
-
-
 def _moved(
-    task: Task, model: Fitted, step: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    model: Fitted,
+    flights: Sequence[LinearFlight],
+    index: Sequence[int],
+    step: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
 ) -> Fitted:
-    index = list(model.free)
+    """Returns a model with its free numbers moved, and the flights' own with them.
+
+    Args:
+        model: to move.
+        flights: linear about it.
+        index: of the free numbers in theta.
+        step: of these, then of the curves.
+        lower: bounds of the free numbers.
+        upper: the same.
+    """
+
+    def own(flight: LinearFlight) -> Constants:
+        return flight_constants(flight.combined(step), model.scales)
+
+    found = in_parallel(own, flights)
     theta = model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], lower, upper)
     return dataclasses.replace(
-        model, theta=theta, coordinates=model.coordinates + step[len(index) :]
+        model,
+        theta=theta,
+        coordinates=model.coordinates + step[len(index) :],
+        constants={f.record.name: c for f, c in zip(flights, found, strict=True)},
     )
 
 

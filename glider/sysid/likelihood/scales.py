@@ -223,8 +223,7 @@ def own_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     def one(flight: LinearFlight) -> np.ndarray:
         n = flight.by_x.shape[1]
         own = smoothed_start(flight, scales)[n + PROCESSES :]
-        before = flight.constants
-        return own + np.array([*before.wind, before.trim, 0.0])
+        return flight.constants.values + own
 
     return np.array(in_parallel(one, flights))
 
@@ -238,14 +237,11 @@ OWN_VALUES = {
 
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
-    """Returns a flight's own wind and trim, given all its rows."""
+    """Returns what a flight has of its own, given all its rows."""
     n = flight.by_x.shape[1]
-    own = smoothed_start(flight, scales)[n + PROCESSES :]
-    before = flight.constants
-    largest_wind, largest_trim = 3.0 * scales.wind, 3.0 * scales.trim
-    wind = np.clip(np.add(before.wind, own[:2]), -largest_wind, largest_wind)
-    trim = np.clip(before.trim + own[2], -largest_trim, largest_trim)
-    return Constants(wind=(float(wind[0]), float(wind[1])), trim=float(trim))
+    own = flight.constants.values + smoothed_start(flight, scales)[n + PROCESSES :]
+    largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
+    return Constants.of(np.clip(own, -largest, largest))
 
 
 def _prior(logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

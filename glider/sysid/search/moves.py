@@ -6,8 +6,9 @@ from collections.abc import Collection, Iterable, Mapping
 from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.search.fits import FirstOrder, Search, to_first_order
 from glider.sysid.search.pruning import without_needless_curves
-from glider.sysid.search.subsets import Members, climb
-from glider.sysid.search.weighing import Weighed
+from glider.sysid.search.sets_in_models import without
+from glider.sysid.search.subsets import Members, best_set, climb
+from glider.sysid.search.weighing import Weighed, shown_by
 
 
 def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
@@ -48,6 +49,58 @@ def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted
 
 UNDERVALUED = 30.0
 """Evidence, to first order, that an effect put in by force may cost [nats]."""
+
+
+def left_of_many(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model worth more that is left when too many effects are thinned out.
+
+    What stands in for others hides them: nothing is left for them to explain. Where a
+    few more act beside it than are worth their price, each for what little it gains,
+    it is the stand-ins that turn out needless when all is refitted.
+    """
+    near = to_first_order(search.task, model)
+    if near is None:
+        return None
+    free = near.score.without_price()
+    members = free.by_first(model.kinds)
+    for _ in range(FEW_MORE):
+        members = max(free.larger(members), key=free, default=members)
+    more = ", ".join(kind for kind, _ in members[len(model.kinds) :])
+    search.progress(f"with {more} beside them?")
+    many = search.fit_with_strength(near.begin(members), iterations=4)
+    best = _best_about(search, many) or model
+    while many.cost + many.freedom < model.cost + model.freedom:
+        best = min(best, many, key=search.price)
+        fewer = _thinner(search, many)
+        if fewer is None:
+            break
+        many = fewer
+    is_better = search.price(best) < search.price(model)
+    return best if is_better and set(best.kinds) != set(model.kinds) else None
+
+
+def _best_about(search: Search, model: Fitted) -> Fitted | None:
+    """Returns the best set to first order about a model, fitted, or None."""
+    near = to_first_order(search.task, model)
+    if near is None:
+        return None
+    members = best_set(near.score, near.score.by_first(model.kinds))
+    return search.fit_with_strength(near.begin(members), iterations=4)
+
+
+FEW_MORE = 4
+"""Effects that act beside a model's own until they are thinned out."""
+
+
+def _thinner(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model worth more without an effect that seems to do least, or None."""
+    shown = shown_by(search.task, model)
+    for kind in heapq.nsmallest(MOST_TRIED, shown, key=shown.__getitem__):
+        search.progress(f"is {kind} needed?")
+        fewer = search.fit(without(search.task, model, kind), iterations=4)
+        if search.price(fewer) < search.price(model):
+            return fewer
+    return None
 
 
 def with_another(
@@ -105,7 +158,7 @@ SURE = 0.95
 """Share of resampled flights from which on an effect's rivals are not asked for."""
 
 MOST_TRIED = 3
-"""Rivals that are fitted in an effect's place at most."""
+"""Rivals that are fitted in an effect's place at most, or effects left out in turn."""
 
 
 def _best_fitted(

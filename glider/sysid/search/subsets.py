@@ -64,6 +64,12 @@ class Scorer:
         dear._kept = self._kept
         return dear
 
+    def without_price(self) -> "Scorer":
+        """Returns the scorer of evidence alone."""
+        free = Scorer(self.evidence, self.variants, lambda kind: 0.0)
+        free._kept = self._kept
+        return free
+
     def alone(self) -> dict[str, float]:
         """Returns what each kind gains alone, its price not taken [nats]."""
         return {

@@ -23,6 +23,7 @@ from glider.sysid.search.fields import (
 from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
 from glider.sysid.search.means import with_means
 from glider.sysid.search.moves import (
+    left_of_many,
     with_a_rival,
     with_a_shaped_one,
     with_another,
@@ -55,7 +56,11 @@ def trace(
     search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
     model, evidence = prune(search, by_sets(search, start))
-    while better := with_fewer(search, model) or with_a_shaped_one(search, model):
+    while better := (
+        with_fewer(search, model)
+        or with_a_shaped_one(search, model)
+        or left_of_many(search, model)
+    ):
         model, evidence = prune(search, better)
     search.task = task
     if leaves_something(model) and (other := with_forced(search, model, LATE)):
@@ -67,7 +72,8 @@ def trace(
         model = model if field is None else field.model
     model = without_needless_curves(search, model)
     if model is not pruned:
-        model, evidence = prune(search, model)
+        again = model if field is not None else by_sets(search, model)
+        model, evidence = prune(search, min(model, again, key=search.price))
     progress("weighing the effects")
     weighed = weigh(task, model, scoring, rng)
     dropped: set[str] = set()

@@ -163,3 +163,20 @@ def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
         covariance=covariance(grams, 1.0, precision),
         flights=grams,
     )
+
+
+def shown_by(task: Task, model: Fitted) -> dict[str, float]:
+    """Returns what flights show of each effect beside the others (Wald) [nats].
+
+    Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
+    """
+    known = uncertainty_of(task, model)
+    found = {}
+    for kind in model.kinds:
+        slots = [i for i in task.layout.slots_of(kind) if i in known.free]
+        slots = [i for i in slots if not task.is_shape(i)] or slots
+        places = [known.free.index(i) for i in slots]
+        value = model.theta[slots] - task.vehicle.theta[slots]
+        block = known.covariance[np.ix_(places, places)]
+        found[kind] = 0.5 * float(value @ np.linalg.solve(block, value))
+    return found

@@ -44,8 +44,22 @@ def test_the_truth_leaves_only_noise(fitted):
 
 def test_what_acts_is_more_likely_than_the_plate_alone(windy, fitted):
     _, plate = fit_kinds(windy)
-    assert fitted[1].cost < plate.cost - 100.0
+    assert fitted[1].cost < plate.cost - 50.0
     assert plate.scales.wind > 0.1  # What no model has, each flight has for itself.
+
+
+def test_flights_whose_pitch_reads_wrong_are_linear_about_that():
+    """The force is turned by as much as it changes: it bends the path by 20 mm."""
+    one, other = (fly(KINDS["pitch_offset"](angle=a), flights=3) for a in (-0.03, 0.03))
+    flights = tuple(
+        dataclasses.replace(f, name=f"flight_{i:03d}.csv")
+        for i, f in enumerate((*one.flights, *other.flights))
+    )
+    _, model = fit_kinds(dataclasses.replace(one, flights=flights))
+    assert model.scales.air < 0.005 and model.scales.moment < 0.05
+    assert model.scales.position < 5e-4
+    zeros = [own.pitch_zero for own in model.constants.values()]
+    np.testing.assert_allclose(zeros, [-0.03] * 3 + [0.03] * 3, atol=2e-3)
 
 
 def test_a_fit_that_begins_at_the_truth_ends_there(windy):
