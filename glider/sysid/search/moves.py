@@ -1,9 +1,10 @@
 """Moves of a search to other effects that first order misjudged, all else refitted."""
 
+import dataclasses
 import heapq
 from collections.abc import Collection, Iterable, Mapping
 
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, Fitted
 from glider.sysid.search.fits import FirstOrder, Search, to_first_order
 from glider.sysid.search.pruning import without_needless_curves
 from glider.sysid.search.sets_in_models import without
@@ -24,6 +25,22 @@ def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
         return None
     shaped = [k for k in task.kinds if any(map(task.is_shape, task.layout.slots_of(k)))]
     return with_forced(search, model, shaped)
+
+
+def with_weaker_curves(search: Search, model: Fitted) -> Fitted | None:
+    """Returns a model worth more whose effects explain what its curves did, or None.
+
+    As strong as they had to be without an effect, curves leave nothing for it.
+    """
+    weakest, _ = STRENGTH_RANGE
+    if model.strength <= weakest or not model.has_curves:
+        return None
+    weaker = dataclasses.replace(model, strength=weakest)
+    near = to_first_order(search.task, weaker)
+    if near is None:
+        return None
+    members = best_set(near.score, near.score.by_first(model.kinds))
+    return _best_fitted(search, model, near, [members])
 
 
 def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted | None:
@@ -68,7 +85,10 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
     more = ", ".join(kind for kind, _ in members[len(model.kinds) :])
     search.progress(f"with {more} beside them?")
     many = search.fit_with_strength(near.begin(members), iterations=4)
-    best = _best_about(search, many) or model
+    best = model
+    if near := to_first_order(search.task, many):
+        members = best_set(near.score, near.score.by_first(many.kinds))
+        best = _best_fitted(search, model, near, [members]) or model
     while many.cost + many.freedom < model.cost + model.freedom:
         best = min(best, many, key=search.price)
         fewer = _thinner(search, many)
@@ -77,15 +97,6 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
         many = fewer
     is_better = search.price(best) < search.price(model)
     return best if is_better and set(best.kinds) != set(model.kinds) else None
-
-
-def _best_about(search: Search, model: Fitted) -> Fitted | None:
-    """Returns the best set to first order about a model, fitted, or None."""
-    near = to_first_order(search.task, model)
-    if near is None:
-        return None
-    members = best_set(near.score, near.score.by_first(model.kinds))
-    return search.fit_with_strength(near.begin(members), iterations=4)
 
 
 FEW_MORE = 4

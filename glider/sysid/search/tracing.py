@@ -28,6 +28,7 @@ from glider.sysid.search.moves import (
     with_a_shaped_one,
     with_another,
     with_forced,
+    with_weaker_curves,
 )
 from glider.sysid.search.pruning import prune, with_fewer, without_needless_curves
 from glider.sysid.search.sets_in_models import plate_of, without
@@ -58,8 +59,9 @@ def trace(
     model, evidence = prune(search, by_sets(search, start))
     while better := (
         with_fewer(search, model)
+        or with_weaker_curves(search, model)
         or with_a_shaped_one(search, model)
-        or left_of_many(search, model)
+        or (left_of_many(search, model) if leaves_something(model) else None)
     ):
         model, evidence = prune(search, better)
     search.task = task

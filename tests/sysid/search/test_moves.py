@@ -6,9 +6,11 @@ from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import (
+    left_of_many,
     with_a_rival,
     with_a_shaped_one,
     with_another,
+    with_weaker_curves,
 )
 from glider.sysid.search.pruning import prune
 from glider.sysid.search.weighing import Weighed
@@ -61,3 +63,34 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
     found, _ = prune(search, found)
     assert found.kinds == ("attached_lift",)
     assert with_a_shaped_one(search, found) is None
+
+
+def test_an_effect_is_found_that_curves_had_explained():
+    drags = KINDS["profile_drag"](cd0=0.05), KINDS["induced_drag"](k=0.04)
+    task, noise = task_of(fly(*drags, flights=8))
+    task = dataclasses.replace(task, kinds=("profile_drag", "induced_drag", "mass"))
+    search = Search(task, lambda text: None)
+    start = start_of(task, noise, with_curves=True)
+    start = dataclasses.replace(
+        start, kinds=("profile_drag",), free=task.free(("profile_drag",))
+    )
+    model = search.fit_with_strength(search.fit_with_strength(start))
+    assert model.strength > 0.2
+    found = with_weaker_curves(search, model)
+    assert found is not None
+    assert set(found.kinds) == {"profile_drag", "induced_drag"}
+    assert search.price(found) < search.price(model)
+    assert with_weaker_curves(search, found) is None  # They have nothing left to do.
+
+
+def test_two_that_stand_in_for_one_are_thinned_out_beside_it():
+    """A tilted frame is a turned pitch and a thrust, which leave nothing for it."""
+    stand_ins = ("pitch_offset", "thrust")
+    offered = (*stand_ins, "frame_tilt", "mass")
+    search, plate = search_among(KINDS["frame_tilt"](angle=0.03), *offered)
+    model = kinds_fitted(search, plate, *stand_ins)
+    found = left_of_many(search, model)
+    assert found is not None
+    assert found.kinds == ("frame_tilt",)
+    assert search.price(found) < search.price(model)
+    assert left_of_many(search, found) is None
