@@ -66,6 +66,7 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
 
 
 def test_an_effect_is_found_that_curves_had_explained():
+    """As the tests of lifelike campaigns ask too, of a stall in nobody's form."""
     drags = KINDS["profile_drag"](cd0=0.05), KINDS["induced_drag"](k=0.04)
     task, noise = task_of(fly(*drags, flights=8))
     task = dataclasses.replace(task, kinds=("profile_drag", "induced_drag", "mass"))
@@ -81,6 +82,8 @@ def test_an_effect_is_found_that_curves_had_explained():
     assert set(found.kinds) == {"profile_drag", "induced_drag"}
     assert search.price(found) < search.price(model)
     assert with_weaker_curves(search, found) is None  # They have nothing left to do.
+    bare = dataclasses.replace(model, coordinates=model.coordinates[:0])
+    assert with_weaker_curves(search, bare) is None
 
 
 def test_two_that_stand_in_for_one_are_thinned_out_beside_it():

@@ -11,6 +11,7 @@ from glider.sysid.search.fits import scoring
 from glider.sysid.search.weighing import (
     DOUBTED,
     Weighed,
+    shown_by,
     uncertainty_of,
     weakest,
     weigh,
@@ -36,9 +37,14 @@ def test_a_strong_effect_is_chosen_by_all_and_has_no_rival():
 def test_an_idle_effect_is_chosen_by_few():
     drag = KINDS["profile_drag"](cd0=0.05)
     offered = ("profile_drag", "pitch_damping")
-    found, *_ = weighed(drag, "profile_drag", "pitch_damping", offered=offered)
+    found, task, model = weighed(drag, *offered, offered=offered)
     assert found["profile_drag"].inclusion == 1.0
     assert found["pitch_damping"].inclusion < 0.5
+    shown = shown_by(task, model)
+    assert shown["profile_drag"] > 1000.0 and shown["pitch_damping"] < 5.0
+    (slot,) = task.layout.slots_of("profile_drag")
+    std = uncertainty_of(task, model).std(slot)
+    assert shown["profile_drag"] == pytest.approx(0.5 * (model.theta[slot] / std) ** 2)
 
 
 def test_what_can_hardly_be_told_apart_is_a_rival():
