@@ -22,6 +22,7 @@ from glider.sysid.likelihood.model_fit import (
     field_of,
     grams_of,
     linear_flights,
+    with_constants,
     with_prior,
 )
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
@@ -164,6 +165,7 @@ class _Refits:
     """A model, refitted to all flights but some by one step from the fit to all."""
 
     def __init__(self, task: Task, model: Fitted):
+        model = with_constants(task, model)
         self.task, self.model = task, model
         directions = slopes(task.layout, model.theta, model.free)
         self.flights = linear_flights(task, model, directions)

@@ -241,19 +241,25 @@ def _moved(
         lower: bounds of the free numbers.
         upper: the same.
     """
-
-    def own(flight: LinearFlight) -> Constants:
-        return flight_constants(flight.combined(step), model.scales)
-
-    found = in_parallel(own, flights)
     theta = model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], lower, upper)
     return dataclasses.replace(
         model,
         theta=theta,
         coordinates=model.coordinates + step[len(index) :],
-        constants={f.record.name: c for f, c in zip(flights, found, strict=True)},
+        constants=_constants([f.combined(step) for f in flights], model.scales),
     )
+
+
+def with_constants(task: Task, model: Fitted) -> Fitted:
+    """Returns a model with what is its own of each flight of a task, old and new."""
+    constants = _constants(error_flights(task, model), model.scales)
+    return dataclasses.replace(model, constants=constants)
+
+
+def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Constants]:
+    found = in_parallel(lambda f: flight_constants(f, scales), flights)
+    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
 
 
 def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.model_fit import fit_model, fit_strength
+from glider.sysid.likelihood.model_fit import (
+    error_flights,
+    fit_model,
+    fit_strength,
+    with_constants,
+)
+from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.replay.record import Record
 from glider.sysid.search.weighing import uncertainty_of
 from tests.helpers.tasks import begin, fit_kinds, fly, task_of
@@ -55,11 +61,19 @@ def test_flights_whose_pitch_reads_wrong_are_linear_about_that():
         dataclasses.replace(f, name=f"flight_{i:03d}.csv")
         for i, f in enumerate((*one.flights, *other.flights))
     )
-    _, model = fit_kinds(dataclasses.replace(one, flights=flights))
+    task, model = fit_kinds(dataclasses.replace(one, flights=flights))
     assert model.scales.air < 0.005 and model.scales.moment < 0.05
     assert model.scales.position < 5e-4
     zeros = [own.pitch_zero for own in model.constants.values()]
     np.testing.assert_allclose(zeros, [-0.03] * 3 + [0.03] * 3, atol=2e-3)
+
+    def costs(model):
+        return negative_log_likelihood(error_flights(task, model), model.scales)
+
+    nobody = dataclasses.replace(model, constants={})  # As of flights held out.
+    assert np.sum(costs(nobody)) > np.sum(costs(model)) + 1000.0
+    known = with_constants(task, nobody)
+    np.testing.assert_allclose(costs(known), costs(model), atol=3.0)
 
 
 def test_a_fit_that_begins_at_the_truth_ends_there(windy):
