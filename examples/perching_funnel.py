@@ -4,9 +4,9 @@ A funnel is a tube of states about the plan that the closed loop never leaves an
 ends at the wire. Sums of squares prove it for the third-order dynamics, the servo's
 rate and travel limits inside; every proof is then checked in whole numbers. Flights of
 the full dynamics from its boundary try to break it. With --remainder the funnel bears
-what the polynomials leave out, and with --prove it is proven, in continuous time, that
-no flight leaves. --confidence makes the second for all gliders that the logs allow.
-With --hook the hook takes every state that a funnel ends with, by speed and pitch too.
+what the polynomials leave out; --prove proves, in continuous time, that no flight
+leaves; --confidence makes the second for all gliders that the logs allow; with --hook
+the hook takes every state at its end.
 
 The true glider has an effect that its nominal model lacks. It flies with that one's
 plan, its logs are traced, and a second funnel is made with the model that was found.
@@ -16,8 +16,7 @@ noisier motion capture: how much error is borne?
 
     python examples/perching_funnel.py
     python examples/perching_funnel.py --truth slow_servo --figure funnels.png
-    python examples/perching_funnel.py --remainder 1.1 --prove --headless --json f.json
-    python examples/perching_funnel.py --hook --remainder 1.1 --elevator-gain 40
+    python examples/perching_funnel.py --hook --remainder 1.1 --prove --json f.json
     python examples/perching_funnel.py --load models/funnels --estimate 200
 """
 
