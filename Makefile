@@ -3,7 +3,7 @@
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
 # make tables      the README's tables, from what ships; takes half an hour
-# make proofs      proves of the shipped funnels that no flight leaves; 15 minutes
+# make proofs      proves of the shipped funnels that no flight leaves; half an hour
 # make docs        builds the docs into out/docs, every warning an error
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
