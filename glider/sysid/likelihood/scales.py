@@ -221,11 +221,14 @@ def own_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' own winds (x, z) [m/s], trims and pitch zeros [rad], (F, 4)."""
 
     def one(flight: LinearFlight) -> np.ndarray:
-        n = flight.by_x.shape[1]
-        own = smoothed_start(flight, scales)[n + PROCESSES :]
-        return flight.constants.values + own
+        return _own_values(flight, scales)
 
     return np.array(in_parallel(one, flights))
+
+
+def _own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    n = flight.by_x.shape[1]
+    return flight.constants.values + smoothed_start(flight, scales)[n + PROCESSES :]
 
 
 OWN_VALUES = {
@@ -238,8 +241,7 @@ OWN_VALUES = {
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
     """Returns what a flight has of its own, given all its rows."""
-    n = flight.by_x.shape[1]
-    own = flight.constants.values + smoothed_start(flight, scales)[n + PROCESSES :]
+    own = _own_values(flight, scales)
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
     return Constants.of(np.clip(own, -largest, largest))
 

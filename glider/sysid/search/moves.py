@@ -36,11 +36,7 @@ def with_weaker_curves(search: Search, model: Fitted) -> Fitted | None:
     if model.strength <= weakest or not model.has_curves:
         return None
     weaker = dataclasses.replace(model, strength=weakest)
-    near = to_first_order(search.task, weaker)
-    if near is None:
-        return None
-    members = best_set(near.score, near.score.by_first(model.kinds))
-    return _best_fitted(search, model, near, [members])
+    return _best_about(search, model, weaker)
 
 
 def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted | None:
@@ -78,17 +74,14 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
     near = to_first_order(search.task, model)
     if near is None:
         return None
-    free = near.score.without_price()
+    free = near.score.priced(lambda kind: 0.0)
     members = free.by_first(model.kinds)
     for _ in range(FEW_MORE):
         members = max(free.larger(members), key=free, default=members)
     more = ", ".join(kind for kind, _ in members[len(model.kinds) :])
     search.progress(f"with {more} beside them?")
     many = search.fit_with_strength(near.begin(members), iterations=4)
-    best = model
-    if near := to_first_order(search.task, many):
-        members = best_set(near.score, near.score.by_first(many.kinds))
-        best = _best_fitted(search, model, near, [members]) or model
+    best = _best_about(search, model, many) or model
     while many.cost + many.freedom < model.cost + model.freedom:
         best = min(best, many, key=search.price)
         fewer = _thinner(search, many)
@@ -170,6 +163,15 @@ SURE = 0.95
 
 MOST_TRIED = 3
 """Rivals that are fitted in an effect's place at most, or effects left out in turn."""
+
+
+def _best_about(search: Search, model: Fitted, about: Fitted) -> Fitted | None:
+    """Returns the best set about another model, to first order, if worth more."""
+    near = to_first_order(search.task, about)
+    if near is None:
+        return None
+    members = best_set(near.score, near.score.by_first(about.kinds))
+    return _best_fitted(search, model, near, [members])
 
 
 def _best_fitted(

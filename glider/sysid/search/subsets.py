@@ -60,15 +60,13 @@ class Scorer:
             own = self.price(kind)
             return own if kind in known else max(price, own)
 
-        dear = Scorer(self.evidence, self.variants, price_of)
-        dear._kept = self._kept
-        return dear
+        return self.priced(price_of)
 
-    def without_price(self) -> "Scorer":
-        """Returns the scorer of evidence alone."""
-        free = Scorer(self.evidence, self.variants, lambda kind: 0.0)
-        free._kept = self._kept
-        return free
+    def priced(self, price: Callable[[str], float]) -> "Scorer":
+        """Returns the scorer with other prices of members, by their kind [nats]."""
+        other = Scorer(self.evidence, self.variants, price)
+        other._kept = self._kept
+        return other
 
     def alone(self) -> dict[str, float]:
         """Returns what each kind gains alone, its price not taken [nats]."""
