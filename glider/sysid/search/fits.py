@@ -33,6 +33,7 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], Fitted] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
+    _near: "tuple[Task, Fitted, FirstOrder | None] | None" = None
 
     def price(self, model: Fitted) -> float:
         """Returns a model's cost with the price of its effects [nats]."""
@@ -50,6 +51,12 @@ class Search:
     def fit_with_strength(self, model: Fitted, iterations: int = 6) -> Fitted:
         """Fits a model, and the strength of its curves."""
         return fit_strength(self.task, self.fit(model, iterations))
+
+    def near(self, model: Fitted) -> "FirstOrder | None":
+        """Returns `to_first_order` about a model; what was asked last is kept."""
+        if not (self._near and self._near[0] is self.task and self._near[1] is model):
+            self._near = self.task, model, to_first_order(self.task, model)
+        return self._near[2]
 
 
 def price_of(task: Task, model: Fitted) -> float:

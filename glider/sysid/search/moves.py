@@ -5,7 +5,7 @@ import heapq
 from collections.abc import Collection, Iterable, Mapping
 
 from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, Fitted
-from glider.sysid.search.fits import FirstOrder, Search, to_first_order
+from glider.sysid.search.fits import FirstOrder, Search
 from glider.sysid.search.pruning import without_needless_curves
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import Members, best_set, climb
@@ -44,7 +44,7 @@ def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted
 
     Round each, the best set that a climb finds is fitted.
     """
-    near = to_first_order(search.task, model)
+    near = search.near(model)
     if near is None:
         return None
     score = near.score
@@ -71,7 +71,7 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
     few more act beside it than are worth their price, each for what little it gains,
     it is the stand-ins that turn out needless when all is refitted.
     """
-    near = to_first_order(search.task, model)
+    near = search.near(model)
     if near is None:
         return None
     free = near.score.priced(lambda kind: 0.0)
@@ -82,14 +82,15 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
     search.progress(f"with {more} beside them?")
     many = search.fit_with_strength(near.begin(members), iterations=4)
     best = _best_about(search, model, many) or model
-    while many.cost + many.freedom < model.cost + model.freedom:
-        best = min(best, many, key=search.price)
-        fewer = _thinner(search, many)
-        if fewer is None:
+    own = set(model.kinds)
+    thinner: Fitted | None = many
+    while thinner and thinner.cost + thinner.freedom < model.cost + model.freedom:
+        best = min(best, thinner, key=search.price)
+        if set(thinner.kinds) <= own:  # Where the search has been.
             break
-        many = fewer
+        thinner = _thinner(search, thinner)
     is_better = search.price(best) < search.price(model)
-    return best if is_better and set(best.kinds) != set(model.kinds) else None
+    return best if is_better and set(best.kinds) != own else None
 
 
 FEW_MORE = 4
@@ -119,7 +120,7 @@ def with_another(
         model: to add to.
         dropped: effects that are not asked again.
     """
-    near = to_first_order(search.task, model)
+    near = search.near(model)
     if near is None:
         return None
     score = near.score
@@ -145,7 +146,7 @@ def with_a_rival(
         weighed: what speaks for each of its effects.
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
-    near = to_first_order(search.task, model) if doubtful else None
+    near = search.near(model) if doubtful else None
     if near is None:
         return None
     score = near.score
@@ -167,7 +168,7 @@ MOST_TRIED = 3
 
 def _best_about(search: Search, model: Fitted, about: Fitted) -> Fitted | None:
     """Returns the best set about another model, to first order, if worth more."""
-    near = to_first_order(search.task, about)
+    near = search.near(about)
     if near is None:
         return None
     members = best_set(near.score, near.score.by_first(about.kinds))

@@ -6,7 +6,7 @@ import numpy as np
 
 from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.likelihood.task import Task
-from glider.sysid.search.fits import Search, to_first_order
+from glider.sysid.search.fits import Search
 from glider.sysid.search.means import with_means
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import best_of_sizes
@@ -45,7 +45,7 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
     task = search.task
     if len(model.kinds) < 2:
         return None
-    near = to_first_order(task, model)
+    near = search.near(model)
     if near is None:
         return None
     score = near.score
