@@ -29,6 +29,7 @@ from glider.sysid.likelihood.model_fit import Fitted, fit_model
 from glider.sysid.likelihood.outliers import find_apart, find_outlying
 from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task, make_task
+from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
 from glider.sysid.outcome import (
     carried_of,
     correlations_of,
@@ -64,7 +65,6 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.traced import Traced
 from glider.sysid.search.tracing import FIELD_PRICE, trace
-from glider.sysid.search.weighing import uncertainty_of
 
 MOST_COMBINATIONS = 10
 """Sets of effects that a result lists."""
@@ -141,8 +141,9 @@ class Analysis:
         model, records = traced.model, list(everything.records)
         unseen = [r for r in records if r.name in names[1]]
         with self.stage("weigh", "standard errors"):
-            known = uncertainty_of(task, traced.judged)
-            carried = carried_of(task, model, known)
+            judged = traced.judged
+            carried = carried_of(task, model, uncertainty_of(task, judged))
+            known = uncertainty_of(task, with_allowed_curves(task, judged))
             spreads = spreads_of(task, model)
         with self.stage("refit", "refitting the plate alone"):
             plate = self._plate(task, traced, signs, logged, noise, inspection)

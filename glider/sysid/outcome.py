@@ -21,6 +21,7 @@ from glider.sysid.likelihood.scales import (
     own_values,
 )
 from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
 from glider.sysid.result import (
@@ -36,7 +37,6 @@ from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import PRICE
 from glider.sysid.search.peaks import find_peaks
 from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import Uncertainty
 
 FAMILIES = {
     "c_lift": (

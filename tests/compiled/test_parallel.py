@@ -13,9 +13,10 @@ from glider.compiled.parallel import in_parallel
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.sysid.fit.prediction import Flown, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
 from glider.sysid.search.fits import scoring
-from glider.sysid.search.weighing import uncertainty_of, weigh
+from glider.sysid.search.weighing import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
 

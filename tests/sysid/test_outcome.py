@@ -9,6 +9,7 @@ import pytest
 from glider.sysid.fit.folds import LEAST_T, WORSE
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
     CURVE_Z,
     Carried,
@@ -20,7 +21,6 @@ from glider.sysid.outcome import (
 )
 from glider.sysid.replay.signs import Signs
 from glider.sysid.result import VERDICTS, Errors, FoundEffect, Left, ResidualTable
-from glider.sysid.search.weighing import Uncertainty
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
 

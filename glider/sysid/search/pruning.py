@@ -6,11 +6,11 @@ import numpy as np
 
 from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.means import with_means
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import best_of_sizes
-from glider.sysid.search.weighing import uncertainty_of
 
 
 def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
@@ -42,7 +42,6 @@ def with_fewer(search: Search, model: Fitted) -> Fitted | None:
     that act: the best set of each smaller size is fitted, at last the plate with what
     all flights have.
     """
-    task = search.task
     if len(model.kinds) < 2:
         return None
     near = search.near(model)

@@ -1,4 +1,4 @@
-"""How sure is each effect of a set: evidence, rivals, resampled flights, errors."""
+"""How sure is each effect of a set: evidence, rivals, resampled flights."""
 
 import dataclasses
 from collections.abc import Callable
@@ -6,15 +6,9 @@ from collections.abc import Callable
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, gather
-from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.information import covariance
-from glider.sysid.likelihood.model_fit import (
-    Fitted,
-    beforehand,
-    grams_of,
-    linear_flights,
-)
+from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.subsets import Scorer, climb
 
 RESAMPLES = 25
@@ -124,45 +118,6 @@ def weakest(
     if kind is None or weighed[kind].support >= LEAST_SUPPORT:
         return None
     return kind
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Uncertainty:
-    """Covariance of a model's free numbers and curves over flights.
-
-    Attributes:
-        free: slots of theta, then the curves' coordinates follow.
-        covariance: (m + q, m + q).
-        flights: (flights, m + q + 1, m + q + 1) information of each.
-    """
-
-    free: tuple[int, ...]
-    covariance: np.ndarray
-    flights: np.ndarray
-
-    def std(self, slot: int) -> float:
-        """Returns the standard error of a slot of theta; NaN where it is not free."""
-        if slot not in self.free:
-            return float("nan")
-        k = self.free.index(slot)
-        return float(np.sqrt(self.covariance[k, k]))
-
-
-def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
-    """Returns how well a model's numbers are known.
-
-    The larger of what the likelihood says and what leaving out each flight says, see
-    `glider.sysid.likelihood.information.covariance`.
-    """
-    directions = slopes(task.layout, model.theta, model.free)
-    flights = linear_flights(task, model, directions)
-    grams = np.stack(grams_of(flights, model.scales))
-    _, _, precision = beforehand(task, model, model.free)
-    return Uncertainty(
-        free=model.free,
-        covariance=covariance(grams, 1.0, precision),
-        flights=grams,
-    )
 
 
 def shown_by(task: Task, model: Fitted) -> dict[str, float]:

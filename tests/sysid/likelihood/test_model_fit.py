@@ -13,8 +13,8 @@ from glider.sysid.likelihood.model_fit import (
     with_constants,
 )
 from glider.sysid.likelihood.scales import negative_log_likelihood
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.record import Record
-from glider.sysid.search.weighing import uncertainty_of
 from tests.helpers.tasks import begin, fit_kinds, fly, task_of
 
 

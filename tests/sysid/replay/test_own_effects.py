@@ -25,6 +25,7 @@ from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.own_effects import check_own_effects
@@ -33,7 +34,6 @@ from glider.sysid.replay.theta import (
     LIBRARY_LAYOUT,
     layout_of,
 )
-from glider.sysid.search.weighing import uncertainty_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import (

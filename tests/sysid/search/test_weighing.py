@@ -7,12 +7,12 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import scoring
 from glider.sysid.search.weighing import (
     DOUBTED,
     Weighed,
     shown_by,
-    uncertainty_of,
     weakest,
     weigh,
 )

@@ -1,0 +1,106 @@
+"""How well a model's numbers are known, whatever its formulas may hide."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.sysid.likelihood.candidates import Candidates, saturated_scales
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.evidence import eliminate
+from glider.sysid.likelihood.information import covariance
+from glider.sysid.likelihood.model_fit import (
+    STRENGTH_RANGE,
+    Fitted,
+    beforehand,
+    grams_of,
+    linear_flights,
+)
+from glider.sysid.likelihood.task import Task
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """Covariance of a model's free numbers and curves over flights.
+
+    Attributes:
+        free: slots of theta, then the curves' coordinates follow.
+        covariance: (m + q, m + q).
+        flights: (flights, m + q + 1, m + q + 1) information of each.
+    """
+
+    free: tuple[int, ...]
+    covariance: np.ndarray
+    flights: np.ndarray
+
+    def std(self, slot: int) -> float:
+        """Returns the standard error of a slot of theta; NaN where it is not free."""
+        if slot not in self.free:
+            return float("nan")
+        k = self.free.index(slot)
+        return float(np.sqrt(self.covariance[k, k]))
+
+
+def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
+    """Returns how well a model's numbers are known.
+
+    The larger of what the likelihood says and what leaving out each flight says, see
+    `glider.sysid.likelihood.information.covariance`.
+    """
+    directions = slopes(task.layout, model.theta, model.free)
+    flights = linear_flights(task, model, directions)
+    grams = np.stack(grams_of(flights, model.scales))
+    _, _, precision = beforehand(task, model, model.free)
+    return Uncertainty(
+        free=model.free,
+        covariance=covariance(grams, 1.0, precision),
+        flights=grams,
+    )
+
+
+def with_allowed_curves(task: Task, model: Fitted) -> Fitted:
+    """Returns a model with curves as strong beforehand as its flights allow.
+
+    No glider is exactly a formula. What curves over the angle of attack may hide there
+    unseen, a formula's coefficients may have taken up: standard errors are told with
+    such curves beside the formulas. Where flights tell much, they allow little.
+
+    The strength s is the largest whose evidence, the coefficients integrated out, is
+    at most ALLOWED below the best, where what curves explain is not taken for moving
+    air: with eigenvalues λ of the curves' information, and g of the error along them,
+
+        log p(s) = ½ Σ g² / (λ + s⁻²) - ½ Σ log(1 + s² λ).
+    """
+    coordinates = model.coordinates if model.has_curves else np.zeros(task.curves.count)
+    bent = dataclasses.replace(model, coordinates=coordinates, strength=1.0)
+    index = list(model.free)
+    directions = slopes(task.layout, model.theta, index)
+    columns = Candidates(
+        task=task,
+        model=bent,
+        directions=tuple(directions),
+        variants={},
+        flights=linear_flights(task, bent, directions),
+    )
+    scales, _ = saturated_scales(columns, model.scales, 2)
+    gram = columns.grams(scales).sum(axis=0)
+    known = slice(0, len(index))
+    own, mean, precision = beforehand(task, bent, index)
+    change = (mean - own)[known]
+    reduced = eliminate(gram, range(len(index)), precision[known], change)
+    information = reduced[:-1, :-1]
+    error = reduced[:-1, -1] + information @ coordinates
+    values, directions = np.linalg.eigh(information)
+    values, error = np.maximum(values, 0.0), directions.T @ error
+    squares = np.square(STRENGTHS_ASKED)[:, None]
+    evidence = 0.5 * np.sum(
+        error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1
+    )
+    allowed = STRENGTHS_ASKED[evidence >= evidence.max() - ALLOWED]
+    return dataclasses.replace(bent, strength=float(allowed.max()))
+
+
+ALLOWED = 4.5
+"""Evidence that the curves' strength may cost [nats]: three standard deviations."""
+
+STRENGTHS_ASKED = np.geomspace(0.003, STRENGTH_RANGE[1], 60)
+"""Strengths of curves that are asked for; the least is nothing to any sensor."""
