@@ -7,7 +7,7 @@ from pathlib import Path
 
 from glider.sysid import plausibility
 from glider.sysid.fit import folds
-from glider.sysid.likelihood import curves, outliers
+from glider.sysid.likelihood import curves, outliers, uncertainty
 from glider.sysid.search import fits, pruning, signs, subsets, tracing, weighing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -52,6 +52,7 @@ myst_substitutions = {
     "folds": f"{folds.FOLDS}",
     "gain_error": f"{plausibility.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
+    "allowed": f"{uncertainty.ALLOWED:g}",
     "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
     "least_t": f"{folds.LEAST_T:.0f}",
     "moment_share": f"{plausibility.MOMENT_SHARE:g}",

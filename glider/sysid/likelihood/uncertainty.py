@@ -89,8 +89,8 @@ def with_allowed_curves(task: Task, model: Fitted) -> Fitted:
     reduced = eliminate(gram, range(len(index)), precision[known], change)
     information = reduced[:-1, :-1]
     error = reduced[:-1, -1] + information @ coordinates
-    values, directions = np.linalg.eigh(information)
-    values, error = np.maximum(values, 0.0), directions.T @ error
+    values, axes = np.linalg.eigh(information)
+    values, error = np.maximum(values, 0.0), axes.T @ error
     squares = np.square(STRENGTHS_ASKED)[:, None]
     evidence = 0.5 * np.sum(
         error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1
