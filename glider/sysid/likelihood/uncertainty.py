@@ -70,6 +70,8 @@ def with_allowed_curves(task: Task, model: Fitted) -> Fitted:
 
         log p(s) = ½ Σ g² / (λ + s⁻²) - ½ Σ log(1 + s² λ).
     """
+    if model.has_force_errors:  # They allow for any form as it is.
+        return model
     coordinates = model.coordinates if model.has_curves else np.zeros(task.curves.count)
     bent = dataclasses.replace(model, coordinates=coordinates, strength=1.0)
     index = list(model.free)

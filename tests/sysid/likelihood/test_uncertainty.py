@@ -71,6 +71,12 @@ def test_curves_that_act_already_allow_the_same(exact):
     assert bent.strength == pytest.approx(bare.strength, rel=0.3)
 
 
+def test_errors_of_the_forces_allow_for_any_form_as_they_are(exact):
+    task, model = exact
+    judged = dataclasses.replace(model, has_force_errors=True)
+    assert with_allowed_curves(task, judged) is judged
+
+
 def test_where_formulas_are_exact_errors_grow_little(exact):
     task, model = exact
     (slot,) = task.layout.slots_of("profile_drag")
