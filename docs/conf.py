@@ -61,7 +61,7 @@ myst_substitutions = {
     "price_of_more": f"{fits.PRICE_OF_MORE:.0f}",
     "resamples": f"{weighing.RESAMPLES}",
     "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
-    "worse": f"{folds.WORSE - 1.0:.0%}",
+    "worse": f"{folds.WORSE[1] - 1.0:.0%}",
     "z_apart": f"{outliers.Z_APART:.0f}",
 }
 

@@ -180,12 +180,13 @@ def judge(
             "On flights held out in folds the correction does not gain "
             f"significantly over the refitted plate (t = {held_out.t:.1f})."
         )
-    worst = max([*(held_out.ratios if held_out else ()), *_split_ratios(errors)])
-    if worst > WORSE:
-        return "not_trusted", (
-            "The correction makes flights that it was not fitted to worse: "
-            f"{worst:.2f} times the error of the refitted plate."
-        )
+    ratios = [_split_ratios(errors), *([held_out.ratios] if held_out else [])]
+    for words, worse, worst in zip(FLOWN, WORSE, np.max(ratios, axis=0), strict=True):
+        if worst > worse:
+            return "not_trusted", (
+                "The correction makes flights that it was not fitted to worse: "
+                f"{words} {worst:.3g} times the error of the refitted plate."
+            )
     unnamed = [e for e in effects if e.kind == "unexplained"]
     if unnamed and not (model.kinds or not signs.are_right):
         return "unexplained", "What the plate lacks has no name in the library."
@@ -197,6 +198,9 @@ def judge(
             "carried."
         )
     return "effect_found", "The effects have names and hold on held-out flights."
+
+
+FLOWN = "flown freely", "along the measured pitch"
 
 
 def _split_ratios(errors: dict[str, Errors | None]) -> tuple[float, float]:
