@@ -200,3 +200,10 @@ def filter_flight(
                 covariance[i, j] *= keep[i - n] * keep[j - n]
         for p in range(PROCESSES):
             covariance[n + p, n + p] += powers[p] * (1.0 - keep[p] * keep[p])
+
+
+def no_flight() -> tuple[np.ndarray, ...]:
+    """Returns arguments of the types that `filter_flight` is compiled for."""
+    a, b, c = (np.zeros((0,) * count) for count in (1, 2, 3))
+    seen = np.zeros((0, 0), dtype=bool)
+    return a, c, c, b, c, c, c, seen, a, a, b, a, a, c, b

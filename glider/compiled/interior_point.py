@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.compiled.ahead import compile_ahead, wait_for
 from glider.compiled.barrier import (
     Optimum,
     Program,
@@ -158,6 +159,7 @@ def optimize(
         return missed
 
     penalty = limits.penalty if program.is_held else 0.0
+    compile_ahead(newton_step, *_newton(0.0, penalty, path, at, scratch))
     enter(program, barrier, scratch, at.w, at.forces)
     missed = measure(at.w)
     known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
@@ -225,26 +227,34 @@ def _step_down(
     Returns:
         what was added to its diagonal, None where nothing helps.
     """
+    wait_for(newton_step)
     added = 0.0
     while added <= STIFFEST:
-        if newton_step(
-            at.w[-1],
-            path,
-            at.multipliers,
-            scratch.back,
-            scratch.cross,
-            scratch.diagonal,
-            added,
-            scratch.slope,
-            scratch.misses,
-            penalty,
-            scratch.change,
-            scratch.ahead,
-            scratch.drawn,
-        ):
+        if newton_step(*_newton(added, penalty, path, at, scratch)):
             return added
         if added == 0.0:
             added = max(1e-4, damping / 3.0)
         else:
             added *= 8.0 if damping else 100.0
     return None
+
+
+def _newton(
+    added: float, penalty: float, path: Path, at: Optimum, scratch: Scratch
+) -> tuple:
+    """Returns the arguments of `newton_step`."""
+    return (
+        at.w[-1],
+        path,
+        at.multipliers,
+        scratch.back,
+        scratch.cross,
+        scratch.diagonal,
+        added,
+        scratch.slope,
+        scratch.misses,
+        penalty,
+        scratch.change,
+        scratch.ahead,
+        scratch.drawn,
+    )
