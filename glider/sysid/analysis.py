@@ -113,7 +113,7 @@ class Analysis:
         """
         logged, masks = inspection.campaign, inspection.masks
         rng = np.random.default_rng(seed)
-        with self.stage("compile", "compile the dynamics (once; it takes a minute)"):
+        with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(vehicle.layout)
         with self.stage("signs"):
             signs = Signs()

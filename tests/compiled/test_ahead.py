@@ -80,6 +80,7 @@ def test_plain_python_needs_no_compiler():
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(os.cpu_count() == 1, reason="one processor has nobody to ask")
 def test_what_takes_longest_is_compiled_ahead(tmp_path):
     """A first plan's Newton step, and the filter of a first campaign."""
     fresh = {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path)}

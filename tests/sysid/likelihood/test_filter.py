@@ -2,10 +2,13 @@
 
 import dataclasses
 
+import numba
 import numpy as np
 import pytest
 
+from glider.compiled.filter_error import no_flight
 from glider.physics.effects import NO_FIELD
+from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import (
@@ -161,3 +164,16 @@ def test_changed_coefficients_are_one_column(flight):
     gram = whiten(flight, SCALES).gram
     moved = whiten(flight.combined(change), SCALES).gram
     np.testing.assert_allclose(moved, [[mix @ gram @ mix]], rtol=1e-8)
+
+
+def test_every_flight_takes_the_filter_that_is_compiled_ahead(flight, monkeypatch):
+    told, filter_flight = [], scales.filter_flight
+
+    def spy(*arguments):
+        told.append(tuple(map(numba.typeof, arguments)))
+        filter_flight(*arguments)
+
+    monkeypatch.setattr(scales, "filter_flight", spy)
+    for asked in (flight, flight.error_only(), flight.with_launch()):
+        whiten(asked, SCALES)
+    assert set(told) == {tuple(map(numba.typeof, no_flight()))}
