@@ -117,16 +117,18 @@ def test_induced_drag_is_against_the_stream_by_the_square_of_lift(wind):
         np.testing.assert_allclose(added, expected, rtol=1e-6, atol=1e-9)
 
 
-def test_axial_drag_is_alike_up_to_45_degrees_and_turns_with_the_motion():
-    effect = AXIAL_DRAG(ca0=0.05)
+def axial_coefficient(effect, alpha, never_drives=True):
+    """Returns what an effect adds along the body axis, and asserts that it is all."""
+    x = flying_at(alpha)
+    added = PARAMETERS.mass * (flown(effect, x) - nominal_derivatives(x))[4:6]
+    assert np.dot(added, normal_of(x[2])) == pytest.approx(0.0, abs=1e-12)
+    assert not never_drives or np.dot(added, x[4:6]) <= 0.0
+    return np.dot(added, -axis_of(x[2]) / pressure_area(x, PARAMETERS))
 
+
+def test_axial_drag_is_alike_up_to_45_degrees_and_turns_with_the_motion():
     def axial(alpha):
-        x = flying_at(alpha)
-        added = PARAMETERS.mass * (flown(effect, x) - nominal_derivatives(x))[4:6]
-        assert np.dot(added, normal_of(x[2])) == pytest.approx(0.0, abs=1e-12)
-        assert np.dot(added, x[4:6]) <= 0.0  # It never drives.
-        backwards = -axis_of(x[2]) / pressure_area(x, PARAMETERS)
-        return np.dot(added, backwards)
+        return axial_coefficient(AXIAL_DRAG(ca0=0.05), alpha)
 
     assert axial(0.0) == pytest.approx(0.05)
     for alpha in np.linspace(-np.pi / 4, np.pi / 4, 9):
@@ -134,6 +136,15 @@ def test_axial_drag_is_alike_up_to_45_degrees_and_turns_with_the_motion():
         assert axial(np.pi - alpha) == pytest.approx(-axial(alpha))
     assert axial(np.deg2rad(76)) == pytest.approx(0.05, rel=0.1)
     assert axial(np.pi / 2) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_an_axial_force_may_be_alike_in_backward_flight_too():
+    constant = AXIAL_DRAG(ca0=0.05, backward=-1.0)
+    for alpha in np.linspace(-np.pi, np.pi, 9):
+        found = axial_coefficient(constant, alpha, never_drives=False)
+        assert found == pytest.approx(0.05, rel=6e-3)
+    half = AXIAL_DRAG(ca0=0.05, backward=0.5)
+    assert axial_coefficient(half, np.pi) == pytest.approx(-0.025, rel=6e-3)
 
 
 def test_an_elevator_that_gives_way_flies_as_one_turned_by_its_load():

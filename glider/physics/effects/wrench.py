@@ -32,10 +32,11 @@ def _induced_drag(flow, k):
 
 
 @scalar
-def _axial_drag(flow, ca0):
+def _axial_drag(flow, ca0, backward):
     cosine = flow.cos_alpha
-    forward = cosine * np.sqrt((1.0 + _TURN) / (cosine * cosine + _TURN))
-    size = -ca0 * dynamic_pressure_area(flow) * flow.speed * forward
+    ahead = 0.5 + 0.5 * cosine / np.sqrt(cosine * cosine + _TURN)
+    share = np.sqrt(1.0 + _TURN) * (ahead - backward * (1.0 - ahead))
+    size = -ca0 * dynamic_pressure_area(flow) * flow.speed * share
     return size * flow.cos_pitch, -size * flow.sin_pitch
 
 
@@ -82,17 +83,29 @@ AXIAL_DRAG = EffectKind(
     kind="axial_drag",
     stage="wrench",
     adds_to=("force_x", "force_z"),
-    coefficients=(Coefficient(name="ca0", unit="-", scale=0.05, lower=0.0, upper=2.0),),
+    coefficients=(
+        Coefficient(name="ca0", unit="-", scale=0.05, lower=0.0, upper=2.0),
+        Coefficient(
+            name="backward",
+            unit="-",
+            default=1.0,
+            scale=0.3,
+            lower=-2.0,
+            upper=2.0,
+            grid=(1.0, -1.0),
+        ),
+    ),
     formula=_axial_drag,
     words="drag along the body axis, alike at all angles of attack",
     depends_on=("V", "alpha"),
 )
 """Axial drag: ½ ρ V² S_w ca0 backwards along the body axis.
 
-The axial coefficient is ca0 cos α √(1.01 / (cos² α + 0.01)): ca0 at α = 0, within
-half a percent of it up to 45° and a tenth up to 76°, and against the motion in backward
-flight too (a body's axial coefficient changes little below stall: Hoerner,
-Fluid-Dynamic Drag).
+With a = ½ (1 + cos α / √(cos² α + 0.01)), how much of the flow comes from ahead, the
+axial coefficient is ca0 √1.01 (a - backward (1 - a)): ca0 at α = 0, within half a
+percent of it up to 45° and a tenth up to 76° (a body's axial coefficient changes little
+below stall: Hoerner, Fluid-Dynamic Drag). In backward flight it is against the motion
+too where `backward` is 1; at -1 the coefficient is constant, and drives the glider on.
 """
 
 PITCH_DAMPING = EffectKind(
