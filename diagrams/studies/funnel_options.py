@@ -15,7 +15,7 @@ from diagrams.studies.funnel_figures import beside
 from diagrams.studies.funnel_study import FunnelTrials
 from glider.paths import models_path
 from glider.planning.problem import PerchingProblem, load_problem
-from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
 
 
 def read_funnel_options(
@@ -46,6 +46,8 @@ def read_funnel_options(
         "make the feedback with the funnel's shape, up to this gain [1/s], such as 40"
     )
     parser.add_argument("--elevator-gain", type=float, default=0.0, help=made)
+    wide = "shape the funnels for errors of the launch, above all in height"
+    parser.add_argument("--for-launches", action="store_true", help=wide)
     allowed = "make the second for the gliders that the logs allow with it"
     parser.add_argument("--confidence", metavar="P", type=float, help=allowed)
     takes = "for models/problems/perching_hook.yaml: the hook takes all of the last set"
@@ -72,7 +74,9 @@ def read_funnel_options(
         problem=problem,
         hook=args.hook,
         settings=FunnelSettings(
-            remainder=args.remainder, elevator_gain=args.elevator_gain
+            remainder=args.remainder,
+            elevator_gain=args.elevator_gain,
+            launch_sizes=LAUNCH_SIZES if args.for_launches else None,
         ),
         samples=args.samples,
         every=args.every,

@@ -13,6 +13,7 @@ from examples import perching_funnel
 from glider.paths import models_path
 from glider.planning.problem import load_problem
 from glider.verification.funnel.funnel import load_funnel
+from glider.verification.funnel.settings import LAUNCH_SIZES
 from glider.verification.trials.estimated import study_estimates
 from tests.helpers.examples import tell
 
@@ -138,13 +139,13 @@ def test_the_options_reach_the_story(told):
 
 
 def test_the_hook_and_a_feedback_are_asked_for(found, tmp_path):
-    told = tell(
-        perching_funnel, found, tmp_path, *OPTIONS, "--hook", "--elevator-gain=40"
-    )
+    asked = [*OPTIONS, "--hook", "--elevator-gain=40", "--for-launches"]
+    told = tell(perching_funnel, found, tmp_path, *asked)
     trials = told.asked.call_args.args[1]
     file = models_path("problems", "perching_hook.yaml")
     assert (trials.problem, trials.hook) == (load_problem(file), True)
     assert trials.settings.elevator_gain == 40.0
+    assert trials.settings.launch_sizes == LAUNCH_SIZES
 
 
 def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_path):

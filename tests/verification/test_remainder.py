@@ -30,7 +30,7 @@ def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel, coeffic
 def test_the_remainders_form_bounds_what_it_stands_for(funnel, coefficients):
     S, z = funnel.S[[150]], sphere_points(200, 7)
     beta = sample_remainder(funnel.nominal, coefficients, S, z, np.array([150]))
-    form = remainder_form(S, beta, remainder_weights(S, beta, np.ones(7)))[0]
+    form = remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
     L_T, L_inv_T = to_ball(S[0])
     errors = z @ L_inv_T.T
     remainder = remainder_of(funnel.nominal, coefficients, [150], errors[None])[0]

@@ -44,6 +44,7 @@ from glider.verification.funnel.remainder import (
 from glider.verification.funnel.scaling import scale_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import ShapeFlow
+from glider.verification.funnel.sizes import size_matrices
 from glider.verification.sos.grams import (
     least_eigenvalue,
     nearby_gram,
@@ -195,7 +196,7 @@ class _Gauge:
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
         self._center, n = center, nominal.states.shape[1]
-        self._sizes = settings.size_axes(n)
+        self._sizes = size_matrices(nominal, coefficients, settings)
         self._starts = directions[:STARTS]
         if center is not None:
             self._starts = normalized(self._starts[:, :n])

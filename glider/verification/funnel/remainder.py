@@ -188,17 +188,17 @@ def inflate(sampled: np.ndarray, inflation: float) -> np.ndarray:
 
 
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Returns λ (T, n) that add little growth where states have these sizes.
+    """Returns λ (T, n) that add little growth in the sense of Σ.
 
     With W = Lᵀ Σ L, these minimize tr(W D).
 
     Args:
         S: (T, n, n).
         beta: (T, n) bounds of the remainder.
-        sizes: (n,) typical deviations, Σ = diag(sizes²).
+        sizes: (T, n, n) or (n, n) Σ, of `glider.verification.funnel.sizes`.
     """
     L_T, _ = to_ball(S)
-    weight = L_T @ np.diag(sizes**2) @ np.swapaxes(L_T, 1, 2)
+    weight = L_T @ sizes @ np.swapaxes(L_T, 1, 2)
     pull = np.einsum("tik,tij,tjk->tk", L_T, weight, L_T)
     return beta * np.sqrt(np.einsum("tii->t", weight)[:, None] / pull)
 

@@ -13,6 +13,10 @@ from glider.physics.state import (
 )
 from glider.planning.hook import Hook
 
+LAUNCH_SIZES = (0.02, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)
+"""Errors of a launch that matter alike where height is what is wanted, in the order of
+STATE_NAMES [m, rad, m/s, rad/s]."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelSettings:
@@ -33,6 +37,12 @@ class FunnelSettings:
     """Deviations that matter alike, in the order of STATE_NAMES [m, rad, m/s, rad/s]:
     what the shape of the funnel trades against each other. It is not sensitive to
     them, but without any it runs away."""
+
+    launch_sizes: tuple[float, ...] | None = None
+    """Errors of a launch that matter alike, in the order of STATE_NAMES [m, rad, m/s,
+    rad/s]: what becomes of them on the flight shapes the funnel, and a share of `sizes`
+    (`glider.verification.funnel.sizes`). None for `sizes` alone, the same at all times.
+    LAUNCH_SIZES makes an inlet that is wider in all but the elevator."""
 
     sizes_extra: float = 2.0
     """Deviation that matters like these, of each of the effects' own states."""
@@ -60,8 +70,10 @@ class FunnelSettings:
 
     def __post_init__(self):
         """Raises InputError where a setting makes no sense."""
-        for name in ("goal", "sizes"):
+        for name in ("goal", "sizes", "launch_sizes"):
             values = getattr(self, name)
+            if name == "launch_sizes" and values is None:
+                continue
             is_list = isinstance(values, (tuple, list)) and len(values) == NUM_STATES
             if not (is_list and all(map(_is_positive, values))):
                 raise InputError(
@@ -87,6 +99,10 @@ class FunnelSettings:
     def goal_axes(self, num_states: int) -> np.ndarray:
         """Returns the goal's half-axes (n,), the effects' own states included."""
         return np.append(self.goal, [self.goal_extra] * (num_states - NUM_STATES))
+
+    def launch_axes(self, num_states: int) -> np.ndarray:
+        """Returns the launch's sizes (n,); the effects' own states start at rest."""
+        return np.append(self.launch_sizes, [0.0] * (num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""

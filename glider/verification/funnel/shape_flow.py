@@ -4,9 +4,10 @@ For the set {eᵀ S e <= 1}, with S = L Lᵀ,
     -Ṡ = F₁ᵀ S + S F₁ + L N Lᵀ,
     N = argmin tr(W N)  such that  zᵀ N z - c₃ - c₄ - zᵀ D z is a sum of squares on
     |z| = 1,  W = Lᵀ Σ L:
-the least growth of S, in the sense of Σ, for which no deviation leaves. N is computed
-every few steps and goes on in a straight line between. A servo limit that the set
-would break cuts it down. The feedback may be made on the way, from S one time later.
+the least growth of S, in the sense of Σ (`glider.verification.funnel.sizes`), for which
+no deviation leaves. N is computed every few steps and goes on in a straight line
+between. A servo limit that the set would break cuts it down. The feedback may be made
+on the way, from S one time later.
 """
 
 import dataclasses
@@ -31,6 +32,7 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.settings import FunnelSettings
+from glider.verification.funnel.sizes import size_matrices
 from glider.verification.sos.forms import (
     higher_forms,
     linear_part,
@@ -75,7 +77,7 @@ class ShapeFlow:
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
         self._bounds, self._center = bounds_about(nominal, center), center
-        self._sizes = settings.size_axes(nominal.states.shape[1])
+        self._sizes = size_matrices(nominal, coefficients, settings)
         self._slopes = command_slopes(nominal) if steer else None
 
     @property
@@ -93,8 +95,7 @@ class ShapeFlow:
             SolverError: no solver gave a usable answer, or the set vanishes.
         """
         times = self._nominal.times
-        n = len(self._sizes)
-        last = len(times) - 1
+        last, n = len(times) - 1, self._nominal.states.shape[1]
         hold = max(1, round(self._settings.hold / (times[1] - times[0])))
         S = goal_about(self._settings.goal_axes(n), self._center)
         self._steer(S, last)
@@ -138,7 +139,7 @@ class ShapeFlow:
         """Returns N + D at a time."""
         cubic, quartic = higher_forms(S, self._coefficients[k])
         L = np.linalg.cholesky(S)
-        weight = L.T @ np.diag(self._sizes**2) @ L
+        weight = L.T @ self._sizes[k] @ L
         growth = solve_growth(cubic, quartic, weight)
         if self._settings.remainder > 0.0:
             beta = sample_remainder(
@@ -150,7 +151,7 @@ class ShapeFlow:
                 self._center,
             )
             beta = inflate(beta, self._settings.remainder)
-            weights = remainder_weights(S[None], beta, self._sizes)
+            weights = remainder_weights(S[None], beta, self._sizes[k])
             growth = growth + remainder_form(S[None], beta, weights)[0]
         return growth
 

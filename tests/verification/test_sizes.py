@@ -1,0 +1,95 @@
+"""What deviations matter alike along a flight: errors of the launch, as they become."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glider.control.tvlqr import compiled_policy
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES
+from glider.simulation.fly import fly
+from glider.verification.dynamics.error_dynamics import expand
+from glider.verification.dynamics.nominal import ARRAYS, make_nominal
+from glider.verification.funnel import shape_flow, sizes
+from glider.verification.funnel.funnel import load_funnel
+from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
+from glider.verification.funnel.sizes import SHARE, size_matrices
+from tests.verification.points import sphere_points
+
+SETTINGS = FunnelSettings(step=0.011, hold=0.088, launch_sizes=LAUNCH_SIZES)
+
+
+@pytest.fixture(scope="module")
+def policy(article_plan):
+    return compiled_policy(GliderModel(), article_plan)
+
+
+@pytest.fixture(scope="module")
+def nominal(policy):
+    return make_nominal(GliderModel(), policy, SETTINGS.step)
+
+
+def test_sizes_alone_are_the_same_at_all_times(nominal):
+    settings = dataclasses.replace(SETTINGS, launch_sizes=None)
+    found = size_matrices(nominal, expand(nominal), settings)
+    assert found.shape == (len(nominal.times), NUM_STATES, NUM_STATES)
+    assert np.all(found == np.diag(np.square(settings.sizes)))
+
+
+def test_errors_of_a_launch_become_what_flights_show(nominal, policy):
+    small = 1e-3
+    found = size_matrices(nominal, expand(nominal), SETTINGS)
+    starts = nominal.states[0] + small * np.diag([*LAUNCH_SIZES])
+    starts = np.vstack([nominal.states[0], starts])
+    step = (nominal.times[1] - nominal.times[0]) / 8.0
+    flown = fly(
+        GliderModel(), policy, starts, step=step, after=0.0, keep_paths=True
+    ).paths[:, ::8]
+    for k in (0, 30, len(nominal.times) - 1):
+        errors = (flown[1:, k] - flown[0, k]).T / small
+        expected = errors @ errors.T + np.diag(np.square(SETTINGS.sizes)) * SHARE**2
+        units = 1.0 / np.sqrt(np.diag(expected))
+        difference = (found[k] - expected) * np.outer(units, units)
+        assert np.abs(difference).max() < 0.02, k
+
+
+def test_what_is_least_later_is_least_at_the_launch(policy, monkeypatch):
+    """tr(W) = tr(Σ S) is one number all along a set that nothing makes grow."""
+    traces = []
+
+    def no_growth(cubic, quartic, weight):
+        traces.append(np.trace(weight))
+        return np.zeros_like(weight)
+
+    monkeypatch.setattr(shape_flow, "solve_growth", no_growth)
+    monkeypatch.setattr(sizes, "SHARE", 0.0)
+    nominal = make_nominal(GliderModel(), policy, 0.002)
+    arrays = {name: getattr(nominal, name)[:50] for name in ARRAYS}
+    nominal = dataclasses.replace(nominal, **arrays)
+    small = tuple(1e-3 * np.array(SETTINGS.goal))  # No limit of the servo cuts it.
+    settings = dataclasses.replace(SETTINGS, goal=small, hold=SETTINGS.step)
+    flow = shape_flow.ShapeFlow(nominal, expand(nominal), settings, sphere_points(1, 7))
+    S = flow.run()
+    traces.append(np.sum(np.square(LAUNCH_SIZES) * np.diag(S[0])))
+    np.testing.assert_allclose(traces, traces[0], rtol=1e-4)
+    assert len(traces) > 5
+
+
+def test_the_inlet_of_a_funnel_that_ships_is_high():
+    held = load_funnel(models_path("funnels", "drawn_hook.npz"))
+    assert held.settings.launch_sizes == LAUNCH_SIZES
+    assert held.half_widths()[1] > 0.15
+
+
+def test_states_of_the_effects_start_at_rest():
+    axes = SETTINGS.launch_axes(NUM_STATES + 1)
+    np.testing.assert_array_equal(axes, [*LAUNCH_SIZES, 0.0])
+
+
+@pytest.mark.parametrize("given", [(0.1,), (0.0, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)])
+def test_sizes_of_a_launch_are_seven_positive_numbers(given):
+    with pytest.raises(InputError, match="'launch_sizes' is .*7 positive numbers"):
+        FunnelSettings(launch_sizes=given)
