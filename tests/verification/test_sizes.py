@@ -91,5 +91,5 @@ def test_states_of_the_effects_start_at_rest():
 
 @pytest.mark.parametrize("given", [(0.1,), (0.0, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)])
 def test_sizes_of_a_launch_are_seven_positive_numbers(given):
-    with pytest.raises(InputError, match="'launch_sizes' is .*7 positive numbers"):
+    with pytest.raises(InputError, match=r"'launch_sizes' is .*7 positive numbers"):
         FunnelSettings(launch_sizes=given)

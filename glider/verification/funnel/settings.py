@@ -101,8 +101,9 @@ class FunnelSettings:
         return np.append(self.goal, [self.goal_extra] * (num_states - NUM_STATES))
 
     def launch_axes(self, num_states: int) -> np.ndarray:
-        """Returns the launch's sizes (n,); the effects' own states start at rest."""
-        return np.append(self.launch_sizes, [0.0] * (num_states - NUM_STATES))
+        """Returns the launch's sizes (n,): 0 for the effects' own states, at rest."""
+        given = self.launch_sizes or (0.0,) * NUM_STATES
+        return np.append(given, [0.0] * (num_states - NUM_STATES))
 
     def size_axes(self, num_states: int) -> np.ndarray:
         """Returns the sizes (n,), the effects' own states included."""

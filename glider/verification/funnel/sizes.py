@@ -1,10 +1,10 @@
 """What deviations matter alike along a flight: Σ, which shapes a funnel.
 
 A program that makes tr(Σ S) grow least trades directions against each other by what is
-large now. What is wanted is a wide inlet, and S there grows by what S grows later, along
-Φ: tr(Σ₀ S(0)) = tr(Φ Σ₀ Φᵀ S(t)) + ..., with
+large at its time. What is wanted is a wide inlet. With
     Φ̇ = F₁ Φ,  Φ(0) = I,
-F₁ of the closed loop. So Σ is what errors of the launch have become, and a share of
+F₁ of the closed loop, tr(Σ₀ S(0)) is tr(Φ Σ₀ Φᵀ S(t)) and what else makes S grow
+before t. So Σ is Φ Σ₀ Φᵀ, what errors of the launch have become, and a share of
 deviations that matter alike at all times, without which it is flat.
 """
 
