@@ -60,7 +60,8 @@ tables: setup
 proofs: setup
 	for funnel in models/funnels/proven/*.npz models/funnels/head_wind_95.npz; do \
 		$(BIN)/python -m glider check-funnel $$funnel --prove || exit 1; done
-	$(BIN)/python -m glider check-funnel models/funnels/head_wind_hook.npz --hook --prove
+	for funnel in models/funnels/*_hook.npz; do \
+		$(BIN)/python -m glider check-funnel $$funnel --hook --prove || exit 1; done
 
 docs: setup
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs

@@ -74,7 +74,9 @@ def test_the_problem_of_the_hook_ends_in_the_middle_of_its_pitches():
     assert differs == {"final_pitch_limits", "final_speed_limit"}
 
 
-def test_the_hook_takes_the_last_set_of_the_funnel_that_ships(held):
+@pytest.mark.parametrize("name", ["drawn_hook.npz", "head_wind_hook.npz"])
+def test_the_hook_takes_the_last_set_of_the_funnels_that_ship(name):
+    held = load_funnel(models_path("funnels", name))
     assert held.half_widths()[1] > 0.12
     assert hook_faults(held, PerchingProblem()) == []
     spread = np.linalg.cholesky(np.linalg.inv(held.S[-1]))
