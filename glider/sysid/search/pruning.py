@@ -11,17 +11,21 @@ from glider.sysid.search.fits import Search
 from glider.sysid.search.means import with_means
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import best_of_sizes
+from glider.sysid.search.weighing import shown_by
 
 
 def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
     """Drops the effects that are not worth their price when all else is refitted.
+
+    What seems to do least is asked first: what stays need not be asked again then.
 
     Returns:
         the model, and the evidence of each effect that stays [nats].
     """
     while True:
         lost = {}
-        for kind in model.kinds:
+        shown = shown_by(search.task, model)
+        for kind in sorted(model.kinds, key=shown.__getitem__):
             search.progress(f"is {kind} needed?")
             fewer = search.fit(without(search.task, model, kind), iterations=4)
             if search.price(fewer) < search.price(model):

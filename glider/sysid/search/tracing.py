@@ -61,7 +61,7 @@ def trace(
         with_fewer(search, model)
         or with_weaker_curves(search, model)
         or with_a_shaped_one(search, model)
-        or (left_of_many(search, model) if leaves_something(model) else None)
+        or (left_of_many(search, model) if leaves_a_form(model) else None)
     ):
         model, evidence = prune(search, better)
     search.task = task
@@ -124,8 +124,12 @@ lengths are seldom wrong, and to first order they imitate much."""
 
 def leaves_something(model: Fitted) -> bool:
     """Whether a model leaves more than the sensors' noise: moving air, own errors."""
-    scales = model.scales
-    return scales.air > 0.02 or scales.moment > 0.3 or model.strength > 0.5
+    return model.scales.air > 0.02 or leaves_a_form(model)
+
+
+def leaves_a_form(model: Fitted) -> bool:
+    """Whether a model leaves what air that moves does not: errors of its forms."""
+    return model.scales.moment > 0.3 or model.strength > 0.5
 
 
 def beyond_names(search: Search, model: Fitted) -> FoundField | None:
