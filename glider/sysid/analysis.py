@@ -36,7 +36,6 @@ from glider.sysid.outcome import (
     covariance_of,
     curves_of,
     effects_of,
-    judge,
     model_of,
     spreads_of,
     vehicle_of,
@@ -65,6 +64,7 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.traced import Traced
 from glider.sysid.search.tracing import FIELD_PRICE, trace
+from glider.sysid.verdict import is_of_the_plate, judge
 
 MOST_COMBINATIONS = 10
 """Sets of effects that a result lists."""
@@ -171,7 +171,10 @@ class Analysis:
                         forces_alone(task, plate, forces),
                         forces_alone(task, model, forces),
                     )
-                held_out = hold_out(everything, *both, model.scales, rng)
+                drawn = traced.plate if is_of_the_plate(model) else None
+                if traced.forces is not None or not vehicle.is_known:
+                    drawn = None
+                held_out = hold_out(everything, *both, model.scales, rng, drawn)
             first = "as_drawn" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)

@@ -1,4 +1,4 @@
-"""The parts of a result: verdict, effects, corrected model, curves, spreads."""
+"""The parts of a result: effects, corrected model, curves, spreads."""
 
 import dataclasses
 import math
@@ -10,7 +10,6 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import Fitted, error_flights
 from glider.sysid.likelihood.scales import (
@@ -26,10 +25,8 @@ from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
 from glider.sysid.result import (
     Curve,
-    Errors,
     Estimate,
     FoundEffect,
-    Left,
     ResidualTable,
     Spread,
 )
@@ -139,81 +136,6 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
                 values=dict(zip(names, values, strict=True)),
             )
     return found
-
-
-def judge(
-    traced: Traced,
-    signs: Signs,
-    carried: Carried,
-    held_out: HeldOut | None,
-    errors: dict[str, Errors | None],
-    effects: tuple[FoundEffect, ...],
-    left: Left,
-    doubt: str | None,
-) -> tuple[str, str]:
-    """Returns the verdict and the sentence that says why.
-
-    Args:
-        traced: what was found.
-        signs: of the angles.
-        carried: curves of the model.
-        held_out: what folds say, or None.
-        errors: of unseen flights, by model.
-        effects: as reported.
-        left: what the model leaves.
-        doubt: why the model is not to be believed, see
-            `glider.sysid.plausibility.find_doubt`, or None.
-    """
-    model = traced.model
-    nothing = not model.kinds and traced.field is None and not carried.terms
-    if nothing and signs.are_right:
-        if traced.forces is not None and left.depends_on:
-            return "unexplained", (
-                "What the plate lacks depends on "
-                f"{', '.join(left.depends_on)}, and no effect holds."
-            )
-        return "no_effect", "Nothing that the flights show beyond noise and air."
-    if doubt is not None:
-        return "not_trusted", f"What is left to chance is too much: {doubt}."
-    if held_out is not None and held_out.t < LEAST_T:
-        return "not_trusted", (
-            "On flights held out in folds the correction does not gain "
-            f"significantly over the refitted plate (t = {held_out.t:.1f})."
-        )
-    ratios = [_split_ratios(errors), *([held_out.ratios] if held_out else [])]
-    for words, worse, worst in zip(FLOWN, WORSE, np.max(ratios, axis=0), strict=True):
-        if worst > worse:
-            return "not_trusted", (
-                "The correction makes flights that it was not fitted to worse: "
-                f"{words} {worst:.3g} times the error of the refitted plate."
-            )
-    unnamed = [e for e in effects if e.kind == "unexplained"]
-    if unnamed and not (model.kinds or not signs.are_right):
-        return "unexplained", "What the plate lacks has no name in the library."
-    if unnamed:
-        return "partly_explained", "Part of what the plate lacks has no name."
-    if any(not e.shape_fits for e in effects):
-        return "effect_found", (
-            "The effects have names; where a shape is not the library's, a curve is "
-            "carried."
-        )
-    return "effect_found", "The effects have names and hold on held-out flights."
-
-
-FLOWN = "flown freely", "along the measured pitch"
-
-
-def _split_ratios(errors: dict[str, Errors | None]) -> tuple[float, float]:
-    """Returns errors by the refitted plate's, free and along the measured pitch."""
-    refitted, corrected = errors["refitted"], errors["corrected"]
-    assert refitted is not None and corrected is not None
-    return (
-        ratio_of(refitted.position_rms_m, corrected.position_rms_m),
-        ratio_of(
-            refitted.measured_pitch_position_rms_m,
-            corrected.measured_pitch_position_rms_m,
-        ),
-    )
 
 
 def effects_of(

@@ -1,184 +1,29 @@
-"""The parts of a result: verdicts, curves, what differs from flight to flight."""
+"""The parts of a result: curves, what differs from flight to flight."""
 
 import dataclasses
-import types
 
 import numpy as np
 import pytest
 
-from glider.sysid.fit.folds import LEAST_T, WORSE
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
     CURVE_Z,
-    FLOWN,
     Carried,
     carried_of,
     curves_of,
-    judge,
     model_of,
     spreads_of,
 )
 from glider.sysid.replay.signs import Signs
-from glider.sysid.result import VERDICTS, Errors, FoundEffect, Left, ResidualTable
+from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
 
-# ---------------------------------------------------------------------- verdicts
-
-RIGHT = Signs()
-NO_CURVES = Carried(terms=(), data=None)
-
-
-def entry(kind, shape_fits=True):
-    return FoundEffect(
-        kind=kind,
-        words="",
-        coefficients={},
-        evidence=1.0,
-        share=1.0,
-        indistinguishable_from=(),
-        depends_on=(),
-        shape_fits=shape_fits,
-    )
-
-
-def errors_with(free, along):
-    numbers = dict.fromkeys([f.name for f in dataclasses.fields(Errors)], 1.0)
-    numbers |= {"position_rms_m": free, "measured_pitch_position_rms_m": along}
-    return Errors(**numbers)
-
-
-def verdict(
-    kinds=(),
-    *,
-    field=False,
-    terms=(),
-    signs=RIGHT,
-    t=9.0,
-    ratios=(0.1, 0.1),
-    split=(0.1, 0.1),
-    shape_fits=True,
-    unnamed=None,
-    left_over=None,
-    doubt=None,
-):
-    """Judges a trace that found kinds, and a field or curves without a name."""
-    if unnamed is None:
-        unnamed = field or bool(terms)
-    effects = [entry(kind, shape_fits) for kind in kinds]
-    if not signs.are_right:
-        effects.append(entry("angle_sign"))
-    if unnamed:
-        effects.append(entry("unexplained"))
-    traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=tuple(kinds)),
-        field=object() if field else None,
-        forces=None if left_over is None else object(),
-    )
-    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
-    held_out = types.SimpleNamespace(t=t, ratios=ratios) if signs.are_right else None
-    errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(*split)}
-    carried = Carried(terms=terms, data=None)
-    return judge(traced, signs, carried, held_out, errors, tuple(effects), left, doubt)
-
-
-def test_thrown_gliders_that_leave_much_are_never_without_effect():
-    word, reason = verdict(left_over=("alpha", "V"))
-    assert word == "unexplained"
-    assert "alpha, V" in reason
-    assert verdict(left_over=())[0] == "no_effect"
-
-
-def test_nothing_found_is_no_effect():
-    """However the flights came out."""
-    assert verdict()[0] == "no_effect"
-    assert verdict(t=-5.0, ratios=(2.0, 2.0))[0] == "no_effect"
-
-
-def test_effects_that_hold_are_found():
-    word, reason = verdict(("wind",))
-    assert word == "effect_found"
-    assert "curve" not in reason
-
-
-def test_a_shape_that_is_not_the_librarys_is_told():
-    word, reason = verdict(
-        ("wind",), terms=("c_drag",), shape_fits=False, unnamed=False
-    )
-    assert word == "effect_found"
-    assert "curve" in reason
-
-
-@pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])
-def test_a_gain_by_chance_is_not_trusted(kinds):
-    word, reason = verdict(kinds, field=not kinds, t=LEAST_T - 0.1)
-    assert word == "not_trusted"
-    assert f"t = {LEAST_T - 0.1:.1f}" in reason
-    assert verdict(kinds, field=not kinds, t=LEAST_T + 0.1)[0] != "not_trusted"
-
-
-@pytest.mark.parametrize("place", range(4))
-def test_what_makes_unseen_flights_worse_is_not_trusted(place):
-    """Free or along the measured pitch, in folds or on the flights held out."""
-    worse = WORSE[place % 2] + 0.01
-    for worst, expected in ((worse, "not_trusted"), (1.0, "effect_found")):
-        ratios = [0.5, 0.5, 0.5, 0.5]
-        ratios[place] = worst
-        word, reason = verdict(("wind",), ratios=ratios[:2], split=ratios[2:])
-        assert word == expected
-        words = f"{FLOWN[place % 2]} {worse:.3g} times"
-        assert (words in reason) == (word == "not_trusted")
-
-
-def test_what_leaves_too_much_to_chance_is_not_trusted():
-    word, reason = verdict(("wind",), doubt="the model needs gusts of 0.6 m/s")
-    assert word == "not_trusted"
-    assert "gusts of 0.6 m/s" in reason
-    assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "no_effect"
-
-
-@pytest.mark.parametrize("lack", [{"field": True}, {"terms": ("c_lift",)}], ids=str)
-def test_what_has_no_name_is_unexplained(lack):
-    assert verdict((), **lack)[0] == "unexplained"
-    assert verdict(("wind",), **lack)[0] == "partly_explained"
-
-
-def test_wrong_signs_need_no_folds():
-    wrong = Signs(pitch=-1, evidence=1e4, share=0.9)
-    assert verdict((), signs=wrong)[0] == "effect_found"
-    assert verdict(("wind",), signs=wrong, t=-9.0)[0] == "effect_found"
-    assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
-    worse = verdict(("wind",), signs=wrong, split=(WORSE[0] + 0.01, 0.5))
-    assert worse[0] == "not_trusted"
-
-
-def test_what_only_differs_from_flight_to_flight_names_no_lack():
-    """A trim that is zero in the mean stands beside the unexplained, no more."""
-    traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=()), field=object(), forces=None
-    )
-    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=())
-    found = (entry("unexplained"), entry("elevator_trim"))
-    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9))
-    errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
-    assert word == "unexplained"
-
-
-def test_all_verdicts_have_been_seen():
-    seen = {
-        verdict()[0],
-        verdict(("wind",))[0],
-        verdict(("wind",), field=True)[0],
-        verdict(field=True)[0],
-        verdict(("wind",), t=0.0)[0],
-    }
-    assert seen == set(VERDICTS)
-
-
 # ------------------------------------------------------------------------ curves
+
+NO_CURVES = Carried(terms=(), data=None)
 
 
 @pytest.fixture(scope="module")

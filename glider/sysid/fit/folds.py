@@ -54,6 +54,7 @@ class HeldOut:
     Attributes:
         folds: their errors.
         gain: (flights,) log-likelihood that the corrected model gains [nats].
+        over_drawn: the same over the glider as drawn; None where it was not asked.
         free: (flights, 2) position RMS of free rollouts, plate and corrected [m].
         along: (flights, 2) the same along the measured pitch.
     """
@@ -62,11 +63,17 @@ class HeldOut:
     gain: np.ndarray
     free: np.ndarray
     along: np.ndarray
+    over_drawn: np.ndarray | None = None
 
     @property
     def t(self) -> float:
         """Student's t of the flights' gains."""
         return robust_t(self.gain)
+
+    @property
+    def t_over_drawn(self) -> float | None:
+        """The same of their gains over the glider as drawn."""
+        return None if self.over_drawn is None else robust_t(self.over_drawn)
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -120,6 +127,7 @@ def hold_out(
     corrected: Fitted,
     scales: Scales,
     rng: np.random.Generator,
+    drawn: Fitted | None = None,
 ) -> HeldOut:
     """Holds out each flight once.
 
@@ -129,12 +137,15 @@ def hold_out(
         corrected: the model after.
         scales: of sensors, and of what differs from flight to flight, of rollouts.
         rng: that deals the flights to folds.
+        drawn: the glider as drawn, where the gain over it is asked too.
     """
     count = len(task.records)
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
     refits = [_Refits(task, model) for model in (plate, corrected)]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
+    nominal = None if drawn is None else _Refits(task, drawn)
+    over_drawn = None if drawn is None else np.zeros(count)
     folds = []
     for part in parts:
         unseen = [task.records[i] for i in part]
@@ -147,6 +158,8 @@ def hold_out(
             errors.append(errors_of(flown, unseen, predictions))
             for i, record, predicted in zip(part, unseen, predictions, strict=True):
                 free[i, j], along[i, j] = flight_errors(record, predicted)
+        if nominal is not None and over_drawn is not None:
+            over_drawn[part] = nominal.without(part)[1] - costs
         folds.append(
             Fold(
                 held_out=tuple(record.name for record in unseen),
@@ -154,7 +167,9 @@ def hold_out(
                 corrected=errors[1],
             )
         )
-    return HeldOut(folds=tuple(folds), gain=gain, free=free, along=along)
+    return HeldOut(
+        folds=tuple(folds), gain=gain, free=free, along=along, over_drawn=over_drawn
+    )
 
 
 def _predictor(flown: Flown) -> Callable[[Record], Prediction]:

@@ -26,6 +26,9 @@ _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
 """Parameters of a flat-plate glider that flights can tell, given its mass."""
 
+OWN_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
+"""Effects that are other values of these: refitted, the plate does what they do."""
+
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
 """Parameters that are taken from the default glider where they are not told:
 they only scale the others."""

@@ -1,10 +1,12 @@
 """Flights held out in folds: a real effect holds there, an idle one does not."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.fit.folds import FOLDS, HeldOut, hold_out, robust_t
+from glider.sysid.fit.folds import FOLDS, LEAST_T, HeldOut, hold_out, robust_t
 from glider.sysid.likelihood.model_fit import fit_model
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -61,6 +63,20 @@ def test_a_planted_effect_holds():
     assert names == sorted(record.name for record in task.records)
     for fold in held.folds:
         assert fold.corrected.position_rms_m < 0.5 * fold.refitted.position_rms_m
+
+
+def test_what_the_plates_own_numbers_do_holds_against_the_glider_as_drawn_alone():
+    campaign = fly(KINDS["mass"](change=0.1), flights=7)
+    task, noise = task_of(campaign)
+    drawn = fit_model(task, begin(task, noise))
+    plate = fit_model(task, dataclasses.replace(drawn, free=task.vehicle.own))
+    model = fit_model(task, begin(task, noise, ("mass",)))
+    rng = np.random.default_rng(0)
+    held = hold_out(task, plate, model, model.scales, rng, drawn)
+    assert held.t_over_drawn > 5.0
+    assert held.t > -LEAST_T  # Of four numbers it needs one.
+    assert held.over_drawn.mean() > 10.0 * held.gain.mean()
+    assert hold_out(task, plate, model, model.scales, rng).t_over_drawn is None
 
 
 def test_an_idle_effect_does_not():

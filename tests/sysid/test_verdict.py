@@ -1,0 +1,207 @@
+"""The verdict: what is claimed, and what is not."""
+
+import dataclasses
+import types
+
+import pytest
+
+from glider.sysid.fit.folds import LEAST_T, WORSE
+from glider.sysid.outcome import Carried
+from glider.sysid.replay.signs import Signs
+from glider.sysid.result import VERDICTS, Errors, FoundEffect, Left
+from glider.sysid.verdict import FLOWN, is_of_the_plate, judge
+
+RIGHT = Signs()
+NO_CURVES = Carried(terms=(), data=None)
+
+
+def entry(kind, shape_fits=True):
+    return FoundEffect(
+        kind=kind,
+        words="",
+        coefficients={},
+        evidence=1.0,
+        share=1.0,
+        indistinguishable_from=(),
+        depends_on=(),
+        shape_fits=shape_fits,
+    )
+
+
+def errors_with(free, along):
+    numbers = dict.fromkeys([f.name for f in dataclasses.fields(Errors)], 1.0)
+    numbers |= {"position_rms_m": free, "measured_pitch_position_rms_m": along}
+    return Errors(**numbers)
+
+
+def verdict(
+    kinds=(),
+    *,
+    field=False,
+    terms=(),
+    signs=RIGHT,
+    t=9.0,
+    ratios=(0.1, 0.1),
+    split=(0.1, 0.1),
+    shape_fits=True,
+    unnamed=None,
+    left_over=None,
+    doubt=None,
+    t_over_drawn=None,
+    drawn=(1.0, 1.0),
+):
+    """Judges a trace that found kinds, and a field or curves without a name."""
+    if unnamed is None:
+        unnamed = field or bool(terms)
+    effects = [entry(kind, shape_fits) for kind in kinds]
+    if not signs.are_right:
+        effects.append(entry("angle_sign"))
+    if unnamed:
+        effects.append(entry("unexplained"))
+    traced = types.SimpleNamespace(
+        model=types.SimpleNamespace(kinds=tuple(kinds)),
+        field=object() if field else None,
+        forces=None if left_over is None else object(),
+    )
+    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
+    held_out = None
+    if signs.are_right:
+        held_out = types.SimpleNamespace(t=t, ratios=ratios, t_over_drawn=t_over_drawn)
+    errors = {
+        "as_drawn": errors_with(*drawn),
+        "refitted": errors_with(1.0, 1.0),
+        "corrected": errors_with(*split),
+    }
+    carried = Carried(terms=terms, data=None)
+    return judge(traced, signs, carried, held_out, errors, tuple(effects), left, doubt)
+
+
+def test_thrown_gliders_that_leave_much_are_never_without_effect():
+    word, reason = verdict(left_over=("alpha", "V"))
+    assert word == "unexplained"
+    assert "alpha, V" in reason
+    assert verdict(left_over=())[0] == "no_effect"
+
+
+def test_nothing_found_is_no_effect():
+    """However the flights came out."""
+    assert verdict()[0] == "no_effect"
+    assert verdict(t=-5.0, ratios=(2.0, 2.0))[0] == "no_effect"
+
+
+def test_effects_that_hold_are_found():
+    word, reason = verdict(("wind",))
+    assert word == "effect_found"
+    assert "curve" not in reason
+
+
+def test_a_shape_that_is_not_the_librarys_is_told():
+    word, reason = verdict(
+        ("wind",), terms=("c_drag",), shape_fits=False, unnamed=False
+    )
+    assert word == "effect_found"
+    assert "curve" in reason
+
+
+@pytest.mark.parametrize("kinds", [("wind",), ()], ids=["named", "unnamed"])
+def test_a_gain_by_chance_is_not_trusted(kinds):
+    word, reason = verdict(kinds, field=not kinds, t=LEAST_T - 0.1)
+    assert word == "not_trusted"
+    assert f"t = {LEAST_T - 0.1:.1f}" in reason
+    assert verdict(kinds, field=not kinds, t=LEAST_T + 0.1)[0] != "not_trusted"
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_what_makes_unseen_flights_worse_is_not_trusted(place):
+    """Free or along the measured pitch, in folds or on the flights held out."""
+    worse = WORSE[place % 2] + 0.01
+    for worst, expected in ((worse, "not_trusted"), (1.0, "effect_found")):
+        ratios = [0.5, 0.5, 0.5, 0.5]
+        ratios[place] = worst
+        word, reason = verdict(("wind",), ratios=ratios[:2], split=ratios[2:])
+        assert word == expected
+        words = f"{FLOWN[place % 2]} {worse:.3g} times"
+        assert (words in reason) == (word == "not_trusted")
+
+
+def test_what_leaves_too_much_to_chance_is_not_trusted():
+    word, reason = verdict(("wind",), doubt="the model needs gusts of 0.6 m/s")
+    assert word == "not_trusted"
+    assert "gusts of 0.6 m/s" in reason
+    assert verdict((), doubt="the model needs gusts of 0.6 m/s")[0] == "no_effect"
+
+
+@pytest.mark.parametrize("lack", [{"field": True}, {"terms": ("c_lift",)}], ids=str)
+def test_what_has_no_name_is_unexplained(lack):
+    assert verdict((), **lack)[0] == "unexplained"
+    assert verdict(("wind",), **lack)[0] == "partly_explained"
+
+
+def test_wrong_signs_need_no_folds():
+    wrong = Signs(pitch=-1, evidence=1e4, share=0.9)
+    assert verdict((), signs=wrong)[0] == "effect_found"
+    assert verdict(("wind",), signs=wrong, t=-9.0)[0] == "effect_found"
+    assert verdict((), signs=wrong, field=True)[0] == "partly_explained"
+    worse = verdict(("wind",), signs=wrong, split=(WORSE[0] + 0.01, 0.5))
+    assert worse[0] == "not_trusted"
+
+
+def test_what_only_differs_from_flight_to_flight_names_no_lack():
+    """A trim that is zero in the mean stands beside the unexplained, no more."""
+    traced = types.SimpleNamespace(
+        model=types.SimpleNamespace(kinds=()), field=object(), forces=None
+    )
+    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    found = (entry("unexplained"), entry("elevator_trim"))
+    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9), t_over_drawn=None)
+    errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
+    word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
+    assert word == "unexplained"
+
+
+def test_what_is_of_the_plate_is_held_against_the_glider_as_drawn():
+    """Refitted, the plate has it too: there is nothing to gain over that."""
+    alike = {
+        "t": 0.1,
+        "ratios": (1.01, 1.01),
+        "split": (1.02, 1.1),
+        "drawn": (2.0, 1.0),
+    }
+    assert verdict(("mass",), **alike)[0] == "not_trusted"
+    word, reason = verdict(("mass",), t_over_drawn=9.0, **alike)
+    assert word == "effect_found"
+    assert "plate, refitted, does no better" in reason
+    by_chance = verdict(("mass",), t_over_drawn=LEAST_T - 0.1, **alike)
+    assert by_chance[0] == "not_trusted"
+    assert "over the glider as drawn" in by_chance[1]
+    worse = alike | {"drawn": (1.0, 1.0)}
+    assert verdict(("mass",), t_over_drawn=9.0, **worse)[0] == "not_trusted"
+    lost = alike | {"t": -LEAST_T - 0.1}
+    assert verdict(("mass",), t_over_drawn=9.0, **lost)[0] == "not_trusted"
+
+
+@pytest.mark.parametrize(
+    ("kinds", "curves", "extra", "expected"),
+    [
+        (("mass", "center_of_pressure"), 0, None, True),
+        (("mass", "profile_drag"), 0, None, False),
+        (("mass",), 3, None, False),
+        (("mass",), 0, object(), False),
+        ((), 0, None, False),
+    ],
+    ids=["own", "more", "curves", "field", "nothing"],
+)
+def test_only_the_plates_own_numbers_are_of_the_plate(kinds, curves, extra, expected):
+    model = types.SimpleNamespace(kinds=kinds, has_curves=curves > 0, extra=extra)
+    assert is_of_the_plate(model) is expected
+
+
+def test_all_verdicts_have_been_seen():
+    seen = {
+        verdict()[0],
+        verdict(("wind",))[0],
+        verdict(("wind",), field=True)[0],
+        verdict(field=True)[0],
+        verdict(("wind",), t=0.0)[0],
+    }
+    assert seen == set(VERDICTS)
