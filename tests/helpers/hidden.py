@@ -6,7 +6,7 @@ library: in moving air, each flight with a trim of its own.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from tests.helpers.lifelike import (
     log_flights,
 )
 from tests.helpers.lifelike_flight import STEP, Glider, elevator_paths, fly, gusts
+from tests.helpers.one_effect import ONE_SIGN, plant
 
 RIVALS = {
     "late": ("servo_lag", "command_delay"),
@@ -61,8 +62,6 @@ SIZES = {
 }
 """Least and largest size of an effect, so small that two flights hardly name it."""
 
-ONE_SIGN = ("servo_lag", "command_delay", "tail_wake")
-
 ROWS = round(0.85 * Capture().rate) + 1
 
 AIR = (0.1, 0.25)
@@ -78,51 +77,30 @@ def draw_size(kind: str, rng: np.random.Generator) -> float:
     return float(sign * rng.uniform(*SIZES[kind]))
 
 
-def plant(glider: Glider, kind: str, size: float, rng: np.random.Generator) -> None:
-    """Gives a glider an effect of a size; the rest of its shape is drawn."""
-    if kind == "servo_lag":
-        glider.servo.lag = size
-    elif kind == "command_delay":
-        glider.servo.delay = size
-    elif kind == "center_of_pressure":
-        glider.wing_shift.append(lambda f: size)
-    elif kind == "pitch_moment":
-        glider.moment.append(lambda f: size)
-    elif kind == "wing_incidence":
-        glider.wing_incidence = size
-    elif kind == "camber":
-        glider.normal.append(lambda f: 2.0 * (np.sin(f.alpha - size) - np.sin(f.alpha)))
-    elif kind == "pitch_offset":
-        glider.pitch_offset = size
-    elif kind == "mass":
-        glider.mass = glider.mass * (1.0 + size)
-    elif kind == "airspeed_dependence":
-        glider.wing_factor.append(lambda f: size * (f.speed / 7.0 - 1.0))
-    elif kind == "elevator_area":
-        glider.elevator_factor.append(lambda f: size)
-    elif kind == "tail_wake":
-        angle, width = rng.uniform(0.3, 0.7), rng.uniform(0.12, 0.25)
-        glider.elevator_factor.append(
-            lambda f: -size * np.exp(-0.5 * ((f.alpha - angle) / width) ** 2)
-        )
-    elif kind == "downwash":
-        glider.downwash.append(
-            lambda f: size * f.speed * np.sin(f.alpha) * np.cos(f.alpha)
-        )
-    elif kind == "pitch_damping":
-        glider.moment.append(lambda f: -size * f.pitchdot / np.maximum(f.speed, 0.3))
+def draw_shapes(kind: str, rng: np.random.Generator) -> dict[str, float]:
+    """Draws the shapes of an effect of SIZES."""
+    if kind == "tail_wake":
+        return {"angle": rng.uniform(0.3, 0.7), "width": rng.uniform(0.12, 0.25)}
+    return {"reference_speed": 7.0}
 
 
 class Thrower:
     """Flies throws of a hidden glider, each in air and with a trim of its own."""
 
-    def __init__(self, kind: str | None, seed: int, size: float | None = None):
-        """Makes the glider with an effect; its size is drawn where none is given."""
+    def __init__(
+        self,
+        kind: str | None,
+        seed: int,
+        size: float | None = None,
+        shapes: Mapping[str, float] | None = None,
+    ):
+        """Makes the glider with an effect; what is not given of it is drawn."""
         self.rng = np.random.default_rng([seed, 7])
         self.glider = Glider()
         if kind is not None:
-            drawn = draw_size(kind, self.rng) if size is None else size
-            plant(self.glider, kind, drawn, self.rng)
+            size = draw_size(kind, self.rng) if size is None else size
+            shapes = draw_shapes(kind, self.rng) if shapes is None else shapes
+            plant(self.glider, kind, size, shapes)
 
     def fly(self, starts: np.ndarray, commands: np.ndarray, first: int) -> list[Flight]:
         """Flies starts (4, F) under commands (H, F); names count from `first`."""
