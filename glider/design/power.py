@@ -1,23 +1,30 @@
-"""Information limits: the smallest effect that so many flights can show.
+"""Information limits: the smallest effect that flights can show.
 
 An oracle knows the candidates: the sizes of the library's effects with their shapes, of
-which one acts or none; and how strong the air and the sensors' noise are. It knows
-nothing of the launches. With the whitened column x_k of a candidate in one flight (see
+which one acts or none. With the whitened column x_k of a candidate in one flight (see
 `glider.sysid.likelihood.scales.whiten`), N flights know its size alone to
-    σ_k = 1 / √(N mean x_k'x_k),
+    σ_k = 1 / √(Σ x_k'x_k),
 and where candidate j acts with a size of d σ_j, the sizes fitted to each candidate
 alone are, over their σ_k,
-    T ~ N(d R_j, R),    R_jk = mean x_j'x_k / √(mean x_j'x_j  mean x_k'x_k).
+    T ~ N(d R_j, R),    R_jk = Σ x_j'x_k / √(Σ x_j'x_j  Σ x_k'x_k).
 The oracle claims the candidate of the largest |T_k|, if that is larger than chance
 makes the largest in all but a share of the campaigns without an effect.
+
+How strong the air is, the noise, and what differs from flight to flight, the oracle has
+to learn from the flights, as everybody has: they take up part of an effect, of few
+flights a large one. The size is that from which on as much likelihood is lost without
+the effect, the scales fitted anew, as d σ_j loses where they are known: ½ d².
 """
 
 import dataclasses
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
+from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
+from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.weighing import RIVAL_GAP
 
@@ -44,9 +51,9 @@ class Limit:
         unit: of it.
         scale: its typical size.
         shapes: of the effect, by name.
-        std: standard deviation that one flight knows it to, on average.
-        shown: standard errors from which on flights show that the effect acts, or one
-            that to them is as good.
+        std: standard error of it if nothing else were unknown.
+        shown: size from which on the flights show that the effect acts, or one that to
+            them is as good.
         named: the same that it and no other acts; infinite where none that is less
             than MOST_SIGMAS tells it from its nearest rival.
         rival: that is the most like it.
@@ -62,39 +69,41 @@ class Limit:
     named: float
     rival: str
 
-    def smallest(self, flights: int) -> float:
-        """Returns the size from which on so many flights show it, or one like it."""
-        return self.shown * self.std / float(np.sqrt(flights))
 
-    def smallest_named(self, flights: int) -> float:
-        """Returns the size from which on so many flights name it."""
-        return self.named * self.std / float(np.sqrt(flights))
-
-
-def limits_of(task: Task, model: Fitted) -> list[Limit]:
-    """Returns the limits of all sizes of the task's kinds, in flights like its own.
+def limits_of(
+    task: Task, model: Fitted, kinds: Collection[str] | None = None
+) -> list[Limit]:
+    """Returns the limits of all sizes of effects, in the flights of a task.
 
     Shapes are where the library has them; a lag or a delay counts as small.
 
     Args:
         task: of flights in which nothing is wrong but the model.
         model: of the task without effects, its scales fitted.
+        kinds: whose limits are wanted; by default all of the task's, which are the
+            candidates.
     """
-    candidates, is_asked = _candidates(task, model)
-    grams = grams_of(linear_flights(task, model, candidates), model.scales)
-    known = np.mean(grams, axis=0)[:-1, :-1]
+    candidates, is_usual = _candidates(task, model)
+    flights = linear_flights(task, model, candidates)
+    strengths = _Strengths(flights[:: max(1, len(flights) // _ASKED)], model.scales)
+    known = np.sum(grams_of(flights, model.scales), axis=0)[:-1, :-1]
     shows = np.flatnonzero(np.diag(known) > 0.0)  # Others show in no flight.
-    candidates = [candidates[j] for j in shows]
-    size = np.sqrt(np.diag(known)[shows])
+    std = np.full(len(known), np.inf)
+    std[shows] = np.diag(known)[shows] ** -0.5
     oracle = _Oracle(
-        correlations=known[np.ix_(shows, shows)] / size[:, None] / size,
-        kinds=np.array([d.kind for d in candidates]),
+        correlations=(std[:, None] * known * std)[np.ix_(shows, shows)],
+        kinds=np.array([candidates[j].kind for j in shows]),
     )
     found = []
-    for j, direction in enumerate(candidates):
+    for place, j in enumerate(shows):
+        direction = candidates[j]
         coefficient = task.coefficient(direction.slot)
-        if coefficient is None or not is_asked[shows[j]]:
+        if kinds is not None and direction.kind not in kinds:
+            continue
+        if coefficient is None or not is_usual[j]:
             continue  # A parameter of the vehicle, or another shape.
+        shown = oracle.least(place, RIVAL_GAP)
+        size = strengths.size(int(j), shown, std[j])
         found.append(
             Limit(
                 kind=direction.kind,
@@ -102,20 +111,69 @@ def limits_of(task: Task, model: Fitted) -> list[Limit]:
                 unit=coefficient.unit,
                 scale=coefficient.scale,
                 shapes={task.layout.slots[i][1]: v for i, v in direction.shapes},
-                std=1.0 / float(size[j]),
-                shown=oracle.least(j, RIVAL_GAP),
-                named=oracle.least(j),
-                rival=oracle.rival(j),
+                std=float(std[j]),
+                shown=size,
+                named=size * oracle.least(place) / shown,
+                rival=oracle.rival(place),
             )
         )
     return found
 
 
+class _Strengths:
+    """What is lost of an effect where the strengths of all noise are not known."""
+
+    def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
+        """Takes flights, linear in all columns, and the strengths that they have."""
+        self.flights, self.scales = flights, scales
+        self.grams = np.sum(grams_of(flights, scales), axis=0)
+        own = [f.error_only() for f in flights]
+        self.scales, self.least = fit_scales(own, scales, iterations=_ITERATIONS)
+
+    def size(self, j: int, sigmas: float, std: float) -> float:
+        """Returns the size of column j that loses ½ sigmas², the scales fitted anew.
+
+        Args:
+            j: the column.
+            sigmas: that many standard errors lose as much where the scales are known.
+            std: the standard error there.
+        """
+        size = sigmas * std
+        for _ in range(_ROUNDS):
+            lost = 0.5 * (size / std) ** 2 * self._share(j, size)
+            times = float(np.clip(np.sqrt(0.5 * sigmas**2 / lost), 0.5, 2.0))
+            size *= times
+            if abs(times - 1.0) < _CLOSE:
+                break
+        return size
+
+    def _share(self, j: int, size: float) -> float:
+        """Returns what is lost without a column, over what is where scales are known.
+
+        The mean of both signs: the noise that the flights have falls out.
+        """
+        step = np.zeros(self.grams.shape[0] - 1)
+        step[j] = size
+        lost = -self.least
+        for sign in (-1.0, 1.0):
+            moved = [f.combined(sign * step) for f in self.flights]
+            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS)[1]
+        return max(lost / (0.5 * size**2 * self.grams[j, j]), _LEAST_SHARE)
+
+
+_ASKED = 12
+"""Flights that are asked for what is lost where scales are not known."""
+
+_ITERATIONS, _ROUNDS, _CLOSE, _LEAST_SHARE = 20, 10, 0.03, 0.01
+"""Of a fit of the scales, of the search for a size; how close it need be; and what is
+left at least."""
+
+
 def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]:
-    """Returns all sizes at all starting shapes; and which have the usual shapes."""
+    """Returns all sizes at all starting shapes, and which have the usual shapes."""
     layout = task.layout
     found: list[Direction] = []
-    is_asked: list[bool] = []
+    is_usual: list[bool] = []
     for name in task.kinds:
         kind = layout.kinds[name]
         slots = list(layout.slots_of(name))
@@ -134,8 +192,8 @@ def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]
             usual = int(np.argmin(apart))
         for k, columns in enumerate(starts):
             found += columns
-            is_asked += [k == usual] * len(columns)
-    return found, is_asked
+            is_usual += [k == usual] * len(columns)
+    return found, is_usual
 
 
 class _Oracle:

@@ -8,10 +8,11 @@ flights show to an oracle, and the smallest that it tells from its rivals
 (`glider.design.power`), from 40 flights of `tests.helpers.hidden` without an effect:
 moving air of 0.1 m/s, trims that differ by 0.01 rad.
 
-The second plants effects of some times that size in the same gliders and counts how
-often the tracer finds them: by name, where the oracle names an effect at no more than
-NAMED times the size that shows it; else listed, or said to be as good as what is
-listed. A line a campaign is kept in FILE, and what is there is not run again.
+The second plants effects of some times the size that the oracle needs with the very
+same launches, commands and air, and counts how often the tracer finds them: by name,
+where the oracle names an effect at no more than NAMED times the size that shows it;
+else listed, or said to be as good as what is listed. A line a campaign is kept in FILE,
+and what is there is not run again.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 
 from glider.design.power import Limit, limits_of
 from glider.errors import InputError
@@ -30,34 +32,33 @@ from glider.sysid.pipeline import close_the_loop
 from tests.helpers.hidden import Thrower, campaign
 from tests.helpers.one_effect import ONE_SIGN, PLANTED
 
-LIKE = 40
-"""Flights that the limits are taken from."""
-
 NAMED = 3.5
 """Times the size that shows an effect, from which on a name of its own is not asked:
 its rivals are then another 3 to 20 times as hard to tell apart."""
 
 
-def find_limits() -> list[Limit]:
-    """Returns the oracle's limits."""
-    flights = Thrower(None, 0).random(LIKE, 0)
-    task, noise = task_of(campaign(flights))
-    return limits_of(task, fit_model(task, begin(task, noise)))
+def find_limits(
+    count: int, seed: int, kinds: Sequence[str] | None = None
+) -> list[Limit]:
+    """Returns the oracle's limits in flights without an effect."""
+    task, noise = task_of(campaign(Thrower(None, seed).random(count, 0)))
+    return limits_of(task, fit_model(task, begin(task, noise)), kinds)
 
 
-def limit_table(limits: Sequence[Limit], counts: Sequence[int]) -> str:
-    """Returns the limits as a table in Markdown."""
+def limit_table(limits: dict[int, Sequence[Limit]]) -> str:
+    """Returns the limits in so many flights as a table in Markdown."""
     rows = [
         "| effect | coefficient | "
-        + " | ".join(f"{n} flights" for n in counts)
+        + " | ".join(f"{n} flights" for n in limits)
         + " | named from | beside |",
-        "|---|---|" + "---|" * (len(counts) + 2),
+        "|---|---|" + "---|" * (len(limits) + 2),
     ]
-    for limit in limits:
+    for own in zip(*limits.values(), strict=True):
+        limit = own[-1]
         unit = "" if limit.unit == "-" else f" {limit.unit}"
-        sizes = " | ".join(f"{limit.smallest(n):.2g}{unit}" for n in counts)
+        sizes = " | ".join(f"{x.shown:.2g}{unit}" for x in own)
         times = limit.named / limit.shown
-        named = f"{times:.1f} times" if times < 1e3 else "-"
+        named = f"{times:.1f} times" if np.isfinite(times) else "-"
         rows.append(
             f"| `{limit.kind}` | {limit.name} | {sizes} | {named} | `{limit.rival}` |"
         )
@@ -69,16 +70,16 @@ def is_by_name(limit: Limit) -> bool:
     return limit.named <= NAMED * limit.shown
 
 
-def run(limit: Limit, times: float, count: int, seed: int) -> dict[str, Any]:
+def run(kind: str, times: float, count: int, seed: int) -> dict[str, Any]:
     """Traces a campaign with an effect of a size."""
-    size = limit.smallest(count)
-    if is_by_name(limit):
-        size = limit.smallest_named(count)
-    sign = 1.0 if limit.kind in ONE_SIGN or seed % 2 == 0 else -1.0
+    drawn = 1000 * count + seed
+    limit = find_limits(count, drawn, [kind])[0]
+    size = limit.named if is_by_name(limit) else limit.shown
+    sign = 1.0 if kind in ONE_SIGN or seed % 2 == 0 else -1.0
     planted = sign * times * size
-    thrower = Thrower(limit.kind, 1000 * count + seed, planted, limit.shapes)
+    thrower = Thrower(kind, drawn, planted, limit.shapes)
     line: dict[str, Any] = {
-        "kind": limit.kind,
+        "kind": kind,
         "flights": count,
         "seed": seed,
         "times": times,
@@ -136,18 +137,16 @@ def main() -> None:
     parser.add_argument("--limits-only", action="store_true", help="trace nothing")
     args = parser.parse_args()
     counts = [int(n) for n in args.counts.split(",")]
-    limits = find_limits()
-    print(limit_table(limits, counts))
+    print(limit_table({count: find_limits(count, 0) for count in counts}))
     if args.limits_only:
         return
-    first = {x.kind: x for x in reversed(limits)}  # By the first coefficient.
     lines = []
     if args.lines and args.lines.exists():
         lines = [json.loads(x) for x in args.lines.read_text().splitlines()]
     lines = [x for x in lines if x["times"] == args.times]
     done = {(x["kind"], x["flights"], x["seed"]) for x in lines}
     tasks = [
-        joblib.delayed(run)(first[kind], args.times, count, seed)
+        joblib.delayed(run)(kind, args.times, count, seed)
         for count in counts
         for seed in range(args.seeds)
         for kind in args.kinds.split(",")

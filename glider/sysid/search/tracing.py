@@ -20,7 +20,13 @@ from glider.sysid.search.fields import (
     fit_fields,
     survey,
 )
-from glider.sysid.search.fits import Progress, Search, scoring, to_first_order
+from glider.sysid.search.fits import (
+    PLAIN_MOMENT,
+    Progress,
+    Search,
+    scoring,
+    to_first_order,
+)
 from glider.sysid.search.means import with_means
 from glider.sysid.search.moves import (
     left_of_many,
@@ -129,7 +135,7 @@ def leaves_something(model: Fitted) -> bool:
 
 def leaves_a_form(model: Fitted) -> bool:
     """Whether a model leaves what air that moves does not: errors of its forms."""
-    return model.scales.moment > 0.3 or model.strength > 0.5
+    return model.scales.moment > PLAIN_MOMENT or model.strength > 0.5
 
 
 def beyond_names(search: Search, model: Fitted) -> FoundField | None:

@@ -1,7 +1,8 @@
 """How sure is each effect of a set: evidence, rivals, resampled flights."""
 
 import dataclasses
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.subsets import Scorer, climb
+from glider.sysid.search.subsets import Members, Scorer, climb
 
 RESAMPLES = 25
 """Sets of flights, drawn with replacement, that the search is repeated on."""
@@ -17,6 +18,14 @@ RESAMPLES = 25
 RIVAL_GAP = 6.0
 """Difference of evidence below which two effects are one to us [nats]: the odds of the
 better one are then below 400 to 1."""
+
+LEAST_STAND_IN = 0.1
+"""Share of resampled flights that choose another effect in the place of one, from which
+on it is a rival, too: the flights at hand might as well have been those."""
+
+RESAMPLED_PRICE = 0.5
+"""Share of an effect's price that it pays on resampled flights: they are to say whether
+it hangs on a few flights, not to prove it anew."""
 
 MOST_RIVALS = 0.5
 """Share of the library from which on what would do as well in an effect's place lends
@@ -31,7 +40,8 @@ class Weighed:
     """An effect of the chosen set, and how sure it is.
 
     Attributes:
-        rivals: kinds that would do as well in its place.
+        rivals: kinds that would do as well in its place, on these flights or on flights
+            drawn from them.
         inclusion: share of the resampled flights that it is chosen by.
         support: the same of it or one of its rivals.
     """
@@ -55,41 +65,53 @@ def weigh(
     grams = candidates.grams(model.scales)
     score = scoring(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
-    best = score(chosen)
-    near = set(model.kinds)
-    rivals: dict[str, list[str]] = {kind: [] for kind in model.kinds}
-    for other in (*score.larger(chosen), *score.swapped(chosen)):
-        kind = other[-1][0]
-        value = score(other)
-        if value > best - _NEAR:
-            near.add(kind)
-        lost = set(model.kinds) - {k for k, _ in other}
-        if lost and value > best - RIVAL_GAP and kind not in model.kinds:
-            (gone,) = lost
-            if kind not in rivals[gone]:
-                rivals[gone].append(kind)
-
-    def stands_for_any(kind: str) -> bool:
-        return len(rivals[kind]) > MOST_RIVALS * len(score.variants)
-
-    counts = dict.fromkeys(model.kinds, 0)
-    supports = dict.fromkeys(model.kinds, 0)
+    near, rivals = _near_and_rivals(score, chosen)
+    resampled = []
     for _ in range(RESAMPLES):
         drawn = rng.integers(len(grams), size=len(grams))
         times = np.bincount(drawn, minlength=len(grams)).astype(float)
         again = scoring(candidates, grams, times).among(near)
-        found = {kind for kind, _ in climb(again, chosen)}
-        for kind in model.kinds:
-            counts[kind] += kind in found
-            supports[kind] += not found.isdisjoint((kind, *rivals[kind]))
-    return {
-        kind: Weighed(
-            rivals=tuple(rivals[kind]),
-            inclusion=counts[kind] / RESAMPLES,
-            support=(counts if stands_for_any(kind) else supports)[kind] / RESAMPLES,
+        cheaper = again.priced(lambda kind: RESAMPLED_PRICE * score.price(kind))
+        resampled.append({kind for kind, _ in climb(cheaper, chosen)})
+    found = {}
+    for kind in model.kinds:
+        alike = rivals[kind] | _stand_ins(kind, model.kinds, resampled)
+        backers = {kind, *alike}
+        if len(alike) > MOST_RIVALS * len(score.variants):
+            backers = {kind}
+        found[kind] = Weighed(
+            rivals=tuple(k for k in score.variants if k in alike),
+            inclusion=sum(kind in s for s in resampled) / RESAMPLES,
+            support=sum(not backers.isdisjoint(s) for s in resampled) / RESAMPLES,
         )
-        for kind in model.kinds
-    }
+    return found
+
+
+def _near_and_rivals(
+    score: Scorer, chosen: Members
+) -> tuple[set[str], dict[str, set[str]]]:
+    """Returns what is offered to resampled flights, and each member's rivals."""
+    kinds = {kind for kind, _ in chosen}
+    near, best = set(kinds), score(chosen)
+    rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
+    for other in (*score.larger(chosen), *score.swapped(chosen)):
+        kind, value = other[-1][0], score(other)
+        if value > best - _NEAR:
+            near.add(kind)
+        lost = kinds - {k for k, _ in other}
+        if lost and value > best - RIVAL_GAP and kind not in kinds:
+            (gone,) = lost
+            rivals[gone].add(kind)
+    return near, rivals
+
+
+def _stand_ins(
+    kind: str, kinds: Collection[str], resampled: Sequence[set[str]]
+) -> set[str]:
+    """Returns what resampled flights choose in the place of an effect of a set."""
+    others = [found.difference(kinds) for found in resampled if kind not in found]
+    counts = Counter(k for found in others for k in found)
+    return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
 
 
 LEAST_SUPPORT = 0.85

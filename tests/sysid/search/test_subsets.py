@@ -153,5 +153,5 @@ def test_a_set_grows_to_the_most_effects_and_no_farther():
 
 
 def test_the_price_grows_with_many_flights_only():
-    assert price_of_kind(6) == price_of_kind(40) == 10.0
-    assert price_of_kind(400) == 100.0
+    assert price_of_kind(6, 10.0) == price_of_kind(40, 10.0) == 10.0
+    assert price_of_kind(400, 10.0) == 100.0

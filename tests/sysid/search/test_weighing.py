@@ -6,11 +6,21 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
+from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import scoring
+from glider.sysid.search.fits import (
+    PLAIN_MOMENT,
+    PLAIN_PRICE,
+    PRICE,
+    is_plain,
+    price_of,
+    scoring,
+)
+from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.weighing import (
     DOUBTED,
+    LEAST_SUPPORT,
     Weighed,
     shown_by,
     weakest,
@@ -53,6 +63,58 @@ def test_what_can_hardly_be_told_apart_is_a_rival():
     drag = KINDS["profile_drag"](cd0=0.0008)
     found, *_ = weighed(drag, "profile_drag", offered=offered, flights=3)
     assert found["profile_drag"].rivals == ("axial_drag",)
+
+
+def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
+    """Though on the flights at hand it does worse by more than a rival may."""
+    columns = {"right": [(0,)], "other": [(1,)]}
+
+    class Drawn:
+        """Evidence of two effects, of which half of the draws prefer each."""
+
+        def __init__(self, counts):
+            self.value = np.array([30.0, 20.0] if counts[0] == 1.0 else [10.0, 30.0])
+            if counts[0] == 0.0:
+                self.value = self.value[::-1]
+
+        def log_marginal(self, chosen):
+            return float(self.value[list(chosen)].max(initial=0.0))
+
+        def step(self, chosen):
+            return np.zeros(len(chosen))
+
+    def chances(candidates, grams, counts):
+        return Scorer(Drawn(counts), columns, lambda kind: 4.0)
+
+    drag = KINDS["profile_drag"](cd0=0.05)
+    task, noise = task_of(fly(drag, flights=3))
+    model = dataclasses.replace(begin(task, noise), kinds=("right",))
+    task = dataclasses.replace(task, kinds=())
+    found = weigh(task, model, chances, np.random.default_rng(0))["right"]
+    assert found.rivals == ("other",)
+    assert found.inclusion < LEAST_SUPPORT < found.support == 1.0
+
+
+def test_where_all_is_plain_an_effect_need_only_be_likelier_than_none():
+    """Beside curves, or where a moment has no form, it has to bring more."""
+    task, noise = task_of(fly(flights=3))
+    rough, fine = (
+        dataclasses.replace(begin(task, noise).scales, moment=times * PLAIN_MOMENT)
+        for times in (2.0, 0.5)
+    )
+    model = dataclasses.replace(begin(task, noise), scales=fine)
+    curved = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
+    assert is_plain(model, fine)
+    assert not is_plain(model, rough)
+    assert not is_plain(curved, fine)
+    candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
+    grams, once = candidates.grams(model.scales), np.ones(3)
+    plain = scoring(candidates, grams, once)
+    assert plain.price("mass") == pytest.approx(np.log(2.0))
+    assert scoring(candidates, grams, once, rough).price("mass") == PRICE
+    named = dataclasses.replace(model, kinds=("mass",), cost=0.0)
+    assert price_of(task, named) == PLAIN_PRICE
+    assert price_of(task, dataclasses.replace(named, scales=rough)) == PRICE
 
 
 def test_without_effects_there_is_nothing_to_weigh():
