@@ -112,8 +112,8 @@ def limits_of(
                 scale=coefficient.scale,
                 shapes={task.layout.slots[i][1]: v for i, v in direction.shapes},
                 std=float(std[j]),
-                shown=size,
-                named=size * oracle.least(place) / shown,
+                shown=float(size),
+                named=float(size * oracle.least(place) / shown),
                 rival=oracle.rival(place),
             )
         )

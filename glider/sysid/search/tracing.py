@@ -24,6 +24,7 @@ from glider.sysid.search.fits import (
     PLAIN_MOMENT,
     Progress,
     Search,
+    is_plain,
     scoring,
     to_first_order,
 )
@@ -40,7 +41,7 @@ from glider.sysid.search.pruning import prune, with_fewer, without_needless_curv
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import weakest, weigh
+from glider.sysid.search.weighing import LEAST_SUPPORT, PLAIN_SUPPORT, weakest, weigh
 
 ROUNDS = 8
 """Rounds at most."""
@@ -88,7 +89,10 @@ def trace(
     while True:
         other = with_a_rival(search, model, weighed) if field is None else None
         if other is None:
-            weak = weakest(weighed, evidence, beside_field=field is not None)
+            least = LEAST_SUPPORT
+            if is_plain(model, model.scales):
+                least = PLAIN_SUPPORT
+            weak = weakest(weighed, evidence, field is not None, least)
             if weak is None:
                 break
             dropped.add(weak)

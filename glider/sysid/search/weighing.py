@@ -114,9 +114,10 @@ def _stand_ins(
     return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
 
 
-LEAST_SUPPORT = 0.85
-"""Share of resampled flights by which an effect, or one that is like it, must be
-chosen: one that hangs on a few flights is not claimed."""
+LEAST_SUPPORT, PLAIN_SUPPORT = 0.85, 0.5
+"""Shares of resampled flights by which an effect, or one that is like it, must be
+chosen: one that hangs on a few flights is not claimed. Where formulas and air explain
+the flights, the few that tell may be believed: most draws are enough."""
 
 
 DOUBTED = 60.0
@@ -125,7 +126,10 @@ searches are to first order, and what costs more than this to leave out is there
 
 
 def weakest(
-    weighed: dict[str, Weighed], evidence: dict[str, float], beside_field: bool = False
+    weighed: dict[str, Weighed],
+    evidence: dict[str, float],
+    beside_field: bool = False,
+    least: float = LEAST_SUPPORT,
 ) -> str | None:
     """Returns the effect that fewest resampled flights support, if too few.
 
@@ -134,10 +138,11 @@ def weakest(
         evidence: that is lost without it when all else is refitted [nats].
         beside_field: whether a field acts too: what its Gaussians leave of the true
             shape makes evidence of any size for effects that are not there.
+        least: share of them that is enough.
     """
     doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)
-    if kind is None or weighed[kind].support >= LEAST_SUPPORT:
+    if kind is None or weighed[kind].support >= least:
         return None
     return kind
 
