@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.design.findings import Findings
+from glider.design.shapes import choice_of_shapes
 from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes
@@ -214,13 +215,14 @@ def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Member
 
 
 def _weigh(task: Task, model: Fitted, price: float) -> Explanation:
-    """Returns a model with its evidence: -cost + ½ log |Λ| - ½ log |A|."""
+    """Returns a model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     directions = slopes(task.layout, model.theta, model.free)
     grams = grams_of(linear_flights(task, model, directions), model.scales)
     _, _, prior = beforehand(task, model, model.free)
     precision = np.sum(grams, axis=0)[:-1, :-1] + np.diag(prior)
     size = np.linalg.slogdet(precision)[1] if len(prior) else 0.0
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)
+    evidence += choice_of_shapes(task, model)
     return Explanation(
         model=model,
         log_evidence=evidence - price * len(model.kinds),

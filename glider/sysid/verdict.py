@@ -130,7 +130,7 @@ def _worse(ratios: Sequence[float], than: str) -> str | None:
         if ratio > worse:
             return (
                 "The correction makes flights that it was not fitted to worse: "
-                f"{words} {ratio:.3g} times the error of the {than}."
+                f"{words} {ratio:.4g} times the error of the {than}."
             )
     return None
 

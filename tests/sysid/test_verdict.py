@@ -120,7 +120,7 @@ def test_what_makes_unseen_flights_worse_is_not_trusted(place):
         ratios[place] = worst
         word, reason = verdict(("wind",), ratios=ratios[:2], split=ratios[2:])
         assert word == expected
-        words = f"{FLOWN[place % 2]} {worse:.3g} times"
+        words = f"{FLOWN[place % 2]} {worse:.4g} times"
         assert (words in reason) == (word == "not_trusted")
 
 

@@ -37,7 +37,13 @@ from glider.sysid.search.moves import (
     with_forced,
     with_weaker_curves,
 )
-from glider.sysid.search.pruning import prune, with_fewer, without_needless_curves
+from glider.sysid.search.pruning import (
+    CURVE_PRICE,
+    prune,
+    with_fewer,
+    without_curves,
+    without_needless_curves,
+)
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced
@@ -80,6 +86,8 @@ def trace(
         field = beyond_names(search, model)
         model = model if field is None else field.model
     model = without_needless_curves(search, model)
+    if model.has_curves and not model.kinds and field is None:
+        model = named_instead(search, model)
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
         model, evidence = prune(search, min(model, again, key=search.price))
@@ -168,6 +176,17 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
     if gained > FIELD_PRICE:
         return dataclasses.replace(best, evidence=gained)
     return None
+
+
+def named_instead(search: Search, model: Fitted) -> Fitted:
+    """Returns a set without curves in the place of curves alone, if worth as much.
+
+    Of few flights curves take up what an effect has a name for.
+    """
+    bare = search.fit(without_curves(model), iterations=4)
+    named = by_sets(search, bare)
+    is_worth = search.price(named) < search.price(model) + CURVE_PRICE
+    return named if named.kinds and is_worth else model
 
 
 FIELD_PRICE = 40.0
