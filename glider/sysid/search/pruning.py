@@ -136,14 +136,10 @@ def without_needless_curves(search: Search, model: Fitted) -> Fitted:
     if not model.has_curves:
         return model
     search.progress("are curves needed?")
-    bare = search.fit(without_curves(model), iterations=4)
+    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
+    bare = search.fit(bare, iterations=4)
     gained = bare.cost - model.cost - model.freedom
     return model if gained > CURVE_PRICE else bare
-
-
-def without_curves(model: Fitted) -> Fitted:
-    """Returns a model without its curves, not fitted yet."""
-    return dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
 
 
 CURVE_PRICE = 15.0

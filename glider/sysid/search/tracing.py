@@ -41,7 +41,6 @@ from glider.sysid.search.pruning import (
     CURVE_PRICE,
     prune,
     with_fewer,
-    without_curves,
     without_needless_curves,
 )
 from glider.sysid.search.sets_in_models import plate_of, without
@@ -86,7 +85,7 @@ def trace(
         field = beyond_names(search, model)
         model = model if field is None else field.model
     model = without_needless_curves(search, model)
-    if model.has_curves and not model.kinds and field is None:
+    if model.has_curves and len(model.kinds) <= 1 and field is None:
         model = named_instead(search, model)
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
@@ -179,12 +178,12 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
 
 
 def named_instead(search: Search, model: Fitted) -> Fitted:
-    """Returns a set without curves in the place of curves alone, if worth as much.
+    """Returns a set without curves in the place of curves, if worth as much.
 
-    Of few flights curves take up what an effect has a name for.
+    Beside a wrong name or none, curves take up what a small effect has a name for.
     """
-    bare = search.fit(without_curves(model), iterations=4)
-    named = by_sets(search, bare)
+    bare = plate_of(search.task, model)
+    named = by_sets(search, search.fit(bare, iterations=4))
     is_worth = search.price(named) < search.price(model) + CURVE_PRICE
     return named if named.kinds and is_worth else model
 
