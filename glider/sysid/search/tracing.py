@@ -46,7 +46,13 @@ from glider.sysid.search.pruning import (
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import LEAST_SUPPORT, PLAIN_SUPPORT, weakest, weigh
+from glider.sysid.search.weighing import (
+    LEAST_SUPPORT,
+    PLAIN_SUPPORT,
+    Weighed,
+    weakest,
+    weigh,
+)
 
 ROUNDS = 8
 """Rounds at most."""
@@ -90,24 +96,9 @@ def trace(
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
         model, evidence = prune(search, min(model, again, key=search.price))
-    progress("weighing the effects")
-    weighed = weigh(task, model, scoring, rng)
-    dropped: set[str] = set()
-    while True:
-        other = with_a_rival(search, model, weighed) if field is None else None
-        if other is None:
-            least = LEAST_SUPPORT
-            if is_plain(model, model.scales):
-                least = PLAIN_SUPPORT
-            weak = weakest(weighed, evidence, field is not None, least)
-            if weak is None:
-                break
-            dropped.add(weak)
-            other = search.fit(without(task, model, weak))
-            if field is None:
-                other = with_another(search, other, dropped) or other
-        model, evidence = prune(search, other)
-        weighed = weigh(task, model, scoring, rng)
+    model, evidence, weighed = supported(
+        search, model, evidence, field is not None, rng
+    )
     if field is not None:
         field = dataclasses.replace(field, model=model)
     plate = model
@@ -132,6 +123,36 @@ def trace(
         field=field,
         forces=None,
     )
+
+
+def supported(
+    search: Search,
+    model: Fitted,
+    evidence: dict[str, float],
+    beside_field: bool,
+    rng: np.random.Generator,
+) -> tuple[Fitted, dict[str, float], dict[str, Weighed]]:
+    """Returns a model of effects that resampled flights support, and how it is weighed.
+
+    What they are not sure of makes room for a rival, what they do not support goes.
+    """
+    task = search.task
+    search.progress("weighing the effects")
+    dropped: set[str] = set()
+    while True:
+        weighed = weigh(task, model, scoring, rng)
+        other = None if beside_field else with_a_rival(search, model, weighed)
+        if other is None:
+            is_fair = is_plain(model, model.scales)
+            least = PLAIN_SUPPORT if is_fair else LEAST_SUPPORT
+            weak = weakest(weighed, evidence, beside_field, least)
+            if weak is None:
+                return model, evidence, weighed
+            dropped.add(weak)
+            other = search.fit(without(task, model, weak))
+            if not beside_field:
+                other = with_another(search, other, dropped) or other
+        model, evidence = prune(search, other)
 
 
 LATE = ("position_scale",)
