@@ -12,7 +12,8 @@ from glider.sysid.search.moves import (
     with_another,
     with_weaker_curves,
 )
-from glider.sysid.search.pruning import prune
+from glider.sysid.search.pruning import prune, without_needless_curves
+from glider.sysid.search.tracing import named_instead
 from glider.sysid.search.weighing import Weighed
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
@@ -97,3 +98,18 @@ def test_two_that_stand_in_for_one_are_thinned_out_beside_it():
     assert found.kinds == ("frame_tilt",)
     assert search.price(found) < search.price(model)
     assert left_of_many(search, found) is None
+
+
+def test_names_take_the_place_of_curves_that_explain_no_more():
+    """Where the effect is among those that are offered."""
+    task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.01), flights=4))
+    for offered, expected in ((("profile_drag", "mass"), True), (("mass",), False)):
+        own = dataclasses.replace(task, kinds=offered)
+        search = Search(own, lambda text: None)
+        model = search.fit_with_strength(start_of(own, noise, with_curves=True))
+        assert without_needless_curves(search, model) is model
+        found = named_instead(search, model)
+        if expected:
+            assert found.kinds == ("profile_drag",) and not found.has_curves
+        else:
+            assert found is model
