@@ -23,8 +23,9 @@ Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has 
   missed_speed: 0.2           # how well a launch is met; missed_height, missed_pitch
 
 With --funnel they also keep inside the sets of a funnel of the campaign's vehicle, by
-every explanation and where the launch is missed, until their tape ends: at any moment,
-and from then on, its feedback may take over and still perch.
+every explanation and where the launch is missed, until their tape ends: then, and at
+any moment before, the funnel's feedback may take over. Open limits of the launch are
+then the funnel's.
 
 examples:
   python -m glider close-the-loop throws --out out/throws

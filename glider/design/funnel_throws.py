@@ -175,7 +175,8 @@ def levels(
         ]
     )[..., :NUM_STATES]
     flights[..., ELEVATOR] = here  # Flown as an offset from its path.
-    return known.funnel.level(times, flights)
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        return known.funnel.level(times, flights)
 
 
 def check_launch(known: KnownFunnel, place: Range) -> None:
@@ -190,9 +191,9 @@ def check_launch(known: KnownFunnel, place: Range) -> None:
     asked, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
     if asked > 1.0:
         raise InputError(
-            f"{known.name}: its launch, within the limits and with the elevator at rest "
-            f"at {place.rest:.3g} rad, is at level {asked:.3g} of the funnel's first "
-            "set; at most 1 is needed."
+            f"{known.name}: its launch, within the limits and with the elevator "
+            f"resting at {place.rest:.3g} rad, is at level {asked:.3g} of the funnel's "
+            "first set; at most 1 is needed."
         )
     names = ("missed_height", "missed_pitch", "missed_speed")
     for k, level in enumerate(missed):

@@ -55,9 +55,7 @@ ROUNDS = 4
 """Rounds: the first is drawn evenly, the others about the best so far."""
 
 ROUNDS_IN_FUNNEL = 8
-"""The same inside a funnel, where tapes that keep inside for long are few draws: with
-the drawn glider's funnel for the hook, a lag and a delay of two milliseconds separate
-with 0.95 after eight, with 0.93 after four."""
+"""The same inside a funnel, where tapes that keep inside for long are few draws."""
 
 ELITES = 8
 """Throws that the next round is drawn about."""
