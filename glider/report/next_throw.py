@@ -78,6 +78,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "throws": [
                 {
                     "commands": commands_name(k),
+                    "x_m": t.launch[0],
                     "height_m": t.launch[1],
                     "speed_m_s": t.speed,
                     "climb_rad": t.climb,

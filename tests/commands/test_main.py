@@ -177,7 +177,7 @@ def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
     arguments = ["--report", str(done[1]), "--launches", "1", *files]
     assert main(["next-throw", campaign, *arguments]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert f"keeps inside the funnel of {funnel}" in text
+    assert f"inside the funnel of {funnel}" in text
     data = json.loads((out / "next_throw.json").read_text())
     assert data["funnel"]["file"] == funnel
     assert 0.0 < data["throws"][0]["funnel_level"] <= 1.0
