@@ -111,10 +111,10 @@ def _keeping(p: Proposal) -> list[str]:
     """Returns how the throws keep inside a funnel, where one is known."""
     if p.place.funnel is None:
         return []
-    begin = "Every throw keeps" if len(p.throws) > 1 else "The throw keeps"
+    throws = "every throw keeps" if len(p.throws) > 1 else "the throw keeps"
     x, level = float(p.throws[0].launch[0]), _level(max(p.levels))
     return [
-        f"{begin}, released at x = {x:.2f} m, inside the funnel of "
+        f"Released at x = {x:.2f} m, {throws} inside the funnel of "
         f"{p.place.funnel.name} by every explanation, also where the launch is missed, "
         f"up to level {level} of 1: until its tape ends, and then, the funnel's "
         "feedback may take over."

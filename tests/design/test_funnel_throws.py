@@ -244,7 +244,10 @@ def test_proposed_throws_keep_inside(late, proposal):
         assert reached - 5e-3 < level <= 1.0  # The delay is in whole steps.
         assert reached == pytest.approx(level, abs=0.05)  # The lag's is another.
     said = " ".join(sentences(proposal))
-    assert f"x = -3.50 m, inside the funnel of {HOOK.name} by every" in said
+    assert (
+        f"Released at x = -3.50 m, every throw keeps inside the funnel of {HOOK.name}"
+        in said
+    )
     assert "its feedback from 0." in keeping_words(proposal, 1)
 
 
