@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.studies.funnel_estimate import save_estimate_figure
-from diagrams.studies.funnel_scene import tube_radii
 from diagrams.studies.funnel_study import (
     WORDS,
     FunnelComparison,
@@ -23,6 +22,7 @@ from glider.studies.plots.perching import (
     BEFORE,
 )
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.tube import tube_outline
 
 _STATES = {
     "z": (1, 1.0, "m"),
@@ -86,13 +86,9 @@ def save_funnel_figure(path: Path, studies: Mapping[str, FunnelStudy]) -> None:
 
 def _draw_band(ax: Axes, funnel: Funnel, color: str) -> None:
     """Draws the positions that a funnel allows."""
-    times = funnel.nominal.times
-    normals, radii = tube_radii(funnel, times)
-    centers = funnel.center(times)[:, :2]
-    above, below = (centers + sign * radii[:, None] * normals for sign in (1.0, -1.0))
-    outline = np.concatenate([above, below[::-1]])
+    outline = tube_outline(funnel)
     ax.fill(*outline.T, color=color, alpha=0.25, lw=0.0, label="funnel, projected")
-    ax.plot(*centers.T, color=color, lw=1.5)
+    ax.plot(*funnel.nominal.states[:, :2].T, color=color, lw=1.5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("z [m]")

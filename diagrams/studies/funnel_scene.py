@@ -17,23 +17,10 @@ from diagrams.showing import (
 )
 from diagrams.studies.funnel_study import FunnelStudy
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.tube import tube_radii
 
 RINGS, SIDES = 90, 24
 """Numbers of vertices of the mesh, along the flight and round it."""
-
-
-def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns unit normals of the path in the plane (K, 2) and radii (K,) [m].
-
-    A radius is how far a state of the funnel may be from the path, across it.
-    """
-    place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
-    centers = funnel.center(times)
-    along = np.gradient(centers[:, :2], times, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    radii = np.sqrt(np.einsum("ki,kij,kj->k", normals, place, normals))
-    return normals, radii
 
 
 def draw_tube(

@@ -22,9 +22,16 @@ Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has 
   speed: 9.0                  # m/s at most; elevator [rad], elevator_rate [rad/s]
   missed_speed: 0.2           # how well a launch is met; missed_height, missed_pitch
 
+With --funnel they also keep inside the sets of a funnel of the campaign's vehicle, by
+every explanation and where the launch is missed, until their tape ends: then, and at
+any moment before, the funnel's feedback may take over. Open limits of the launch are
+then the funnel's.
+
 examples:
   python -m glider close-the-loop throws --out out/throws
   python -m glider next-throw throws --report out/throws --launches 3
+  python -m glider next-throw throws --report out/throws --limits launcher.yaml \\
+      --funnel models/funnels/drawn_hook.npz
 
 exit code: 0 when it ran, 2 when the input cannot be used.
 """
@@ -58,6 +65,12 @@ def add(commands: Commands) -> None:
         "--limits", type=Path, metavar="FILE.yaml", help="limits of the throws"
     )
     parser.add_argument(
+        "--funnel",
+        type=Path,
+        metavar="FILE.npz",
+        help="funnel that every throw keeps inside (default: none)",
+    )
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -87,10 +100,12 @@ def run(args: argparse.Namespace) -> int:
             status.update(f"{text} ...")
 
         from glider.design.findings import findings_of, load_findings
+        from glider.design.known_funnel import known_funnel
         from glider.design.limits import load_limits
         from glider.design.proposal import next_throw
 
         limits = load_limits(args.limits) if args.limits else None
+        funnel = known_funnel(args.funnel) if args.funnel else None
         if args.report:
             findings = load_findings(args.report)
         else:
@@ -102,6 +117,7 @@ def run(args: argparse.Namespace) -> int:
             findings,
             launches=args.launches,
             limits=limits,
+            funnel=funnel,
             seed=args.seed,
             progress=follow,
         )

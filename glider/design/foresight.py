@@ -23,6 +23,8 @@ import numpy as np
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.design.explanations import Explanation
+from glider.design.funnel_throws import Kept, keep
+from glider.design.known_funnel import KnownFunnel
 from glider.design.throws import Range, Throw, is_safe, log_of, missed
 from glider.physics.effects import Field
 from glider.sysid.likelihood.directions import Direction, slopes
@@ -121,6 +123,15 @@ class Foresight:
             )
 
         return in_parallel(check, zip(throws, logs, strict=True))
+
+    def kept(self, throws: Sequence[Throw], known: KnownFunnel) -> list[Kept]:
+        """Returns throws for as long as every explanation keeps inside a funnel."""
+        models = [(theta, field) for theta, field, _ in self._filters]
+
+        def cut(throw: Throw) -> Kept:
+            return keep(throw, self.place, known, self.task.layout, models)
+
+        return in_parallel(cut, throws)
 
     def foreseen(self, throws: Sequence[Throw]) -> list[Grams | None]:
         """Returns what throws will tell; None for those that leave the limits."""

@@ -20,6 +20,13 @@ from glider.design.ending import Ending, ending_of
 from glider.design.explanations import Explanation, explain, with_probabilities
 from glider.design.findings import Findings
 from glider.design.foresight import Foresight, Grams, added, is_finite, times
+from glider.design.funnel_throws import (
+    FUNNEL_GENES,
+    SHORTEST,
+    check_launch,
+    throw_in_funnel,
+)
+from glider.design.known_funnel import KnownFunnel, check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.throws import (
     GENES,
@@ -36,6 +43,7 @@ from glider.sysid.replay.record import prepare
 from glider.sysid.replay.signs import signs_of
 from glider.sysid.replay.theta import layout_of
 from glider.sysid.replay.vehicle import make_vehicle
+from glider.verification.funnel.funnel import Funnel
 
 DRAWN = 48
 """Throws of a round."""
@@ -45,6 +53,9 @@ _FIRST = 144
 
 ROUNDS = 4
 """Rounds: the first is drawn evenly, the others about the best so far."""
+
+ROUNDS_IN_FUNNEL = 8
+"""The same inside a funnel, where tapes that keep inside for long are few draws."""
 
 ELITES = 8
 """Throws that the next round is drawn about."""
@@ -84,7 +95,9 @@ class Proposal:
         throws: proposed, in the order of what they tell.
         paths: of each throw, (explanations, n, 3) poses that they expect.
         flown: poses (n, 3) of the flights so far.
-        place: where they are flown.
+        place: where they are flown, and the funnel that they keep inside.
+        levels: largest level of the funnel's sets that each throw reaches by any
+            explanation, 0 at the nominal flight, 1 on the boundary; empty without one.
         chance_now: probability that the most probable explanation is the right one.
         chance_then: after the throws.
         chance_alike: after as many throws of the present kind.
@@ -108,6 +121,7 @@ class Proposal:
     paths: tuple[np.ndarray, ...]
     flown: tuple[np.ndarray, ...]
     place: Range
+    levels: tuple[float, ...]
     chance_now: float
     chance_then: float
     chance_alike: float
@@ -132,6 +146,7 @@ def next_throw(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
+    funnel: Path | str | Funnel | KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = lambda text: None,
 ) -> Proposal:
@@ -142,14 +157,17 @@ def next_throw(
         findings: of the analysis, see `findings_of` and `load_findings`.
         launches: how many throws to propose.
         limits: of the throws; what they leave open is as it was flown.
+        funnel: that every throw keeps inside until its tape ends, or its file.
         seed: of the search.
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: there is no servo to command, or an argument cannot be used.
+        InputError: there is no servo to command, an argument cannot be used, or no
+            throw keeps within the limits and inside the funnel.
     """
     if launches < 1:
         raise InputError(f"{launches} launches are asked for; at least 1 is needed.")
+    known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
@@ -162,6 +180,8 @@ def next_throw(
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress("reading the flights")
         campaign, task, noise = read_task(campaign, findings)
+        if known:
+            check_vehicle(known, campaign, task.vehicle)
         progress("fitting the explanations")
         explanations = explain(task, noise, findings)
         return propose(
@@ -171,6 +191,7 @@ def next_throw(
             explanations,
             launches=launches,
             limits=limits,
+            funnel=known,
             seed=seed,
             progress=progress,
         )
@@ -215,15 +236,21 @@ def propose(
     *,
     launches: int = 3,
     limits: ThrowLimits | None = None,
+    funnel: KnownFunnel | None = None,
     seed: int = 0,
     progress: Progress = lambda text: None,
 ) -> Proposal:
     """Proposes throws, given the explanations of a campaign; see `next_throw`."""
     begin = time.perf_counter()
     travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
+    if funnel:
+        check_vehicle(funnel, campaign, task.vehicle)
+        limits = funnel.with_launch(limits)
     place = range_of(
-        campaign, task.records, limits_flown(task.records, travel, rate, limits)
+        campaign, task.records, limits_flown(task.records, travel, rate, limits), funnel
     )
+    if funnel:
+        check_launch(funnel, place)
     everything = Foresight(
         campaign=campaign,
         task=task,
@@ -253,6 +280,9 @@ def propose(
         paths=tuple(np.array([r.pose for r in own]) for own in logs),
         flown=tuple(r.pose for r in task.records),
         place=place,
+        levels=tuple(k.level for k in everything.kept(throws, funnel))
+        if funnel
+        else (),
         chance_now=now,
         chance_then=chance,
         chance_alike=everything.chance(everything.futures(alike_same)),
@@ -277,13 +307,15 @@ def _search(
     """Returns the throws that together leave least open, of all that were foreseen."""
     few = with_probabilities(everything.explanations[:SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
+    known, nearest = everything.place.funnel, np.inf
+    rounds = ROUNDS_IN_FUNNEL if known else ROUNDS
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
-    for round_ in range(ROUNDS):
-        progress(f"searching for throws, round {round_ + 1} of {ROUNDS}")
+    for round_ in range(rounds):
+        progress(f"searching for throws, round {round_ + 1} of {rounds}")
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:ELITES]]
@@ -292,7 +324,18 @@ def _search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-        new = [throw_of(g, searched.place) for g in drawn]
+            if known:  # From the nominal flight to the largest departures.
+                sizes = rng.random((_FIRST, FUNNEL_GENES - GENES))
+                sizes *= np.linspace(0.0, 1.0, _FIRST)[:, None]
+                drawn = np.hstack([drawn, sizes])
+        if known:
+            whole = [throw_in_funnel(g, known, searched.place) for g in drawn]
+            kept = everything.kept(whole, known)
+            nearest = min(nearest, *(k.level for k in kept))
+            drawn = drawn[[k.throw is not None for k in kept]]
+            new = [k.throw for k in kept if k.throw is not None]
+        else:
+            new = [throw_of(g, searched.place) for g in drawn]
         told = searched.foreseen(new)
         good = [k for k, own in enumerate(told) if own is not None]
         genes += [drawn[k] for k in good]
@@ -311,6 +354,13 @@ def _search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, ending, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
+    if known and nearest > 1.0:
+        raise InputError(
+            f"{known.name}: no throw that was tried keeps inside the funnel for "
+            f"{SHORTEST:g} s, the best comes to level {nearest:.3g}, where 1 is its "
+            "boundary; launches that miss by less (missed_height, missed_speed, "
+            "missed_pitch in the limits) or a wider funnel are needed."
+        )
     raise InputError(
         "No throw that was tried keeps within the limits; wider limits of the "
         "launch or of the flight (floor, pitch, speed) are needed."

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
+from glider.design.known_funnel import KnownFunnel
 from glider.design.limits import ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
@@ -20,10 +21,10 @@ MOVES = 9
 GENES = 4 + 2 * MOVES + 1
 """Numbers that a throw is made of: launch, targets, times, how fast it moves."""
 
-_USED = 0.95
+USED = 0.95
 """Share of the servo's rate that a tape asks for at most."""
 
-_MARGIN = 0.03
+MARGIN = 0.03
 """Distance from the elevator's stops that its targets keep [rad]."""
 
 _FINE = 4
@@ -70,6 +71,7 @@ class Range:
         duration: of a flight [s].
         pose_rate: of the log [Hz].
         command_rate: of the commands [Hz].
+        funnel: that throws keep inside; None where none is known.
     """
 
     limits: ThrowLimits
@@ -79,6 +81,7 @@ class Range:
     duration: float
     pose_rate: float
     command_rate: float
+    funnel: KnownFunnel | None = None
 
     @property
     def times(self) -> np.ndarray:
@@ -91,9 +94,12 @@ USUAL_COMMAND_RATE = 50.0
 
 
 def range_of(
-    campaign: Campaign, records: Sequence[Record], limits: ThrowLimits
+    campaign: Campaign,
+    records: Sequence[Record],
+    limits: ThrowLimits,
+    funnel: KnownFunnel | None = None,
 ) -> Range:
-    """Returns where a campaign's throws were flown."""
+    """Returns where a campaign's throws were flown, or where a funnel has them."""
     return Range(
         limits=limits,
         x=float(np.median([r.nodes[0, 0] for r in records])),
@@ -102,6 +108,7 @@ def range_of(
         duration=float(np.median([r.time[-1] for r in records])),
         pose_rate=campaign.pose_rate,
         command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
+        funnel=funnel,
     )
 
 
@@ -130,10 +137,10 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
     launch[:3] = place.x, height, pitch
     launch[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
     launch[ELEVATOR] = place.rest
-    low, high = limits.elevator[0] + _MARGIN, limits.elevator[1] - _MARGIN
+    low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
     targets = low + genes[4 : 4 + MOVES] * (high - low)
     begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * place.duration
-    fastest = _USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
+    fastest = USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
     times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
     commands, angle = np.zeros(len(times)), place.rest
     for k, time in enumerate(times):
@@ -207,7 +214,7 @@ def is_safe(
     """
     layout = record.layout
     elevator, rate = pose_signals(record, theta)
-    for launch in _launches(throw, limits):
+    for launch in launches(throw, limits):
         states = fly_path(layout, theta, launch, record.time, elevator, rate, field)
         # Where the release is, is given: it may lie on the edge of what was flown.
         if not limits.allows(states[1:]):
@@ -215,7 +222,7 @@ def is_safe(
     return True
 
 
-def _launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
+def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
     """Returns the launch as it is asked for, and as it may be missed."""
     z, pitch = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
     found = [throw.launch]

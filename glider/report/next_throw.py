@@ -18,13 +18,19 @@ from glider.design.proposal import Proposal
 from glider.design.throws import Throw
 from glider.files.writing import replace_files
 from glider.report.json_report import plain
-from glider.report.next_throw_words import is_done, launch_words, sentences
+from glider.report.next_throw_words import (
+    is_done,
+    keeping_words,
+    launch_words,
+    sentences,
+)
 from glider.report.numbers import format_estimate
 from glider.report.plots.axes import legend
 from glider.report.plots.style import STYLE
 from glider.report.plots.throws import plot_differences, plot_tapes, plot_throws
 from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
+from glider.verification.funnel.tube import tube_outline
 
 
 def commands_name(number: int) -> str:
@@ -58,7 +64,7 @@ def _end(throw: Throw) -> float:
 
 def to_json(proposal: Proposal) -> dict[str, Any]:
     """Returns next_throw.json: lists, dicts, strings, numbers, booleans and None."""
-    p = proposal
+    p, known = proposal, proposal.place.funnel
     found: dict[str, Any] = plain(
         {
             "campaign": p.campaign,
@@ -72,13 +78,19 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "throws": [
                 {
                     "commands": commands_name(k),
+                    "x_m": t.launch[0],
                     "height_m": t.launch[1],
                     "speed_m_s": t.speed,
                     "climb_rad": t.climb,
                     "pitch_rad": t.launch[2],
+                    "feedback_from_s": t.duration if known else None,
+                    "funnel_level": p.levels[k - 1] if known else None,
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],
+            "funnel": (
+                {"file": known.name, "sha256": known.funnel.sha256} if known else None
+            ),
             "chance": {
                 "now": p.chance_now,
                 "then": p.chance_then,
@@ -118,7 +130,9 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         axes = figure.subplots(3 if several else 2, 1)
         side, tapes = axes[0], axes[1]
         low, high = p.place.limits.elevator
-        plot_throws(side, p.flown, p.paths, p.place.limits.z[0])
+        known = p.place.funnel
+        tube = tube_outline(known.funnel) if known else None
+        plot_throws(side, p.flown, p.paths, p.place.limits.z[0], tube)
         side.set_xlabel("x, along the throw [m]")
         side.set_ylabel("z, up [m]")
         times = [np.append(t.times, _end(t)) for t in p.throws]
@@ -151,7 +165,8 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
     console.print()
     for k, throw in enumerate(proposal.throws, start=1):
         console.print(
-            f"Throw {k}: {launch_words(throw)}; {folder / commands_name(k)}",
+            f"Throw {k}: {launch_words(throw)}{keeping_words(proposal, k - 1)}; "
+            f"{folder / commands_name(k)}",
             highlight=False,
             soft_wrap=True,
         )

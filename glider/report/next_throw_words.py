@@ -44,6 +44,7 @@ def sentences(proposal: Proposal) -> list[str]:
     if not is_one_left(proposal):
         said.append(_chances(proposal))
         said += _one_still(proposal)
+    said += _keeping(proposal)
     said.append(_ending(proposal))
     if is_done(proposal):
         said.append("What is left is the air: more throws would not show more.")
@@ -104,6 +105,34 @@ def _one_still(p: Proposal) -> list[str]:
     if not pairs:
         return []
     return [f"Not told apart by them: {'; '.join(pairs)}."]
+
+
+def _keeping(p: Proposal) -> list[str]:
+    """Returns how the throws keep inside a funnel, where one is known."""
+    if p.place.funnel is None:
+        return []
+    throws = "every throw keeps" if len(p.throws) > 1 else "the throw keeps"
+    x, level = float(p.throws[0].launch[0]), _level(max(p.levels))
+    return [
+        f"Released at x = {x:.2f} m, {throws} inside the funnel of "
+        f"{p.place.funnel.name} by every explanation, also where the launch is missed, "
+        f"up to level {level} of 1: until its tape ends, and then, the funnel's "
+        "feedback may take over."
+    ]
+
+
+def keeping_words(p: Proposal, index: int) -> str:
+    """Returns how a throw keeps inside a funnel; nothing where none is known."""
+    if p.place.funnel is None:
+        return ""
+    return (
+        f"; up to level {_level(p.levels[index])} of the funnel, "
+        f"its feedback from {p.throws[index].duration:.2f} s on"
+    )
+
+
+def _level(value: float) -> str:
+    return f"{math.ceil(100.0 * value - 1e-9) / 100.0:.2f}"  # Never less than it is.
 
 
 def _ending(p: Proposal) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from glider.__main__ import main
+from glider.paths import models_path
 from tests.helpers.campaigns import campaign_path, first_flights
 
 
@@ -165,6 +166,24 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
     assert (out / "next_throw.png").stat().st_size > 10_000
 
 
+def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
+    """Of the glider as drawn, which the one of the campaign is not."""
+    monkeypatch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 1)
+    out, limits = tmp_path / "next", tmp_path / "limits.yaml"
+    limits.write_text("{missed_speed: 0.05, missed_height: 0.01, missed_pitch: 0.01}")
+    funnel = str(models_path("funnels", "drawn_hook.npz"))
+    files = ["--limits", str(limits), "--funnel", funnel, "--out", str(out)]
+    campaign = str(campaign_path("attached_lift"))
+    arguments = ["--report", str(done[1]), "--launches", "1", *files]
+    assert main(["next-throw", campaign, *arguments]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"inside the funnel of {funnel}" in text
+    data = json.loads((out / "next_throw.json").read_text())
+    assert data["funnel"]["file"] == funnel
+    assert 0.0 < data["throws"][0]["funnel_level"] <= 1.0
+    assert data["limits"]["missed_speed"] == 0.05
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -173,6 +192,7 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
         (["{campaign}", "--launches", "0"], "--launches"),
         (["{campaign}", "--seed", "-1"], "--seed"),
         (["{campaign}", "--limits", "nowhere.yaml"], "nowhere.yaml"),
+        (["{campaign}", "--funnel", "nowhere.npz"], "nowhere.npz"),
     ],
 )
 def test_bad_input_of_next_throw_is_told(arguments, words, capsys, tmp_path):

@@ -6,9 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from glider.design.known_funnel import known_funnel
 from glider.errors import InputError
-from glider.report.next_throw import to_json, write_proposal
-from glider.report.next_throw_words import sentences
+from glider.paths import models_path
+from glider.report.next_throw import draw_proposal, to_json, write_proposal
+from glider.report.next_throw_words import keeping_words, sentences
 from glider.systems.command_tape import load_commands
 from tests.helpers.late import late_proposal
 
@@ -36,6 +38,32 @@ def test_the_folder_holds_commands_picture_and_numbers(tmp_path):
     assert data == to_json(proposal)
     assert data["chance"]["then"] > data["chance"]["now"]
     assert [t["commands"] for t in data["throws"]] == names[:2]
+
+
+def test_a_funnel_is_told_recorded_and_drawn():
+    without = late_proposal()
+    assert to_json(without)["funnel"] is None
+    assert to_json(without)["throws"][0]["funnel_level"] is None
+    assert keeping_words(without, 0) == ""
+    known = known_funnel(models_path("funnels", "drawn_hook.npz"))
+    proposal = dataclasses.replace(
+        without,
+        place=dataclasses.replace(without.place, funnel=known),
+        levels=(0.8312, 0.4),
+    )
+    data = to_json(proposal)
+    assert data["funnel"] == {"file": known.name, "sha256": known.funnel.sha256}
+    assert [t["funnel_level"] for t in data["throws"]] == [0.8312, 0.4]
+    durations = [t.duration for t in proposal.throws]
+    assert [t["feedback_from_s"] for t in data["throws"]] == durations
+    [said] = (s for s in sentences(proposal) if "funnel" in s)
+    assert said in data["says"]
+    assert known.name in said
+    assert "up to level 0.84 of 1" in said
+    assert keeping_words(proposal, 1) == (
+        f"; up to level 0.40 of the funnel, its feedback from {durations[1]:.2f} s on"
+    )
+    assert draw_proposal(proposal) != draw_proposal(without)
 
 
 def test_a_file_in_the_way_is_told(tmp_path):

@@ -20,6 +20,7 @@ def plot_throws(
     flown: Sequence[np.ndarray],
     proposed: Sequence[np.ndarray],
     floor: float,
+    tube: np.ndarray | None = None,
 ) -> None:
     """Draws paths in the vertical plane.
 
@@ -28,7 +29,10 @@ def plot_throws(
         flown: (n, 2 or more) x, z of each flown flight [m].
         proposed: (explanations, n, 2 or more) of each throw [m].
         floor: least z that a throw may have [m].
+        tube: (n, 2) outline of the positions that a funnel allows [m]; None for none.
     """
+    if tube is not None:
+        ax.fill(*tube.T, color="#DDE8F4", lw=0.0, label="funnel, projected", zorder=0)
     for k, path in enumerate(flown):
         label = "flown" if k == 0 else None
         ax.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)

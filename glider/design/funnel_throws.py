@@ -1,0 +1,208 @@
+"""Throws inside a funnel: its nominal flight, and departures from it.
+
+A tape is flown open loop: what was missed at the launch grows, where the funnel's
+feedback would make it fall. A throw therefore ends where the first of its flights would
+leave the funnel's sets,
+    V = (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1,
+and until then the feedback may take over at any moment: the certificate is of each
+state of the sets, however the flight came there.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.design.known_funnel import KnownFunnel
+from glider.design.throws import (
+    GENES,
+    MARGIN,
+    MOVES,
+    USED,
+    Range,
+    Throw,
+    launches,
+)
+from glider.errors import InputError
+from glider.physics.effects import Field
+from glider.physics.state import ELEVATOR, NUM_STATES, VELOCITY
+from glider.sysid.fit.simulate import fly_path
+from glider.sysid.replay.signals import replayed_path
+from glider.sysid.replay.theta import Layout
+
+FUNNEL_GENES = GENES + 2
+"""Numbers that a throw in a funnel is made of: those of a throw, and how large the
+departures of its launch and of its elevator are."""
+
+SHORTEST = 0.1
+"""Duration below which a tape is none [s]: of a dozen rows at 120 Hz."""
+
+_STEP = 0.002
+"""Longest time between two looks at V [s]. V of the shipped funnels grows by 10 1/s and
+takes 0.05 s for that: between two looks it bends by less than 0.001."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Kept:
+    """How a throw keeps inside a funnel.
+
+    Attributes:
+        throw: for as long as it does; None where that is less than SHORTEST.
+        level: largest V until it ends; until SHORTEST where there is none.
+    """
+
+    throw: Throw | None
+    level: float
+
+
+def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Throw:
+    """Returns the throw that some numbers mean, as long as the funnel.
+
+    Args:
+        genes: (FUNNEL_GENES,) in 0 .. 1: height, speed, climb, pitch; angles beside the
+            nominal elevator's; when each begins; how fast it moves; how large the
+            departures are, of the launch and of the elevator.
+        known: the funnel.
+        place: whose limits of launch and elevator it keeps.
+    """
+    limits, funnel = place.limits, known.funnel
+    launch_size, size = genes[-2:] ** 2  # Most of the draws are small departures.
+    pairs = np.array(
+        [
+            limits.launch_height,
+            limits.launch_speed,
+            limits.launch_climb,
+            limits.launch_pitch,
+        ]
+    )
+    departures = launch_size * (2.0 * genes[:4] - 1.0) * known.launch_widths
+    height, speed, climb, pitch = np.clip(known.launch + departures, *pairs.T)
+    launch = funnel.center(0.0).copy()
+    launch[1:3] = height, pitch
+    launch[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
+    launch[ELEVATOR] = place.rest
+    low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
+    beside = size * (2.0 * genes[4 : 4 + MOVES] - 1.0) * 0.5 * (high - low)
+    begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * known.duration
+    most = USED * limits.elevator_rate
+    fastest = most - (1.0 - genes[4 + 2 * MOVES]) * max(most - known.fastest, 0.0)
+    count = int(known.duration * place.command_rate + 1e-9)
+    times = np.arange(count) / place.command_rate
+    moves = np.searchsorted(begins, times, side="right") - 1
+    wanted = funnel.center(times + 1.0 / place.command_rate)[:, ELEVATOR]
+    wanted = np.clip(wanted + np.where(moves < 0, 0.0, beside[moves]), low, high)
+    commands, angle = np.zeros(count), place.rest
+    for k in range(count):
+        rate = (wanted[k] - angle) * place.command_rate
+        commands[k] = np.clip(rate, -fastest, fastest)
+        angle += commands[k] / place.command_rate
+    return Throw(
+        launch=launch,
+        times=times,
+        commands=np.round(commands, 4),
+        duration=count / place.command_rate,
+    )
+
+
+def keep(
+    throw: Throw,
+    place: Range,
+    known: KnownFunnel,
+    layout: Layout,
+    models: Sequence[tuple[np.ndarray, Field]],
+) -> Kept:
+    """Returns a throw for as long as it keeps inside a funnel, by every model.
+
+    Also where the launch is missed, as the limits say how far.
+
+    Args:
+        throw: what is done.
+        place: where; its limits say how far a launch is missed.
+        known: the funnel.
+        layout: of the models.
+        models: theta and residual field of each.
+    """
+    count = round(throw.duration * place.command_rate)
+    fine = int(np.ceil(1.0 / (place.command_rate * _STEP)))
+    times = np.arange(count * fine + 1) / (place.command_rate * fine)
+    level = np.max(
+        [
+            levels(throw, place, known, layout, theta, field, times).max(axis=0)
+            for theta, field in models
+        ],
+        axis=0,
+    )
+    outside = np.flatnonzero(~(level <= 1.0))  # Also where a flight diverges.
+    if len(outside):
+        count = (int(outside[0]) - 1) // fine if outside[0] else 0
+    duration = count / place.command_rate
+    if duration < SHORTEST:
+        reached = float(np.max(level[times <= SHORTEST + 1e-9]))
+        return Kept(throw=None, level=reached if np.isfinite(reached) else np.inf)
+    cut = dataclasses.replace(
+        throw,
+        times=throw.times[:count],
+        commands=throw.commands[:count],
+        duration=duration,
+    )
+    return Kept(throw=cut, level=float(np.max(level[: count * fine + 1])))
+
+
+def levels(
+    throw: Throw,
+    place: Range,
+    known: KnownFunnel,
+    layout: Layout,
+    theta: np.ndarray,
+    field: Field,
+    times: np.ndarray,
+) -> np.ndarray:
+    """Returns V of a throw at some times by one model, (launches, n)."""
+    replay = layout.replay(theta)
+    rest = float(throw.launch[ELEVATOR])
+    here, middle = (
+        replayed_path(
+            replay, throw.times, throw.commands, query, start=rest, limits=place.stops
+        )
+        for query in (times, 0.5 * (times[1:] + times[:-1]))
+    )
+    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
+    rate = np.diff(here) / np.diff(times)
+    flights = np.stack(
+        [
+            fly_path(layout, theta, launch, times, elevator, rate, field)
+            for launch in launches(throw, place.limits)
+        ]
+    )[..., :NUM_STATES]
+    flights[..., ELEVATOR] = here  # Flown as an offset from its path.
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        return known.funnel.level(times, flights)
+
+
+def check_launch(known: KnownFunnel, place: Range) -> None:
+    """Raises InputError where a missed launch lies outside of the funnel's first set.
+
+    Of the nominal launch: no other leaves more room in every direction.
+    """
+    genes = np.full(FUNNEL_GENES, 0.5)
+    genes[-2:] = 0.0
+    throw = throw_in_funnel(genes, known, place)
+    limits = place.limits
+    asked, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
+    if asked > 1.0:
+        raise InputError(
+            f"{known.name}: its launch, within the limits and with the elevator "
+            f"resting at {place.rest:.3g} rad, is at level {asked:.3g} of the funnel's "
+            "first set; at most 1 is needed."
+        )
+    names = ("missed_height", "missed_pitch", "missed_speed")
+    for k, level in enumerate(missed):
+        if level > 1.0:
+            name = names[k % len(names)]
+            far = getattr(limits, name)
+            raise InputError(
+                f"{known.name}: a launch that misses by {name} = {far:g} is at level "
+                f"{level:.3g} of the funnel's first set; at most 1, so "
+                f"{name} up to {np.floor(1e3 * far / np.sqrt(level)) / 1e3:g} in the "
+                "limits, or a wider funnel, is needed."
+            )

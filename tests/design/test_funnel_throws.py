@@ -1,0 +1,300 @@
+"""Throws keep inside a funnel at every time, by every model, missed or not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glider.compiled.rollouts import fly_tapes
+from glider.design.funnel_throws import (
+    FUNNEL_GENES,
+    SHORTEST,
+    check_launch,
+    keep,
+    throw_in_funnel,
+)
+from glider.design.known_funnel import check_vehicle, known_funnel
+from glider.design.limits import ThrowLimits
+from glider.design.proposal import next_throw, propose
+from glider.design.throws import Range, Throw, launches
+from glider.errors import InputError
+from glider.paths import models_path
+from glider.physics.effects import KINDS, NO_FIELD
+from glider.physics.model import GliderModel
+from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.report.next_throw_words import keeping_words, sentences
+from glider.simulation.fly import fly
+from glider.sysid.fit.simulate import layout_for, theta_of
+from tests.design.test_proposal import FINDINGS
+from tests.helpers.late import late_posterior
+
+HOOK = known_funnel(models_path("funnels", "drawn_hook.npz"))
+PROVEN = known_funnel(models_path("funnels", "proven", "drawn.npz"))
+
+DRAWN = GliderModel()
+
+LAUNCHER = {"missed_speed": 0.05, "missed_height": 0.01, "missed_pitch": 0.01}
+"""How well a launcher meets a launch."""
+
+FLIGHT = ThrowLimits(
+    x=[-4.0, 3.0],
+    z=[-1.0, 1.0],
+    pitch=[-1.2, 1.2],
+    speed=9.0,
+    elevator=[-0.4463, 0.9473],
+    elevator_rate=13.0,
+    **LAUNCHER,
+)
+
+
+def place_of(known=HOOK, **changes):
+    """Where the funnel's glider is thrown."""
+    limits = known.with_launch(dataclasses.replace(FLIGHT, **changes))
+    return Range(
+        limits=limits,
+        x=-3.5,
+        rest=0.0,
+        stops=(-0.4463, 0.9473),
+        duration=0.85,
+        pose_rate=120.0,
+        command_rate=50.0,
+        funnel=known,
+    )
+
+
+def nominal_genes():
+    genes = np.full(FUNNEL_GENES, 0.5)
+    genes[-2:] = 0.0
+    return genes
+
+
+def kept(place, known=HOOK, models=(DRAWN,)):
+    throw = throw_in_funnel(nominal_genes(), known, place)
+    numbers = [(theta_of(model), NO_FIELD) for model in models]
+    return throw, keep(throw, place, known, layout_for(DRAWN), numbers)
+
+
+def flown_level(throw, known, limits, delay=0.0):
+    """Largest V, every half a millisecond, by rollouts of the plate alone, (n,)."""
+    fine = 200  # Steps of a tenth of a millisecond.
+    period = 0.02
+    tape = np.repeat(throw.commands, fine)
+    late = round(delay / period * fine)
+    tape = np.concatenate([np.zeros(late), tape])[: len(tape)]
+    starts = [throw.launch]
+    for sign in (-1.0, 1.0):
+        for name, size in (("z", "missed_height"), ("pitch", "missed_pitch")):
+            start = throw.launch.copy()
+            start[STATE_NAMES.index(name)] += sign * getattr(limits, size)
+            starts.append(start)
+        start = throw.launch.copy()
+        start[VELOCITY] *= 1.0 + sign * limits.missed_speed / throw.speed
+        starts.append(start)
+    starts = np.array(starts)
+    tapes = np.broadcast_to(tape, (len(starts), len(tape)))
+    states = fly_tapes(DRAWN, starts, tapes, period / fine)
+    times = np.arange(0, states.shape[1], 5) * period / fine
+    states = states[:, ::5]
+    return np.max([known.funnel.level(times, flown) for flown in states], axis=0)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=FUNNEL_GENES, max_size=FUNNEL_GENES))
+@settings(max_examples=40)
+def test_any_genes_make_a_throw_within_the_limits(genes):
+    place = place_of()
+    throw = throw_in_funnel(np.array(genes), HOOK, place)
+    limits = place.limits
+    for value, (low, high) in (
+        (throw.launch[1], limits.launch_height),
+        (throw.speed, limits.launch_speed),
+        (throw.climb, limits.launch_climb),
+        (throw.launch[2], limits.launch_pitch),
+    ):
+        assert low - 1e-9 <= value <= high + 1e-9
+    assert np.abs(throw.commands).max() <= limits.elevator_rate
+    angle = np.cumsum(throw.commands) / place.command_rate
+    assert limits.elevator[0] < angle.min()
+    assert angle.max() < limits.elevator[1]
+    assert HOOK.duration - 0.02 < throw.duration <= HOOK.duration
+
+
+def test_no_departures_are_the_nominal_flight():
+    place = place_of(missed_speed=0.0, missed_height=0.0, missed_pitch=0.0)
+    throw, found = kept(place)
+    assert found.throw is not None
+    assert found.throw.duration == throw.duration
+    assert np.array_equal(throw.launch, HOOK.funnel.nominal.states[0])
+    assert found.level < 0.05  # Commands are held for 20 ms.
+
+
+@pytest.mark.parametrize(
+    ("known", "missed"), [(HOOK, 0.1), (PROVEN, 0.1), (PROVEN, 0.16)]
+)
+def test_a_tape_ends_before_a_missed_flight_leaves(known, missed):
+    """Which flights do in the middle, the launch well inside."""
+    place = place_of(known, missed_speed=missed)
+    throw, found = kept(place, known)
+    level = flown_level(throw, known, place.limits)
+    leaves = np.argmax(level > 1.0) * 0.0005
+    assert 0.0 < leaves < throw.duration
+    if found.throw is None:
+        assert leaves <= SHORTEST + 0.001
+        return
+    assert found.throw.duration <= leaves < found.throw.duration + 0.0205
+    inside = level[: round(found.throw.duration / 0.0005) + 1]
+    assert found.level == pytest.approx(inside.max(), rel=5e-3)
+    assert len(found.throw.commands) == round(found.throw.duration * 50)
+
+
+def test_each_way_of_missing_counts():
+    """Misses that end the tape, alone."""
+    nothing = {"missed_speed": 0.0, "missed_height": 0.0, "missed_pitch": 0.0}
+    for name, far in (
+        ("missed_speed", 0.12),
+        ("missed_height", 0.04),
+        ("missed_pitch", 0.04),
+    ):
+        throw, found = kept(place_of(**(nothing | {name: far})))
+        assert found.throw is None or found.throw.duration < throw.duration, name
+
+
+def test_every_model_counts():
+    """A glider that is heavier by a third leaves; no model of them is left out."""
+    place = place_of()
+    heavy = GliderModel(parameters=dataclasses.replace(DRAWN.parameters, mass=0.107))
+    throw, own = kept(place)
+    assert own.throw is not None
+    assert own.throw.duration == throw.duration
+    for models in ((DRAWN, heavy), (heavy, DRAWN)):
+        _, both = kept(place, models=models)
+        assert both.throw is None or both.throw.duration < throw.duration
+        assert both.level > own.level
+
+
+def test_where_nothing_is_kept_the_level_is_told():
+    place = place_of(missed_pitch=0.11)
+    throw, found = kept(place)
+    assert found.throw is None
+    level = flown_level(throw, HOOK, place.limits)[: round(SHORTEST / 0.0005) + 1]
+    assert found.level == pytest.approx(level.max(), rel=5e-3)
+
+
+def test_a_missed_launch_outside_of_the_first_set_is_told():
+    far = 0.2
+    with pytest.raises(InputError, match=r"missed_speed = 0\.2 .* 1\.3.*0\.17") as told:
+        check_launch(PROVEN, place_of(PROVEN, missed_speed=far))
+    assert str(PROVEN.name) in str(told.value)
+    check_launch(PROVEN, place_of(PROVEN, missed_speed=0.17))
+    with pytest.raises(InputError, match="its launch, within the limits"):
+        check_launch(PROVEN, place_of(PROVEN, launch_height=[0.3, 0.4]))
+    check_launch(HOOK, place_of(missed_speed=far))
+
+
+def test_a_funnel_of_another_vehicle_is_refused(late):
+    campaign, task, _, _ = late
+    check_vehicle(HOOK, campaign, task.vehicle)
+    strong = known_funnel(models_path("funnels", "strong_servo.npz"))
+    with pytest.raises(InputError, match=r"strong_servo.*-0\.75 to 1\.25.*-0\.4463"):
+        check_vehicle(strong, campaign, task.vehicle)
+    slow = dataclasses.replace(campaign, elevator_rate_limit=10.0)
+    with pytest.raises(InputError, match=r"by 13 rad/s.*by 10"):
+        check_vehicle(HOOK, slow, task.vehicle)
+    vehicle = campaign.vehicle | {"mass": 0.081}
+    other = dataclasses.replace(campaign, vehicle=vehicle)
+    with pytest.raises(InputError, match=r"mass is 0\.08; .* has 0\.081"):
+        next_throw(other, FINDINGS, funnel=HOOK.funnel)
+
+
+def test_what_is_no_funnel_for_throws_is_told(tmp_path):
+    with pytest.raises(InputError, match="nowhere"):
+        known_funnel(tmp_path / "nowhere.npz")
+    funnel = HOOK.funnel
+    names = (*funnel.nominal.state_names, "lag")
+    nominal = dataclasses.replace(funnel.nominal, state_names=names)
+    count = len(nominal.times)
+    more = dataclasses.replace(funnel, nominal=nominal, S=np.zeros((count, 8, 8)))
+    with pytest.raises(InputError, match="and lag; a funnel of"):
+        known_funnel(more)
+
+
+@pytest.fixture(scope="module")
+def proposal():
+    """Two throws for the late servo, in the funnel for the hook."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 2)
+        limits = ThrowLimits(**LAUNCHER)
+        return propose(*late_posterior(), launches=2, limits=limits, funnel=HOOK)
+
+
+def test_proposed_throws_keep_inside(late, proposal):
+    """Flown by the plate alone, as late as the explanation by a delay has it."""
+    assert proposal.chance_then > proposal.chance_now
+    limits = proposal.place.limits
+    [late_by] = (
+        e.model.theta[late[1].layout.index["command_delay", "delay"]]
+        for e in late[3]
+        if e.model.kinds == ("command_delay",)
+    )
+    for throw, level in zip(proposal.throws, proposal.levels, strict=True):
+        assert SHORTEST <= throw.duration <= HOOK.duration
+        assert throw.duration == pytest.approx(throw.times[-1] + 0.02)
+        reached = flown_level(throw, HOOK, limits, late_by).max()
+        assert reached - 5e-3 < level <= 1.0  # The delay is in whole steps.
+        assert reached == pytest.approx(level, abs=0.05)  # The lag's is another.
+    said = " ".join(sentences(proposal))
+    assert (
+        f"Released at x = -3.50 m, every throw keeps inside the funnel of {HOOK.name}"
+        in said
+    )
+    assert "its feedback from 0." in keeping_words(proposal, 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class BrokenOff:
+    """A throw's tape until a time, then the feedback of a funnel."""
+
+    throw: Throw
+    until: float
+
+    state_names = STATE_NAMES
+    duration = HOOK.duration
+
+    def count(self, step):
+        return int(np.ceil(self.duration / step))
+
+    def sample(self, times):
+        nominal, at = HOOK.funnel.nominal, np.clip(times, 0.0, self.duration)
+        gain = np.stack([np.interp(at, nominal.times, k) for k in nominal.gains.T], 1)
+        offset = np.interp(at, nominal.times, nominal.inputs)
+        offset += np.sum(gain * HOOK.funnel.center(at), axis=1)
+        by_tape = at < self.until - 1e-9
+        last = len(self.throw.commands) - 1
+        command = np.minimum((50.0 * at + 1e-6).astype(int), last)
+        offset[by_tape] = self.throw.commands[command[by_tape]]
+        gain[by_tape] = 0.0
+        return offset, gain
+
+
+@pytest.mark.parametrize("kind", ["servo_lag", "command_delay"])
+def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
+    """From missed launches, by the late gliders: inside to the end, and a perch."""
+    [name] = (c.name for c in KINDS[kind].coefficients)
+    glider = GliderModel(effects=(KINDS[kind](**{name: 0.002}),))
+    for throw in proposal.throws:
+        starts = np.stack(launches(throw, proposal.place.limits))
+        for share in (0.25, 0.5, 0.75, 1.0):
+            until = round(share * throw.duration * 50) / 50
+            policy = BrokenOff(throw, until)  # Steps short of those of commands.
+            flown = fly(glider, policy, starts, step=0.0005, keep_paths=True)
+            assert np.all(flown.perched)
+            inside = flown.times <= HOOK.duration
+            states = flown.paths[:, inside, :7]
+            assert np.all(HOOK.funnel.level(flown.times[inside], states) <= 1.0)
+
+
+def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch):
+    monkeypatch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 1)
+    with pytest.raises(InputError, match=r"comes to level [1-9]\.\d+, where 1 is"):
+        propose(*late, launches=1, funnel=HOOK)
