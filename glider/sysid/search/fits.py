@@ -16,7 +16,7 @@ PRICE = 10.0
 """Evidence that an effect must bring [nats], of up to `FLIGHTS_OF_PRICE` flights."""
 
 PLAIN_PRICE = 6.6
-"""The same where formulas and air explain the flights: of noise alone the best of the
+"""The same where it alone and air explain the flights: of noise alone the best of the
 library brings it in one campaign of a hundred (χ² of one number, 36 of them tried)."""
 
 FLIGHTS_OF_PRICE = 40
@@ -120,8 +120,8 @@ def scoring(
 ) -> Scorer:
     """Returns the evidence of sets on flights that count so often, less their price.
 
-    In a marginal likelihood each number has paid for its room beforehand: where
-    formulas and air explain the flights, an effect need only be more likely than that
+    In a marginal likelihood each number has paid for its room beforehand: where one
+    effect at most and air explain the flights, it need only be more likely than that
     none of the library acts.
 
     Args:
@@ -144,8 +144,13 @@ def price_of_kind(flights: int, base: float) -> float:
 
 
 def is_plain(model: Fitted, scales: Scales) -> bool:
-    """Whether formulas and air explain the flights, and nothing of another form."""
-    return not model.has_curves and model.extra is None and scales.moment < PLAIN_MOMENT
+    """Whether one effect at most and air explain the flights, and nothing else.
+
+    Beside another effect a small one may stand in for what that one's formula gets
+    wrong: it has to bring more.
+    """
+    is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
+    return is_bare and not model.has_force_errors and scales.moment < PLAIN_MOMENT
 
 
 PLAIN_MOMENT = 0.3

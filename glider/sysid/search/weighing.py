@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import Fitted
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.search.fits import is_plain
 from glider.sysid.search.subsets import Members, Scorer, climb
 
 RESAMPLES = 25
@@ -20,12 +21,12 @@ RIVAL_GAP = 6.0
 better one are then below 400 to 1."""
 
 LEAST_STAND_IN = 0.1
-"""Share of resampled flights that choose another effect in the place of one, from which
-on it is a rival, too: the flights at hand might as well have been those."""
+"""Share of resampled flights that choose another effect in the place of the only one,
+from which on it is a rival, too: the flights at hand might as well have been those."""
 
 RESAMPLED_PRICE = 0.5
-"""Share of an effect's price that it pays on resampled flights: they are to say whether
-it hangs on a few flights, not to prove it anew."""
+"""Share of its price that the only effect pays on resampled flights: they are to say
+whether it hangs on a few flights, not to prove it anew."""
 
 MOST_RIVALS = 0.5
 """Share of the library from which on what would do as well in an effect's place lends
@@ -66,16 +67,20 @@ def weigh(
     score = scoring(candidates, grams, np.ones(len(grams)))
     chosen = score.by_first(model.kinds)
     near, rivals = _near_and_rivals(score, chosen)
+    is_alone = is_plain(model, model.scales)
+    share = RESAMPLED_PRICE if is_alone else 1.0
     resampled = []
     for _ in range(RESAMPLES):
         drawn = rng.integers(len(grams), size=len(grams))
         times = np.bincount(drawn, minlength=len(grams)).astype(float)
         again = scoring(candidates, grams, times).among(near)
-        cheaper = again.priced(lambda kind: RESAMPLED_PRICE * score.price(kind))
-        resampled.append({kind for kind, _ in climb(cheaper, chosen)})
+        priced = again.priced(lambda kind: share * score.price(kind))
+        resampled.append({kind for kind, _ in climb(priced, chosen)})
     found = {}
     for kind in model.kinds:
-        alike = rivals[kind] | _stand_ins(kind, model.kinds, resampled)
+        alike = rivals[kind]
+        if is_alone:
+            alike = alike | _stand_ins(kind, resampled)
         backers = {kind, *alike}
         if len(alike) > MOST_RIVALS * len(score.variants):
             backers = {kind}
@@ -105,18 +110,15 @@ def _near_and_rivals(
     return near, rivals
 
 
-def _stand_ins(
-    kind: str, kinds: Collection[str], resampled: Sequence[set[str]]
-) -> set[str]:
-    """Returns what resampled flights choose in the place of an effect of a set."""
-    others = [found.difference(kinds) for found in resampled if kind not in found]
-    counts = Counter(k for found in others for k in found)
+def _stand_ins(kind: str, resampled: Sequence[set[str]]) -> set[str]:
+    """Returns what resampled flights choose in the place of an effect."""
+    counts = Counter(k for found in resampled if kind not in found for k in found)
     return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
 
 
 LEAST_SUPPORT, PLAIN_SUPPORT = 0.85, 0.5
 """Shares of resampled flights by which an effect, or one that is like it, must be
-chosen: one that hangs on a few flights is not claimed. Where formulas and air explain
+chosen: one that hangs on a few flights is not claimed. Where it alone and air explain
 the flights, the few that tell may be believed: most draws are enough."""
 
 

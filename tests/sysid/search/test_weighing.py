@@ -88,15 +88,19 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
 
     drag = KINDS["profile_drag"](cd0=0.05)
     task, noise = task_of(fly(drag, flights=3))
-    model = dataclasses.replace(begin(task, noise), kinds=("right",))
+    start = begin(task, noise)
     task = dataclasses.replace(task, kinds=())
-    found = weigh(task, model, chances, np.random.default_rng(0))["right"]
-    assert found.rivals == ("other",)
-    assert found.inclusion < LEAST_SUPPORT < found.support == 1.0
+    for moment, rivals in ((0.5 * PLAIN_MOMENT, ("other",)), (2.0 * PLAIN_MOMENT, ())):
+        scales = dataclasses.replace(start.scales, moment=moment)
+        model = dataclasses.replace(start, kinds=("right",), scales=scales)
+        found = weigh(task, model, chances, np.random.default_rng(0))["right"]
+        assert found.rivals == rivals
+        assert found.inclusion < LEAST_SUPPORT
+        assert found.support == (1.0 if rivals else found.inclusion)
 
 
-def test_where_all_is_plain_an_effect_need_only_be_likelier_than_none():
-    """Beside curves, or where a moment has no form, it has to bring more."""
+def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
+    """Beside others or curves, or a moment of no form, it has to bring more."""
     task, noise = task_of(fly(flights=3))
     rough, fine = (
         dataclasses.replace(begin(task, noise).scales, moment=times * PLAIN_MOMENT)
@@ -107,6 +111,9 @@ def test_where_all_is_plain_an_effect_need_only_be_likelier_than_none():
     assert is_plain(model, fine)
     assert not is_plain(model, rough)
     assert not is_plain(curved, fine)
+    assert is_plain(dataclasses.replace(model, kinds=("mass",)), fine)
+    assert not is_plain(dataclasses.replace(model, kinds=("mass", "thrust")), fine)
+    assert not is_plain(dataclasses.replace(model, has_force_errors=True), fine)
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
     grams, once = candidates.grams(model.scales), np.ones(3)
     plain = scoring(candidates, grams, once)
