@@ -71,7 +71,7 @@ def judge(
     if t_over_drawn is not None:
         return "effect_found", (
             "The effects have names and hold on held-out flights: the glider is "
-            "another than it was drawn, and its plate, refitted, does no better."
+            "another than it was drawn, and its plate, refitted, does about as well."
         )
     return "effect_found", "The effects have names and hold on held-out flights."
 

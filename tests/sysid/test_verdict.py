@@ -170,7 +170,7 @@ def test_what_is_of_the_plate_is_held_against_the_glider_as_drawn():
     assert verdict(("mass",), **alike)[0] == "not_trusted"
     word, reason = verdict(("mass",), t_over_drawn=9.0, **alike)
     assert word == "effect_found"
-    assert "plate, refitted, does no better" in reason
+    assert "plate, refitted, does about as well" in reason
     by_chance = verdict(("mass",), t_over_drawn=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
     assert "over the glider as drawn" in by_chance[1]
