@@ -13,7 +13,10 @@ makes the largest in all but a share of the campaigns without an effect.
 How strong the air is, the noise, and what differs from flight to flight, the oracle has
 to learn from the flights, as everybody has: they take up part of an effect, of few
 flights a large one. The size is that from which on as much likelihood is lost without
-the effect, the scales fitted anew, as d σ_j loses where they are known: ½ d².
+the effect, the scales fitted anew, as d σ_j loses where they are known: ½ d². Where a
+rival has to be told from it, the same is asked of what is left of it beside the rival.
+
+What is unknown of the vehicle is fitted beside each candidate.
 """
 
 import dataclasses
@@ -21,6 +24,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from glider.sysid.likelihood.candidates import tamed
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
@@ -84,16 +88,21 @@ def limits_of(
             candidates.
     """
     candidates, is_usual = _candidates(task, model)
-    flights = linear_flights(task, model, candidates)
-    strengths = _Strengths(flights[:: max(1, len(flights) // _ASKED)], model.scales)
-    known = np.sum(grams_of(flights, model.scales), axis=0)[:-1, :-1]
-    shows = np.flatnonzero(np.diag(known) > 0.0)  # Others show in no flight.
-    std = np.full(len(known), np.inf)
-    std[shows] = np.diag(known)[shows] ** -0.5
+    always = slopes(task.layout, model.theta, task.vehicle.nuisance)
+    columns = [*candidates, *always]
+    flights, _ = tamed(task, columns, linear_flights(task, model, columns))
+    steps, known = _beside(task, model, flights, len(candidates))
+    scale = task.layout.scale[[d.slot for d in candidates]]
+    told = np.diag(known) * scale**2
+    shows = np.flatnonzero(told > _LEAST_TOLD)  # Others show in no flight.
+    if not len(shows):
+        return []
+    std = np.diag(known)[shows] ** -0.5
     oracle = _Oracle(
-        correlations=(std[:, None] * known * std)[np.ix_(shows, shows)],
+        correlations=std[:, None] * known[np.ix_(shows, shows)] * std,
         kinds=np.array([candidates[j].kind for j in shows]),
     )
+    strengths = _Strengths(flights[:: max(1, len(flights) // _ASKED)], model.scales)
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
@@ -102,8 +111,14 @@ def limits_of(
             continue
         if coefficient is None or not is_usual[j]:
             continue  # A parameter of the vehicle, or another shape.
-        shown = oracle.least(place, RIVAL_GAP)
-        size = strengths.size(int(j), shown, std[j])
+        shown = strengths.size(steps[j], oracle.least(place, RIVAL_GAP), std[place])
+        named, rival = np.inf, oracle.rival(place)
+        if np.isfinite(sigmas := oracle.least(place)):
+            # What is left of the effect beside its rival has to show.
+            alike = float(oracle.correlations[place, rival])
+            left = np.sqrt(1.0 - alike**2)
+            apart = steps[j] - alike * std[rival] / std[place] * steps[shows[rival]]
+            named = strengths.size(apart, sigmas * left, std[place] / left)
         found.append(
             Limit(
                 kind=direction.kind,
@@ -111,55 +126,81 @@ def limits_of(
                 unit=coefficient.unit,
                 scale=coefficient.scale,
                 shapes={task.layout.slots[i][1]: v for i, v in direction.shapes},
-                std=float(std[j]),
-                shown=float(size),
-                named=float(size * oracle.least(place) / shown),
-                rival=oracle.rival(place),
+                std=float(std[place]),
+                shown=shown,
+                named=max(named, shown),
+                rival=str(oracle.kinds[rival]),
             )
         )
     return found
+
+
+def _beside(
+    task: Task, model: Fitted, flights: Sequence[LinearFlight], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns each candidate beside what is unknown of the vehicle, and what is known.
+
+    Args:
+        task: of the flights.
+        model: about which they are linear.
+        flights: linear in the candidates and then in the vehicle's unknowns.
+        count: of the candidates.
+
+    Returns:
+        (count, m) the columns' change where a candidate acts by one and the unknowns
+        are fitted to it; and the candidates' information (count, count).
+    """
+    gram = np.sum(grams_of(flights, model.scales), axis=0)[:-1, :-1]
+    _, precision = task.priors(list(task.vehicle.nuisance), model.theta)
+    places = np.arange(count, len(gram))
+    gram[places, places] += precision
+    across = gram[:count, count:]
+    steps = np.eye(count, len(gram))
+    steps[:, count:] = -np.linalg.solve(gram[count:, count:], across.T).T
+    return steps, gram[:count, :count] + steps[:, count:] @ across.T
 
 
 class _Strengths:
     """What is lost of an effect where the strengths of all noise are not known."""
 
     def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
-        """Takes flights, linear in all columns, and the strengths that they have."""
-        self.flights, self.scales = flights, scales
-        self.grams = np.sum(grams_of(flights, scales), axis=0)
+        """Takes flights, linear in all columns, and the strengths that are known."""
+        self.flights = flights
+        self.gram = np.sum(grams_of(flights, scales), axis=0)[:-1, :-1]
         own = [f.error_only() for f in flights]
         self.scales, self.least = fit_scales(own, scales, iterations=_ITERATIONS)
 
-    def size(self, j: int, sigmas: float, std: float) -> float:
-        """Returns the size of column j that loses ½ sigmas², the scales fitted anew.
+    def size(self, step: np.ndarray, sigmas: float, std: float) -> float:
+        """Returns the size of a step that loses ½ sigmas², the scales fitted anew.
 
         Args:
-            j: the column.
+            step: change of all columns (m,) by an effect of size one.
             sigmas: that many standard errors lose as much where the scales are known.
             std: the standard error there.
         """
         size = sigmas * std
         for _ in range(_ROUNDS):
-            lost = 0.5 * (size / std) ** 2 * self._share(j, size)
+            lost = 0.5 * (size / std) ** 2 * self._share(size * step)
             times = float(np.clip(np.sqrt(0.5 * sigmas**2 / lost), 0.5, 2.0))
             size *= times
             if abs(times - 1.0) < _CLOSE:
                 break
-        return size
+        return float(size)
 
-    def _share(self, j: int, size: float) -> float:
-        """Returns what is lost without a column, over what is where scales are known.
+    def _share(self, step: np.ndarray) -> float:
+        """Returns what is lost without a step, over what is where scales are known.
 
         The mean of both signs: the noise that the flights have falls out.
         """
-        step = np.zeros(self.grams.shape[0] - 1)
-        step[j] = size
         lost = -self.least
         for sign in (-1.0, 1.0):
             moved = [f.combined(sign * step) for f in self.flights]
             lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS)[1]
-        return max(lost / (0.5 * size**2 * self.grams[j, j]), _LEAST_SHARE)
+        return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
 
+
+_LEAST_TOLD = 1e-9
+"""Information on a coefficient of its usual scale below which it shows in no flight."""
 
 _ASKED = 12
 """Flights that are asked for what is lost where scales are not known."""
@@ -171,12 +212,13 @@ left at least."""
 
 def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]:
     """Returns all sizes at all starting shapes, and which have the usual shapes."""
-    layout = task.layout
+    layout, own = task.layout, set(task.vehicle.nuisance)
     found: list[Direction] = []
     is_usual: list[bool] = []
     for name in task.kinds:
         kind = layout.kinds[name]
         slots = list(layout.slots_of(name))
+        allowed = set(task.free((name,))) - own
         if all(c.is_shape for c in kind.coefficients):
             starts, usual = [slopes(layout, model.theta, slots)], 0
         else:
@@ -191,8 +233,9 @@ def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]
             ]
             usual = int(np.argmin(apart))
         for k, columns in enumerate(starts):
-            found += columns
-            is_usual += [k == usual] * len(columns)
+            mine = [d for d in columns if d.slot in allowed]
+            found += mine
+            is_usual += [k == usual] * len(mine)
     return found, is_usual
 
 
@@ -209,10 +252,10 @@ class _Oracle:
         largest = np.abs(self.draws).max(axis=1)
         self.threshold = float(np.quantile(largest, 1.0 - FALSE_ALARMS))
 
-    def rival(self, j: int) -> str:
-        """Returns the other effect that is the most like a candidate."""
+    def rival(self, j: int) -> int:
+        """Returns the candidate of another effect that is the most like one."""
         alike = np.where(self.kinds == self.kinds[j], 0.0, self.correlations[j])
-        return str(self.kinds[int(np.argmax(np.abs(alike)))])
+        return int(np.argmax(np.abs(alike)))
 
     def least(self, j: int, gap: float = 0.0) -> float:
         """Returns the least size that a candidate is found at, or infinity [σ].

@@ -11,6 +11,7 @@ is worth what its shapes are worth on average.
 
 import numpy as np
 
+from glider.sysid.likelihood.candidates import tamed
 from glider.sysid.likelihood.directions import slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
@@ -41,10 +42,8 @@ def _choice(task: Task, model: Fitted, kind: str) -> float:
     ]
     directions = slopes(layout, model.theta, [*sizes, *others])
     directions += [d for columns in starts for d in columns]
-    flights = linear_flights(task, model, directions)
+    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
     gram = np.sum(grams_of(flights, model.scales), axis=0)
-    if not np.all(np.isfinite(gram)):
-        return 0.0
 
     # The error of the model without the effect, the others fitted to it.
     count, end = len(sizes), len(sizes) + len(others)
@@ -74,5 +73,8 @@ def _choice(task: Task, model: Fitted, kind: str) -> float:
         for columns in starts
     ]
     worth = np.exp(np.minimum(np.array(told) - fitted, 0.0))
-    worth[int(np.argmin(apart))] = 1.0  # Around the fitted shape.
-    return float(np.log(np.mean(worth)))
+    worth[nearest := int(np.argmin(apart))] = 1.0  # Around the fitted shape.
+    columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
+    sound = [wild.isdisjoint(own) for own in columns.tolist()]
+    sound[nearest] = True
+    return float(np.log(np.mean(worth[sound])))

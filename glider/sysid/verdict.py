@@ -50,12 +50,9 @@ def judge(
         return "no_effect", "Nothing that the flights show beyond noise and air."
     if doubt is not None:
         return "not_trusted", f"What is left to chance is too much: {doubt}."
-    t_over_drawn = None if held_out is None else held_out.t_over_drawn
-    if t_over_drawn is None:
-        doubt = _over_plate(held_out, errors)
-    else:
-        assert held_out is not None
-        doubt = _over_drawn(t_over_drawn, held_out.t, errors)
+    doubt, as_plate = _over_plate(held_out, errors), False
+    if doubt and held_out is not None and held_out.t_over_drawn is not None:
+        doubt, as_plate = _over_drawn(held_out.t_over_drawn, held_out.t, errors), True
     if doubt is not None:
         return "not_trusted", doubt
     unnamed = [e for e in effects if e.kind == "unexplained"]
@@ -68,7 +65,7 @@ def judge(
             "The effects have names; where a shape is not the library's, a curve is "
             "carried."
         )
-    if t_over_drawn is not None:
+    if as_plate:
         return "effect_found", (
             "The effects have names and hold on held-out flights: the glider is "
             "another than it was drawn, and its plate, refitted, does about as well."
@@ -79,8 +76,8 @@ def judge(
 def is_of_the_plate(model: Fitted) -> bool:
     """Whether all that a model names is another value of the plate's own numbers.
 
-    The refitted plate has it too and leaves it nothing to gain: it is held against
-    the glider as drawn.
+    The refitted plate has it too and may leave it nothing to gain: then it is held
+    against the glider as drawn.
     """
     bare = model.extra is None and not model.has_curves
     return bool(model.kinds) and bare and set(model.kinds) <= set(OWN_KINDS)

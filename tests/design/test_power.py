@@ -4,11 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from glider.design.power import MOST_SIGMAS, limits_of
 from glider.studies.known_truth import begin, task_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
+from glider.sysid.likelihood.scales import fit_scales
 from tests.helpers.tasks import fly
 
 ASKED = ("servo_lag", "command_delay", "mass", "camber", "pitch_offset", "tail_wake")
@@ -73,3 +75,44 @@ def test_rivals_that_are_no_candidates_do_not_matter(still):
     assert lag.rival == "mass"
     assert lag.named == pytest.approx(lag.shown, rel=0.05)
     assert lag.named < MOST_SIGMAS * lag.std
+
+
+def test_a_named_effect_is_lost_where_its_rival_is_fitted(still):
+    """Two that are nearly one need 3.29 standard errors of what is left: 5.4 nats."""
+    task, _, model = still
+    few = dataclasses.replace(task, kinds=("profile_drag", "axial_drag"))
+    drag = next(x for x in limits_of(few, model) if x.kind == "profile_drag")
+    assert drag.rival == "axial_drag"
+    assert drag.named > 3.0 * drag.shown
+    slots = [task.layout.slots_of(kind)[0] for kind in few.kinds]
+    flights = linear_flights(task, model, slopes(task.layout, model.theta, slots))
+
+    def lost(sizes):
+        moved = [f.combined(np.asarray(sizes)) for f in flights]
+        return fit_scales(moved, model.scales, iterations=20)[1]
+
+    def lost_beside(rival):
+        signs = -1.0, 1.0
+        return sum(lost([s * drag.named, -s * rival]) for s in signs) / 2.0
+
+    bounds = 0.5 * drag.named, 1.5 * drag.named
+    best = minimize_scalar(lost_beside, bounds=bounds, method="bounded")
+    assert best.fun - lost([0.0, 0.0]) == pytest.approx(5.4, rel=0.2)
+
+
+def test_what_is_unknown_of_the_glider_is_fitted_beside(still):
+    """And what it is one with has no limit: no campaign tells."""
+    task, _, model = still
+    offset = task.layout.index["parameters", "wing_offset"]
+    vehicle = dataclasses.replace(task.vehicle, nuisance=(offset,))
+    own = {(x.kind, x.name): x for x in limits_of(task, model)}
+    blind = dataclasses.replace(task, vehicle=vehicle)
+    found = {(x.kind, x.name): x for x in limits_of(blind, model)}
+    assert set(own) - set(found) == {("center_of_pressure", "shift")}
+    travel = "center_of_pressure", "travel"
+    assert found[travel].std > 1.5 * own[travel].std
+
+
+def test_nothing_to_find_has_no_limits(still):
+    task, _, model = still
+    assert limits_of(dataclasses.replace(task, kinds=()), model) == []

@@ -176,6 +176,10 @@ def test_what_is_of_the_plate_is_held_against_the_glider_as_drawn():
     assert "over the glider as drawn" in by_chance[1]
     worse = alike | {"drawn": (1.0, 1.0)}
     assert verdict(("mass",), t_over_drawn=9.0, **worse)[0] == "not_trusted"
+    gains = alike | {"t": LEAST_T + 0.1, "ratios": (0.5, 0.5), "split": (0.5, 0.5)}
+    word, reason = verdict(("center_of_pressure",), t_over_drawn=0.0, **gains)
+    assert word == "effect_found"  # It travels: the plate does not.
+    assert "refitted" not in reason
     lost = alike | {"t": -LEAST_T - 0.1}
     assert verdict(("mass",), t_over_drawn=9.0, **lost)[0] == "not_trusted"
 

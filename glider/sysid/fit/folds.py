@@ -149,17 +149,17 @@ def hold_out(
     folds = []
     for part in parts:
         unseen = [task.records[i] for i in part]
-        errors = []
+        errors, costs = [], np.zeros((2, len(part)))
         for j, refit in enumerate(refits):
-            model, costs = refit.without(part)
-            gain[part] += costs if j == 0 else -costs
+            model, costs[j] = refit.without(part)
             flown = flown_by(task, model, scales)
             predictions = in_parallel(_predictor(flown), unseen)
             errors.append(errors_of(flown, unseen, predictions))
             for i, record, predicted in zip(part, unseen, predictions, strict=True):
                 free[i, j], along[i, j] = flight_errors(record, predicted)
+        gain[part] = costs[0] - costs[1]
         if nominal is not None and over_drawn is not None:
-            over_drawn[part] = nominal.without(part)[1] - costs
+            over_drawn[part] = nominal.without(part)[1] - costs[1]
         folds.append(
             Fold(
                 held_out=tuple(record.name for record in unseen),

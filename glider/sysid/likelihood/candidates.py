@@ -146,7 +146,7 @@ def gather(task: Task, model: Fitted) -> Candidates:
                 directions += mine
         if found:
             variants[kind] = tuple(found)
-    flights, wild = _tamed(task, directions, linear_flights(task, model, directions))
+    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
     for kind in set(variants) - set(model.kinds):
         variants[kind] = tuple(v for v in variants[kind] if not wild & set(v))
     return Candidates(
@@ -163,7 +163,7 @@ _LARGEST_PUSH = 1e3
 flight has: a formula is then far outside of what it is for."""
 
 
-def _tamed(
+def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
     """Returns the flights with columns of nothing for the wild ones, and which."""

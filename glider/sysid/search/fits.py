@@ -17,7 +17,9 @@ PRICE = 10.0
 
 PLAIN_PRICE = 6.6
 """The same where it alone and air explain the flights: of noise alone the best of the
-library brings it in one campaign of a hundred (χ² of one number, 36 of them tried)."""
+library brings it in one campaign of a hundred (χ² of one number, 36 of them tried).
+Beside a second one both pay PRICE: that one must bring 13 nats, for a small effect may
+stand in for what the first one's formula gets wrong."""
 
 FLIGHTS_OF_PRICE = 40
 """Flights from which on the price grows with them: what making flights linear gets
@@ -120,9 +122,10 @@ def scoring(
 ) -> Scorer:
     """Returns the evidence of sets on flights that count so often, less their price.
 
-    In a marginal likelihood each number has paid for its room beforehand: where one
-    effect at most and air explain the flights, it need only be more likely than that
-    none of the library acts.
+    In a marginal likelihood each number has paid for its room beforehand: about a model
+    of one effect at most and air, a member need only be more likely than that none of
+    the library acts. A set of many members is so proposed cheaply; fitted, it pays as
+    `price_of` asks.
 
     Args:
         candidates: about a model.

@@ -199,9 +199,10 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
 
 
 def named_instead(search: Search, model: Fitted) -> Fitted:
-    """Returns a set without curves in the place of curves, if worth as much.
+    """Returns a set without curves in the place of curves that are not worth theirs.
 
-    Beside a wrong name or none, curves take up what a small effect has a name for.
+    Beside a wrong name or none, curves take up what a small effect has a name for: they
+    stay where they bring CURVE_PRICE more than the best names do.
     """
     bare = plate_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
