@@ -24,7 +24,6 @@ from glider.sysid.search.fits import (
     PLAIN_MOMENT,
     Progress,
     Search,
-    is_plain,
     scoring,
     to_first_order,
 )
@@ -47,8 +46,6 @@ from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced
 from glider.sysid.search.weighing import (
-    LEAST_SUPPORT,
-    PLAIN_SUPPORT,
     Weighed,
     weakest,
     weigh,
@@ -143,9 +140,7 @@ def supported(
         weighed = weigh(task, model, scoring, rng)
         other = None if beside_field else with_a_rival(search, model, weighed)
         if other is None:
-            is_fair = is_plain(model, model.scales)
-            least = PLAIN_SUPPORT if is_fair else LEAST_SUPPORT
-            weak = weakest(weighed, evidence, beside_field, least)
+            weak = weakest(weighed, evidence, beside_field)
             if weak is None:
                 return model, evidence, weighed
             dropped.add(weak)

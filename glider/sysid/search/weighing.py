@@ -45,11 +45,13 @@ class Weighed:
             drawn from them.
         inclusion: share of the resampled flights that it is chosen by.
         support: the same of it or one of its rivals.
+        enough: share from which on that is enough.
     """
 
     rivals: tuple[str, ...]
     inclusion: float
     support: float
+    enough: float
 
 
 Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
@@ -88,6 +90,7 @@ def weigh(
             rivals=tuple(k for k in score.variants if k in alike),
             inclusion=sum(kind in s for s in resampled) / RESAMPLES,
             support=sum(not backers.isdisjoint(s) for s in resampled) / RESAMPLES,
+            enough=PLAIN_SUPPORT if is_alone else LEAST_SUPPORT,
         )
     return found
 
@@ -131,7 +134,6 @@ def weakest(
     weighed: dict[str, Weighed],
     evidence: dict[str, float],
     beside_field: bool = False,
-    least: float = LEAST_SUPPORT,
 ) -> str | None:
     """Returns the effect that fewest resampled flights support, if too few.
 
@@ -140,11 +142,10 @@ def weakest(
         evidence: that is lost without it when all else is refitted [nats].
         beside_field: whether a field acts too: what its Gaussians leave of the true
             shape makes evidence of any size for effects that are not there.
-        least: share of them that is enough.
     """
     doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)
-    if kind is None or weighed[kind].support >= least:
+    if kind is None or weighed[kind].support >= weighed[kind].enough:
         return None
     return kind
 

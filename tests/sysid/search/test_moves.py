@@ -38,7 +38,7 @@ def test_a_rival_takes_the_place_of_what_was_named_for_it():
 
     def weighed(inclusion):
         rivals = ("servo_lag",)
-        weighed = Weighed(rivals=rivals, inclusion=inclusion, support=1.0)
+        weighed = Weighed(rivals=rivals, inclusion=inclusion, support=1.0, enough=0.85)
         return {"command_delay": weighed}
 
     assert with_a_rival(search, named, weighed(1.0)) is None  # It is sure of itself.

@@ -21,6 +21,7 @@ from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.weighing import (
     DOUBTED,
     LEAST_SUPPORT,
+    PLAIN_SUPPORT,
     Weighed,
     shown_by,
     weakest,
@@ -97,6 +98,7 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
         assert found.rivals == rivals
         assert found.inclusion < LEAST_SUPPORT
         assert found.support == (1.0 if rivals else found.inclusion)
+        assert found.enough == (PLAIN_SUPPORT if rivals else LEAST_SUPPORT)
 
 
 def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
@@ -130,8 +132,8 @@ def test_without_effects_there_is_nothing_to_weigh():
 
 
 def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
-    def of(support):
-        return Weighed(rivals=(), inclusion=support, support=support)
+    def of(support, enough=LEAST_SUPPORT):
+        return Weighed(rivals=(), inclusion=support, support=support, enough=enough)
 
     both = {"camber": of(0.5), "wind": of(0.8), "mass": of(1.0)}
     assert weakest(both, {"camber": 20.0, "wind": 20.0, "mass": 20.0}) == "camber"
@@ -140,6 +142,7 @@ def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
     assert weakest(both, sure, beside_field=True) == "camber"
     assert weakest({"mass": of(1.0)}, {"mass": 20.0}) is None
     assert weakest({}, {}) is None
+    assert weakest({"mass": of(0.8, enough=PLAIN_SUPPORT)}, {"mass": 20.0}) is None
 
 
 def test_what_is_not_free_has_no_standard_error():
