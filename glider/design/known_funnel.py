@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.design.limits import ThrowLimits
+from glider.design.limits import LAUNCH, ThrowLimits
 from glider.errors import InputError
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
@@ -38,6 +38,11 @@ class KnownFunnel:
     def fastest(self) -> float:
         """Largest rate of the elevator along the nominal flight [rad/s]."""
         return float(np.max(np.abs(self.funnel.nominal.inputs)))
+
+    @property
+    def x(self) -> float:
+        """Of the nominal launch [m]."""
+        return float(self.funnel.center(0.0)[_X])
 
     @property
     def launch(self) -> np.ndarray:
@@ -75,15 +80,12 @@ class KnownFunnel:
             given,
             **{
                 name: getattr(given, name) or pair.tolist()
-                for name, pair in zip(_LAUNCH, own, strict=True)
+                for name, pair in zip(LAUNCH, own, strict=True)
             },
         )
 
 
-_LAUNCH = ("launch_height", "launch_speed", "launch_climb", "launch_pitch")
-
-
-_Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 
 def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
