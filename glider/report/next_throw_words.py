@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from glider.design.proposal import MOST_THROWS, Proposal
+from glider.design.alike import MOST_THROWS
+from glider.design.proposal import Proposal
 from glider.design.throws import Throw
 from glider.report.numbers import format_length
 

@@ -223,7 +223,7 @@ def test_what_is_no_funnel_for_throws_is_told(tmp_path):
 def proposal():
     """Two throws for the late servo, in the funnel for the hook."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 2)
+        patch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 2)
         limits = ThrowLimits(**LAUNCHER)
         return propose(*late_posterior(), launches=2, limits=limits, funnel=HOOK)
 
@@ -295,6 +295,6 @@ def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
 
 
 def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch):
-    monkeypatch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 1)
+    monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
     with pytest.raises(InputError, match=r"comes to level [1-9]\.\d+, where 1 is"):
         propose(*late, launches=1, funnel=HOOK)
