@@ -27,7 +27,6 @@ from glider.design.throws import (
     launches,
     tape_towards,
 )
-from glider.errors import InputError
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES
 from glider.sysid.fit.simulate import fly_path
@@ -54,7 +53,8 @@ class Kept:
 
     Attributes:
         throw: for as long as it does; None where that is less than SHORTEST.
-        level: largest V until it ends; until SHORTEST where there is none.
+        level: largest V until it ends; until the shortest tape's end where there is
+            none, and then above 1.
     """
 
     throw: Throw | None
@@ -105,6 +105,11 @@ def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Thro
     )
 
 
+def shortest(place: Range) -> float:
+    """Returns the duration of the shortest tape, of whole commands [s]."""
+    return float(np.ceil(SHORTEST * place.command_rate - 1e-9)) / place.command_rate
+
+
 def keep(
     throw: Throw,
     place: Range,
@@ -138,7 +143,7 @@ def keep(
         count = (int(outside[0]) - 1) // fine if outside[0] else 0
     duration = count / place.command_rate
     if duration < SHORTEST:
-        reached = float(np.max(level[times <= SHORTEST + 1e-9]))
+        reached = float(np.max(level[times <= shortest(place) + 1e-9]))
         return Kept(throw=None, level=reached if np.isfinite(reached) else np.inf)
     cut = dataclasses.replace(
         throw,
@@ -178,32 +183,3 @@ def levels(
     flights[..., ELEVATOR] = here  # Flown as an offset from its path.
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         return known.funnel.level(times, flights)
-
-
-def check_launch(known: KnownFunnel, place: Range) -> None:
-    """Raises InputError where a missed launch lies outside of the funnel's first set.
-
-    Of the nominal launch: no other leaves more room in every direction.
-    """
-    genes = np.full(FUNNEL_GENES, 0.5)
-    genes[-2:] = 0.0
-    throw = throw_in_funnel(genes, known, place)
-    limits = place.limits
-    asked, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
-    if asked > 1.0:
-        raise InputError(
-            f"{known.name}: its launch, within the limits and with the elevator "
-            f"resting at {place.rest:.3g} rad, is at level {asked:.3g} of the funnel's "
-            "first set; at most 1 is needed."
-        )
-    names = ("missed_height", "missed_pitch", "missed_speed")
-    for k, level in enumerate(missed):
-        if level > 1.0:
-            name = names[k % len(names)]
-            far = getattr(limits, name)
-            raise InputError(
-                f"{known.name}: a launch that misses by {name} = {far:g} is at level "
-                f"{level:.3g} of the funnel's first set; at most 1, so "
-                f"{name} up to {np.floor(1e3 * far / np.sqrt(level)) / 1e3:g} in the "
-                "limits, or a wider funnel, is needed."
-            )

@@ -19,7 +19,8 @@ from glider.design.ending import ending_of
 from glider.design.explanations import Explanation, explain
 from glider.design.findings import Findings
 from glider.design.foresight import Foresight, added, times
-from glider.design.funnel_throws import check_launch
+from glider.design.funnel_checks import check_frame, check_launch
+from glider.design.funnel_throws import SHORTEST
 from glider.design.known_funnel import KnownFunnel, check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.search import Progress, search
@@ -205,6 +206,7 @@ def propose(
         campaign, task.records, limits_flown(task.records, travel, rate, limits), funnel
     )
     if funnel:
+        check_frame(funnel, place, SHORTEST)
         check_launch(funnel, place)
     everything = Foresight(
         campaign=campaign,

@@ -14,9 +14,10 @@ from glider.compiled.parallel import in_parallel
 from glider.design.ending import Ending
 from glider.design.explanations import with_probabilities
 from glider.design.foresight import Foresight, Grams, added
+from glider.design.funnel_checks import check_frame
 from glider.design.funnel_throws import (
-    SHORTEST,
     draw_genes_in_funnel,
+    shortest,
     throw_in_funnel,
 )
 from glider.design.throws import Range, Throw, draw_genes, throw_of
@@ -114,14 +115,16 @@ def search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, ending, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-    known = everything.place.funnel
+    place, known = everything.place, everything.place.funnel
     if known and not is_any_kept:
         raise InputError(
             f"{known.name}: no throw that was tried keeps inside the funnel for "
-            f"{SHORTEST:g} s, the best comes to level {nearest:.3g}, where 1 is its "
-            "boundary; launches that miss by less (missed_height, missed_speed, "
+            f"{shortest(place):.3g} s, the best comes to level {nearest:.3g}, where 1 "
+            "is its boundary; launches that miss by less (missed_height, missed_speed, "
             "missed_pitch in the limits) or a wider funnel are needed."
         )
+    if known:
+        check_frame(known, place, known.duration)
     raise InputError(
         "No throw that was tried keeps within the limits; wider limits of the "
         "launch or of the flight (floor, pitch, speed) are needed."

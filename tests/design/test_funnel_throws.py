@@ -1,6 +1,7 @@
 """Throws keep inside a funnel at every time, by every model, missed or not."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -8,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glider.compiled.rollouts import fly_tapes
+from glider.design.funnel_checks import check_frame, check_launch
 from glider.design.funnel_throws import (
     FUNNEL_GENES,
     SHORTEST,
-    check_launch,
     keep,
     throw_in_funnel,
 )
 from glider.design.known_funnel import check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits
 from glider.design.proposal import next_throw, propose
-from glider.design.throws import Range, Throw, launches
+from glider.design.throws import Range, Throw, launches, range_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import KINDS, NO_FIELD
@@ -173,23 +174,93 @@ def test_every_model_counts():
         assert both.level > own.level
 
 
-def test_where_nothing_is_kept_the_level_is_told():
-    place = place_of(missed_pitch=0.11)
+@pytest.mark.parametrize(
+    ("rate", "changes", "end"),
+    [
+        (50.0, {"missed_pitch": 0.11}, 0.1),
+        (25.0, {"missed_speed": 0.14}, 0.12),  # It leaves after 0.1 s.
+        (33.0, {"missed_speed": 0.16}, 4 / 33),
+    ],
+)
+def test_where_nothing_is_kept_the_level_is_told(rate, changes, end):
+    """Up to the end of the shortest tape, of whole commands: above 1."""
+    place = dataclasses.replace(place_of(**changes), command_rate=rate)
     throw, found = kept(place)
     assert found.throw is None
-    level = flown_level(throw, HOOK, place.limits)[: round(SHORTEST / 0.0005) + 1]
-    assert found.level == pytest.approx(level.max(), rel=5e-3)
+    assert found.level > 1.0
+    if rate == 50.0:
+        level = flown_level(throw, HOOK, place.limits)[: round(end / 0.0005) + 1]
+        assert found.level == pytest.approx(level.max(), rel=5e-3)
 
 
-def test_a_missed_launch_outside_of_the_first_set_is_told():
-    far = 0.2
-    with pytest.raises(InputError, match=r"missed_speed = 0\.2 .* 1\.3.*0\.17") as told:
-        check_launch(PROVEN, place_of(PROVEN, missed_speed=far))
+@pytest.mark.parametrize("rest", [0.0, 0.15])
+@pytest.mark.parametrize("name", ["missed_speed", "missed_height", "missed_pitch"])
+def test_the_misses_that_are_advised_are_inside_and_hardly_more_are_not(name, rest):
+    """Also of an elevator that rests beside the funnel's."""
+
+    def check(size):
+        place = place_of(PROVEN, **{name: size})
+        check_launch(PROVEN, dataclasses.replace(place, rest=rest))
+
+    with pytest.raises(
+        InputError, match=rf"{name} up to 0\.\d+ \(it is 0\.3\)"
+    ) as told:
+        check(0.3)
     assert str(PROVEN.name) in str(told.value)
-    check_launch(PROVEN, place_of(PROVEN, missed_speed=0.17))
+    advised = float(re.search(r"up to (\S+)", str(told.value)).group(1))
+    check(advised)
+    with pytest.raises(InputError, match=name):
+        check(advised + 0.0011)
+
+
+def test_every_miss_that_is_too_large_is_told():
+    far = place_of(PROVEN, missed_speed=0.2, missed_height=0.09)
+    with pytest.raises(InputError, match=r"level 1\.3.* 0\.087 .* and .* 0\.172 "):
+        check_launch(PROVEN, far)
+    check_launch(HOOK, place_of(missed_speed=0.2))
+
+
+def test_a_launch_outside_of_the_first_set_is_told():
     with pytest.raises(InputError, match="its launch, within the limits"):
         check_launch(PROVEN, place_of(PROVEN, launch_height=[0.3, 0.4]))
-    check_launch(HOOK, place_of(missed_speed=far))
+
+
+def test_commands_slower_than_the_funnel_s_flight_are_told():
+    slow = dataclasses.replace(place_of(), command_rate=1.0)
+    with pytest.raises(InputError, match=r"0\.833 s is shorter than .* 1 s at 1 "):
+        check_launch(HOOK, slow)
+
+
+def test_throws_are_released_at_the_funnel_s_x_wherever_flights_were(late):
+    """Of a campaign whose origin is the launch, with limits that are wide enough."""
+    campaign, task, _, _ = late
+    aside = [
+        dataclasses.replace(r, nodes=r.nodes + np.eye(r.nodes.shape[1])[0] * 3.5)
+        for r in task.records
+    ]
+    limits = place_of(x=[-9.0, 9.0]).limits
+    place = range_of(campaign, aside, limits, HOOK)
+    assert place.x == HOOK.funnel.nominal.states[0, 0] == -3.5
+    assert throw_in_funnel(nominal_genes(), HOOK, place).launch[0] == -3.5
+    assert range_of(campaign, aside, limits).x == pytest.approx(0.0, abs=0.02)
+
+
+def test_limits_without_room_for_the_funnel_s_flight_are_told():
+    words = r"from x = -3\.50 m to -2\.80 m in 0\.1 s, .* x .*0\.00 to 6\.50.*origin"
+    with pytest.raises(InputError, match=words):
+        check_frame(HOOK, place_of(x=[0.0, 6.5]), SHORTEST)
+    with pytest.raises(InputError, match=r"from z = 0\.10 m.* 0\.50 to 2\.00"):
+        check_frame(HOOK, place_of(z=[0.5, 2.0]), SHORTEST)
+    check_frame(HOOK, place_of(z=[0.2, 2.0]), SHORTEST)  # Inside the first sets.
+    ends = place_of(x=[-3.6, -0.5])
+    check_frame(HOOK, ends, SHORTEST)  # A shorter tape may do.
+    with pytest.raises(InputError, match=r"to 0\.00 m in 0\.83 s"):
+        check_frame(HOOK, ends, HOOK.duration)
+
+
+def test_a_campaign_with_another_origin_is_told(late):
+    with pytest.raises(InputError, match=r"drawn_hook.*x = -3\.50 m.*origin"):
+        propose(*late, limits=ThrowLimits(x=[0.0, 6.5], **LAUNCHER), funnel=HOOK)
 
 
 def test_a_funnel_of_another_vehicle_is_refused(late):
@@ -294,7 +365,16 @@ def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
             assert np.all(HOOK.funnel.level(flown.times[inside], states) <= 1.0)
 
 
-def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch):
+@pytest.mark.parametrize(
+    ("rate", "limits", "until"),
+    [
+        (50.0, ThrowLimits(), r"0\.1"),
+        (25.0, ThrowLimits(**(LAUNCHER | {"missed_speed": 0.17})), r"0\.12"),
+    ],
+)
+def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch, rate, limits, until):
     monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
-    with pytest.raises(InputError, match=r"comes to level [1-9]\.\d+, where 1 is"):
-        propose(*late, launches=1, funnel=HOOK)
+    campaign = dataclasses.replace(late[0], command_rate=rate)
+    words = rf"for {until} s, the best comes to level [1-9]\.\d+, where 1 is"
+    with pytest.raises(InputError, match=words):
+        propose(campaign, *late[1:], launches=1, limits=limits, funnel=HOOK)
