@@ -21,7 +21,12 @@ from glider.design.findings import Findings
 from glider.design.foresight import Foresight, added, times
 from glider.design.funnel_checks import check_frame, check_launch
 from glider.design.funnel_throws import SHORTEST
-from glider.design.known_funnel import KnownFunnel, check_vehicle, known_funnel
+from glider.design.known_funnel import (
+    KnownFunnel,
+    check_vehicle,
+    checked,
+    known_funnel,
+)
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.search import Progress, search
 from glider.design.throws import Range, Throw, range_of
@@ -118,8 +123,9 @@ def next_throw(
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: there is no servo to command, an argument cannot be used, or no
-            throw keeps within the limits and inside the funnel.
+        InputError: there is no servo to command, an argument cannot be used, the
+            funnel's certificate does not hold, or no throw keeps within the limits and
+            inside the funnel.
     """
     if launches < 1:
         raise InputError(f"{launches} launches are asked for; at least 1 is needed.")
@@ -138,6 +144,8 @@ def next_throw(
         campaign, task, noise = read_task(campaign, findings)
         if known:
             check_vehicle(known, campaign, task.vehicle)
+            progress("checking the funnel")
+            known = checked(known)
         progress("fitting the explanations")
         explanations = explain(task, noise, findings)
         return propose(
@@ -196,7 +204,11 @@ def propose(
     seed: int = 0,
     progress: Progress = lambda text: None,
 ) -> Proposal:
-    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
+    """Proposes throws, given the explanations of a campaign; see `next_throw`.
+
+    The funnel's sets are taken as they are; the proposal says whether they are
+    `checked`.
+    """
     begin = time.perf_counter()
     travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
     if funnel:

@@ -28,6 +28,7 @@ from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.report.next_throw_words import keeping_words, sentences
 from glider.simulation.fly import fly
 from glider.sysid.fit.simulate import layout_for, theta_of
+from glider.verification.funnel.funnel import save_funnel
 from tests.design.test_proposal import FINDINGS
 from tests.helpers.late import late_posterior
 
@@ -288,6 +289,26 @@ def test_what_is_no_funnel_for_throws_is_told(tmp_path):
     more = dataclasses.replace(funnel, nominal=nominal, S=np.zeros((count, 8, 8)))
     with pytest.raises(InputError, match="and lag; a funnel of"):
         known_funnel(more)
+    with pytest.raises(InputError, match=r"given funnel: it begins at 0\.\d+ s"):
+        known_funnel(funnel.between(100, 200))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"S": -HOOK.funnel.S}, {"slopes": 1e4 * HOOK.funnel.slopes}]
+)
+def test_sets_that_are_no_ellipsoids_are_told(changes):
+    """At a funnel's times, or between them alone."""
+    with pytest.raises(InputError, match=r"given funnel: its S .* positive definite"):
+        known_funnel(dataclasses.replace(HOOK.funnel, **changes))
+
+
+def test_sets_that_a_file_calls_a_funnel_s_are_checked(late, tmp_path):
+    """Ellipsoids a hundred times as large."""
+    wide, path = HOOK.funnel, tmp_path / "wide.npz"
+    wide = dataclasses.replace(wide, S=1e-4 * wide.S, slopes=1e-4 * wide.slopes)
+    save_funnel(path, wide)
+    with pytest.raises(InputError, match=r"wide\.npz: its certificate does not hold: "):
+        next_throw(late[0], FINDINGS, funnel=path)
 
 
 @pytest.fixture(scope="module")
