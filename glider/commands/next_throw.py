@@ -25,7 +25,9 @@ Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has 
 With --funnel they also keep inside the sets of a funnel of the campaign's vehicle, by
 every explanation and where the launch is missed, until their tape ends: then, and at
 any moment before, the funnel's feedback may take over. Open limits of the launch are
-then the funnel's.
+then the funnel's. That its certificate holds is checked first, exactly at each of its
+times (seconds), as check-funnel does; that no flight leaves it is not proven here:
+check-funnel FILE.npz --prove does that (minutes).
 
 examples:
   python -m glider close-the-loop throws --out out/throws
@@ -100,12 +102,15 @@ def run(args: argparse.Namespace) -> int:
             status.update(f"{text} ...")
 
         from glider.design.findings import findings_of, load_findings
-        from glider.design.known_funnel import known_funnel
+        from glider.design.known_funnel import checked, known_funnel
         from glider.design.limits import load_limits
         from glider.design.proposal import next_throw
 
         limits = load_limits(args.limits) if args.limits else None
-        funnel = known_funnel(args.funnel) if args.funnel else None
+        funnel = None
+        if args.funnel:
+            follow("checking the funnel")
+            funnel = checked(known_funnel(args.funnel))
         if args.report:
             findings = load_findings(args.report)
         else:

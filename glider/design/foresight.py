@@ -24,7 +24,6 @@ from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.design.explanations import Explanation
 from glider.design.funnel_throws import Kept, keep
-from glider.design.known_funnel import KnownFunnel
 from glider.design.throws import Range, Throw, is_safe, log_of, missed
 from glider.physics.effects import Field
 from glider.sysid.likelihood.directions import Direction, slopes
@@ -124,8 +123,14 @@ class Foresight:
 
         return in_parallel(check, zip(throws, logs, strict=True))
 
-    def kept(self, throws: Sequence[Throw], known: KnownFunnel) -> list[Kept]:
-        """Returns throws for as long as every explanation keeps inside a funnel."""
+    def kept(self, throws: Sequence[Throw]) -> list[Kept]:
+        """Returns throws for as long as every explanation keeps inside the funnel.
+
+        Where none is known they are whole, at level 0.
+        """
+        known = self.place.funnel
+        if known is None:
+            return [Kept(throw=throw, level=0.0) for throw in throws]
         models = [(theta, field) for theta, field, _ in self._filters]
 
         def cut(throw: Throw) -> Kept:

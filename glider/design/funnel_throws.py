@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.design.known_funnel import KnownFunnel
+from glider.design.limits import LAUNCH
 from glider.design.throws import (
     GENES,
     MARGIN,
@@ -21,11 +22,13 @@ from glider.design.throws import (
     USED,
     Range,
     Throw,
+    draw_genes,
+    launch_state,
     launches,
+    tape_towards,
 )
-from glider.errors import InputError
 from glider.physics.effects import Field
-from glider.physics.state import ELEVATOR, NUM_STATES, VELOCITY
+from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES
 from glider.sysid.fit.simulate import fly_path
 from glider.sysid.replay.signals import replayed_path
 from glider.sysid.replay.theta import Layout
@@ -41,6 +44,8 @@ _STEP = 0.002
 """Longest time between two looks at V [s]. V of the shipped funnels grows by 10 1/s and
 takes 0.05 s for that: between two looks it bends by less than 0.001."""
 
+_PITCHDOT = STATE_NAMES.index("pitchdot")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Kept:
@@ -48,11 +53,22 @@ class Kept:
 
     Attributes:
         throw: for as long as it does; None where that is less than SHORTEST.
-        level: largest V until it ends; until SHORTEST where there is none.
+        level: largest V until it ends; until the shortest tape's end where there is
+            none, and then above 1.
     """
 
     throw: Throw | None
     level: float
+
+
+def draw_genes_in_funnel(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Draws the numbers of throws in a funnel, (count, FUNNEL_GENES).
+
+    From the nominal flight to the largest departures.
+    """
+    genes = draw_genes(rng, count)
+    sizes = rng.random((count, FUNNEL_GENES - GENES))
+    return np.hstack([genes, sizes * np.linspace(0.0, 1.0, count)[:, None]])
 
 
 def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Throw:
@@ -67,20 +83,10 @@ def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Thro
     """
     limits, funnel = place.limits, known.funnel
     launch_size, size = genes[-2:] ** 2  # Most of the draws are small departures.
-    pairs = np.array(
-        [
-            limits.launch_height,
-            limits.launch_speed,
-            limits.launch_climb,
-            limits.launch_pitch,
-        ]
-    )
+    pairs = np.array([getattr(limits, name) for name in LAUNCH])
     departures = launch_size * (2.0 * genes[:4] - 1.0) * known.launch_widths
-    height, speed, climb, pitch = np.clip(known.launch + departures, *pairs.T)
-    launch = funnel.center(0.0).copy()
-    launch[1:3] = height, pitch
-    launch[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
-    launch[ELEVATOR] = place.rest
+    launch = launch_state(np.clip(known.launch + departures, *pairs.T), place)
+    launch[_PITCHDOT] = funnel.center(0.0)[_PITCHDOT]
     low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
     beside = size * (2.0 * genes[4 : 4 + MOVES] - 1.0) * 0.5 * (high - low)
     begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * known.duration
@@ -91,17 +97,17 @@ def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Thro
     moves = np.searchsorted(begins, times, side="right") - 1
     wanted = funnel.center(times + 1.0 / place.command_rate)[:, ELEVATOR]
     wanted = np.clip(wanted + np.where(moves < 0, 0.0, beside[moves]), low, high)
-    commands, angle = np.zeros(count), place.rest
-    for k in range(count):
-        rate = (wanted[k] - angle) * place.command_rate
-        commands[k] = np.clip(rate, -fastest, fastest)
-        angle += commands[k] / place.command_rate
     return Throw(
         launch=launch,
         times=times,
-        commands=np.round(commands, 4),
+        commands=tape_towards(wanted, fastest, place),
         duration=count / place.command_rate,
     )
+
+
+def shortest(place: Range) -> float:
+    """Returns the duration of the shortest tape, of whole commands [s]."""
+    return float(np.ceil(SHORTEST * place.command_rate - 1e-9)) / place.command_rate
 
 
 def keep(
@@ -137,7 +143,7 @@ def keep(
         count = (int(outside[0]) - 1) // fine if outside[0] else 0
     duration = count / place.command_rate
     if duration < SHORTEST:
-        reached = float(np.max(level[times <= SHORTEST + 1e-9]))
+        reached = float(np.max(level[times <= shortest(place) + 1e-9]))
         return Kept(throw=None, level=reached if np.isfinite(reached) else np.inf)
     cut = dataclasses.replace(
         throw,
@@ -177,32 +183,3 @@ def levels(
     flights[..., ELEVATOR] = here  # Flown as an offset from its path.
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         return known.funnel.level(times, flights)
-
-
-def check_launch(known: KnownFunnel, place: Range) -> None:
-    """Raises InputError where a missed launch lies outside of the funnel's first set.
-
-    Of the nominal launch: no other leaves more room in every direction.
-    """
-    genes = np.full(FUNNEL_GENES, 0.5)
-    genes[-2:] = 0.0
-    throw = throw_in_funnel(genes, known, place)
-    limits = place.limits
-    asked, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
-    if asked > 1.0:
-        raise InputError(
-            f"{known.name}: its launch, within the limits and with the elevator "
-            f"resting at {place.rest:.3g} rad, is at level {asked:.3g} of the funnel's "
-            "first set; at most 1 is needed."
-        )
-    names = ("missed_height", "missed_pitch", "missed_speed")
-    for k, level in enumerate(missed):
-        if level > 1.0:
-            name = names[k % len(names)]
-            far = getattr(limits, name)
-            raise InputError(
-                f"{known.name}: a launch that misses by {name} = {far:g} is at level "
-                f"{level:.3g} of the funnel's first set; at most 1, so "
-                f"{name} up to {np.floor(1e3 * far / np.sqrt(level)) / 1e3:g} in the "
-                "limits, or a wider funnel, is needed."
-            )

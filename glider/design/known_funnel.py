@@ -1,4 +1,4 @@
-"""A funnel that proposed throws keep inside, and whether it is one for a campaign."""
+"""A funnel that throws keep inside: whether it is one, and one for a campaign."""
 
 import dataclasses
 from pathlib import Path
@@ -6,28 +6,46 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.design.limits import ThrowLimits
+from glider.design.limits import LAUNCH, ThrowLimits
 from glider.errors import InputError
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.replay.vehicle import Vehicle
 from glider.verification.funnel.funnel import Funnel, load_funnel
+from glider.verification.proof.check import check_funnel
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class KnownFunnel:
-    """A funnel, and what to call it.
+    """A funnel, where it comes from, and whether it was looked at.
 
     Its sets are those about its own nominal flight. Where it was made for a set of
     gliders, these are the sets of the one in the middle.
 
     Attributes:
-        name: of its file.
-        funnel: of the states of STATE_NAMES alone.
+        funnel: of the states of STATE_NAMES alone, from 0 s on.
+        file: that it was loaded from; None where it was given as a Funnel.
+        is_checked: whether its certificate is known to hold, see `checked`.
     """
 
-    name: str
     funnel: Funnel
+    file: str | None = None
+    is_checked: bool = False
+
+    @property
+    def name(self) -> str:
+        """What an error begins with."""
+        return self.file or "the given funnel"
+
+    @property
+    def words(self) -> str:
+        """What it is called in a sentence."""
+        return f"the funnel of {self.file}" if self.file else "the given funnel"
+
+    @property
+    def proof(self) -> str:
+        """The command that proves it."""
+        return f"python -m glider check-funnel {self.file or 'FILE'} --prove"
 
     @property
     def duration(self) -> float:
@@ -38,6 +56,11 @@ class KnownFunnel:
     def fastest(self) -> float:
         """Largest rate of the elevator along the nominal flight [rad/s]."""
         return float(np.max(np.abs(self.funnel.nominal.inputs)))
+
+    @property
+    def x(self) -> float:
+        """Of the nominal launch [m]."""
+        return float(self.funnel.center(0.0)[_X])
 
     @property
     def launch(self) -> np.ndarray:
@@ -75,36 +98,76 @@ class KnownFunnel:
             given,
             **{
                 name: getattr(given, name) or pair.tolist()
-                for name, pair in zip(_LAUNCH, own, strict=True)
+                for name, pair in zip(LAUNCH, own, strict=True)
             },
         )
 
 
-_LAUNCH = ("launch_height", "launch_speed", "launch_climb", "launch_pitch")
-
-
-_Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
+_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 
 def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
-    """Returns a funnel with its name, loaded where a path is given.
+    """Returns a funnel and where it comes from, loaded where a path is given.
+
+    Whether its certificate holds is for `checked`.
 
     Raises:
-        InputError: the file holds no funnel, or one with states of its glider's effects
-            beside STATE_NAMES: other explanations do not have them.
+        InputError: the file holds no funnel, or one that begins late, with states of
+            its glider's effects beside STATE_NAMES (other explanations do not have
+            them), or with sets that are none.
     """
     if isinstance(funnel, KnownFunnel):
         return funnel
-    name = "the funnel" if isinstance(funnel, Funnel) else str(funnel)
-    if not isinstance(funnel, Funnel):
-        funnel = load_funnel(funnel)
-    if funnel.num_states != NUM_STATES:
-        more = ", ".join(funnel.nominal.state_names[NUM_STATES:])
+    if isinstance(funnel, Funnel):
+        known = KnownFunnel(funnel=funnel)
+    else:
+        known = KnownFunnel(funnel=load_funnel(funnel), file=str(funnel))
+    nominal = known.funnel.nominal
+    if known.funnel.num_states != NUM_STATES:
+        more = ", ".join(nominal.state_names[NUM_STATES:])
         raise InputError(
-            f"{name}: its states are those of a glider and {more}; a funnel of a "
+            f"{known.name}: its states are those of a glider and {more}; a funnel of a "
             "glider's own states alone is needed, for not every explanation has more."
         )
-    return KnownFunnel(name=name, funnel=funnel)
+    if nominal.times[0] != 0.0:
+        raise InputError(
+            f"{known.name}: it begins at {nominal.times[0]:.3g} s; one from the "
+            "launch on, at 0 s, is needed."
+        )
+    looks = np.unique(np.linspace(nominal.times[:-1], nominal.times[1:], _LOOKS))
+    least = np.linalg.eigvalsh(known.funnel.shape(looks)).min(axis=1)
+    bad = np.flatnonzero(~(least > 0.0))
+    if len(bad):
+        raise InputError(
+            f"{known.name}: its S has the eigenvalue {least[bad[0]]:.3g} at "
+            f"{looks[bad[0]]:.3g} s, and its set there is no ellipsoid; a funnel with "
+            "a positive definite S at all times is needed."
+        )
+    return known
+
+
+_LOOKS = 5
+"""Looks at S from one of a funnel's times to the next."""
+
+
+def checked(known: KnownFunnel) -> KnownFunnel:
+    """Returns a funnel whose certificate holds, as `check-funnel` says without --prove.
+
+    Exactly at all of its times, which takes some seconds: a file may say anything.
+    Between them, and of the full dynamics, it looks and does not prove.
+
+    Raises:
+        InputError: it does not hold.
+    """
+    if known.is_checked:
+        return known
+    faults = check_funnel(known.funnel).faults
+    if faults:
+        raise InputError(
+            f"{known.name}: its certificate does not hold: {faults[0].rstrip('.')}; "
+            "a funnel that check-funnel finds no fault with is needed."
+        )
+    return dataclasses.replace(known, is_checked=True)
 
 
 def check_vehicle(known: KnownFunnel, campaign: Campaign, vehicle: Vehicle) -> None:

@@ -73,16 +73,10 @@ class ThrowLimits:
         return inside and fastest <= self.speed
 
 
-_PAIRS = (
-    "launch_height",
-    "launch_speed",
-    "launch_climb",
-    "launch_pitch",
-    "x",
-    "z",
-    "pitch",
-    "elevator",
-)
+LAUNCH = ("launch_height", "launch_speed", "launch_climb", "launch_pitch")
+"""Limits of the launch, in the order that throws have them."""
+
+_PAIRS = (*LAUNCH, "x", "z", "pitch", "elevator")
 _NUMBERS = ("speed", "elevator_rate")
 _ERRORS = ("missed_height", "missed_speed", "missed_pitch")
 

@@ -1,12 +1,11 @@
 """Proposes the next throws: those that tell rival explanations apart, then the numbers.
 
-Throws are drawn within the limits, foreseen, and drawn again about the best
-(cross-entropy method); those that together leave least open are proposed.
+`glider.design.search` finds them; here it is said what is expected of them.
 """
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,27 +14,22 @@ from threadpoolctl import threadpool_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
-from glider.compiled.parallel import in_parallel
-from glider.design.ending import Ending, ending_of
-from glider.design.explanations import Explanation, explain, with_probabilities
+from glider.design.alike import count_alike, present_kind
+from glider.design.ending import ending_of
+from glider.design.explanations import Explanation, explain
 from glider.design.findings import Findings
-from glider.design.foresight import Foresight, Grams, added, is_finite, times
-from glider.design.funnel_throws import (
-    FUNNEL_GENES,
-    SHORTEST,
-    check_launch,
-    throw_in_funnel,
+from glider.design.foresight import Foresight, added, times
+from glider.design.funnel_checks import check_frame, check_launch
+from glider.design.funnel_throws import SHORTEST
+from glider.design.known_funnel import (
+    KnownFunnel,
+    check_vehicle,
+    checked,
+    known_funnel,
 )
-from glider.design.known_funnel import KnownFunnel, check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits, limits_flown
-from glider.design.throws import (
-    GENES,
-    Range,
-    Throw,
-    flown_throw,
-    range_of,
-    throw_of,
-)
+from glider.design.search import Progress, search
+from glider.design.throws import Range, Throw, range_of
 from glider.errors import InputError
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.noise import Noise, measure_noise
@@ -45,44 +39,11 @@ from glider.sysid.replay.theta import layout_of
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.verification.funnel.funnel import Funnel
 
-DRAWN = 48
-"""Throws of a round."""
-
-_FIRST = 144
-"""Throws of a round that is drawn evenly: many leave the limits."""
-
-ROUNDS = 4
-"""Rounds: the first is drawn evenly, the others about the best so far."""
-
-ROUNDS_IN_FUNNEL = 8
-"""The same inside a funnel, where tapes that keep inside for long are few draws."""
-
-ELITES = 8
-"""Throws that the next round is drawn about."""
-
-SEARCHED = 3
-"""Explanations that the search tells apart; all are weighed in what is promised."""
-
-_SPREAD = 0.15
-"""Spread of a round about an elite, in genes; halved from round to round."""
-
-_NUMBERS = 0.05
-"""Worth of a factor e in the variance of where flights end, beside one nat of what is
-open about the explanations: they come first."""
-
-PROMISING = 32
-"""Throws, the best alone, of which those that are the best together are chosen."""
-
 _TRIED = 64
 """Gliders with drawn numbers that the proposed throws are tried on."""
 
 _LIKE_FLOWN = 12
 """Flown flights that stand for the present kind of throw."""
-
-MOST_THROWS = 1000
-"""Throws of the present kind that are counted up to."""
-
-Progress = Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -162,8 +123,9 @@ def next_throw(
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: there is no servo to command, an argument cannot be used, or no
-            throw keeps within the limits and inside the funnel.
+        InputError: there is no servo to command, an argument cannot be used, the
+            funnel's certificate does not hold, or no throw keeps within the limits and
+            inside the funnel.
     """
     if launches < 1:
         raise InputError(f"{launches} launches are asked for; at least 1 is needed.")
@@ -182,6 +144,8 @@ def next_throw(
         campaign, task, noise = read_task(campaign, findings)
         if known:
             check_vehicle(known, campaign, task.vehicle)
+            progress("checking the funnel")
+            known = checked(known)
         progress("fitting the explanations")
         explanations = explain(task, noise, findings)
         return propose(
@@ -240,7 +204,11 @@ def propose(
     seed: int = 0,
     progress: Progress = lambda text: None,
 ) -> Proposal:
-    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
+    """Proposes throws, given the explanations of a campaign; see `next_throw`.
+
+    The funnel's sets are taken as they are; the proposal says whether they are
+    `checked`.
+    """
     begin = time.perf_counter()
     travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
     if funnel:
@@ -250,6 +218,7 @@ def propose(
         campaign, task.records, limits_flown(task.records, travel, rate, limits), funnel
     )
     if funnel:
+        check_frame(funnel, place, SHORTEST)
         check_launch(funnel, place)
     everything = Foresight(
         campaign=campaign,
@@ -261,12 +230,12 @@ def propose(
     likely = task.thinned(_LIKE_FLOWN)
     ending = ending_of(likely, explanations[0])
     rng = np.random.default_rng(seed)
-    throws = _search(everything, ending, launches, rng, progress)
+    throws = search(everything, ending, launches, rng, progress)
     progress("weighing the throws")
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     futures = everything.futures(then)
-    alike_one = _present_kind(everything, likely)
+    alike_one = present_kind(everything, likely)
     alike_same = times(alike_one, len(throws))
     now, chance = float(everything.probabilities.max()), everything.chance(futures)
     if len(explanations) > 1:
@@ -280,13 +249,11 @@ def propose(
         paths=tuple(np.array([r.pose for r in own]) for own in logs),
         flown=tuple(r.pose for r in task.records),
         place=place,
-        levels=tuple(k.level for k in everything.kept(throws, funnel))
-        if funnel
-        else (),
+        levels=tuple(k.level for k in everything.kept(throws)) if funnel else (),
         chance_now=now,
         chance_then=chance,
         chance_alike=everything.chance(everything.futures(alike_same)),
-        alike=_count_alike(everything, alike_one, chance),
+        alike=count_alike(everything, alike_one, chance),
         distances=everything.distances(futures),
         ending_air=ending.air,
         ending_now=ending.numbers(before),
@@ -295,133 +262,6 @@ def propose(
         stds=_stds(task, explanations[0], before, after),
         seconds=time.perf_counter() - begin,
     )
-
-
-def _search(
-    everything: Foresight,
-    ending: Ending,
-    launches: int,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> list[Throw]:
-    """Returns the throws that together leave least open, of all that were foreseen."""
-    few = with_probabilities(everything.explanations[:SEARCHED])
-    searched = dataclasses.replace(everything, explanations=few)
-    known, nearest = everything.place.funnel, np.inf
-    rounds = ROUNDS_IN_FUNNEL if known else ROUNDS
-    genes: list[np.ndarray] = []
-    throws: list[Throw] = []
-    grams: list[Grams] = []
-    alone: list[float] = []
-    chosen: list[int] = []
-    for round_ in range(rounds):
-        progress(f"searching for throws, round {round_ + 1} of {rounds}")
-        if chosen:
-            spread = _SPREAD * 0.5 ** (round_ - 1)
-            elites = [*chosen, *np.argsort(alone)[:ELITES]]
-            parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
-            drawn = parents + spread * rng.normal(size=parents.shape)
-            drawn = np.clip(drawn, 0.0, 1.0)
-        else:
-            drawn = rng.random((_FIRST, GENES))
-            if known:  # From the nominal flight to the largest departures.
-                sizes = rng.random((_FIRST, FUNNEL_GENES - GENES))
-                sizes *= np.linspace(0.0, 1.0, _FIRST)[:, None]
-                drawn = np.hstack([drawn, sizes])
-        if known:
-            whole = [throw_in_funnel(g, known, searched.place) for g in drawn]
-            kept = everything.kept(whole, known)
-            nearest = min(nearest, *(k.level for k in kept))
-            drawn = drawn[[k.throw is not None for k in kept]]
-            new = [k.throw for k in kept if k.throw is not None]
-        else:
-            new = [throw_of(g, searched.place) for g in drawn]
-        told = searched.foreseen(new)
-        good = [k for k, own in enumerate(told) if own is not None]
-        genes += [drawn[k] for k in good]
-        throws += [new[k] for k in good]
-        grams += [own for own in told if own is not None]
-        fresh = grams[len(alone) :]
-        alone += in_parallel(lambda g: open_after(searched, ending, g), fresh)
-        promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
-        best = choose(searched, ending, [grams[k] for k in promising], launches)
-        chosen = [promising[k] for k in best]
-    while chosen:  # What the search weighs less must not end on the floor either.
-        told = everything.foreseen([throws[k] for k in chosen])
-        bad = {k for k, own in zip(chosen, told, strict=True) if own is None}
-        if not bad:
-            return [throws[k] for k in chosen]
-        promising = [k for k in promising if k not in bad]
-        best = choose(searched, ending, [grams[k] for k in promising], launches)
-        chosen = [promising[k] for k in best]
-    if known and nearest > 1.0:
-        raise InputError(
-            f"{known.name}: no throw that was tried keeps inside the funnel for "
-            f"{SHORTEST:g} s, the best comes to level {nearest:.3g}, where 1 is its "
-            "boundary; launches that miss by less (missed_height, missed_speed, "
-            "missed_pitch in the limits) or a wider funnel are needed."
-        )
-    raise InputError(
-        "No throw that was tried keeps within the limits; wider limits of the "
-        "launch or of the flight (floor, pitch, speed) are needed."
-    )
-
-
-def choose(
-    foresight: Foresight, ending: Ending, grams: Sequence[Grams], count: int
-) -> list[int]:
-    """Returns indices of the throws that together leave least open, one by one.
-
-    Each is chosen once, though twice the best might tell a little more: throws that
-    differ may show what none of the explanations foresees.
-    """
-    chosen: list[int] = []
-    for _ in range(count):
-        so_far = [grams[k] for k in chosen]
-        left = [k for k in range(len(grams)) if k not in chosen]
-        values = [
-            open_after(foresight, ending, added([*so_far, grams[k]])) for k in left
-        ]
-        if left:
-            chosen.append(left[int(np.argmin(values))])
-    return chosen
-
-
-def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
-    """Returns what throws leave open: explanations first, then numbers [nats]."""
-    numbers = ending.numbers(foresight.covariance(grams))
-    return foresight.open(foresight.futures(grams)) + 2.0 * _NUMBERS * np.log(
-        max(numbers, 1e-9)
-    )
-
-
-def _present_kind(foresight: Foresight, flights: Task) -> Grams:
-    """Returns what a throw of the present kind tells, the mean of flown ones."""
-    count = len(foresight.explanations)
-    throws = [flown_throw(r) for r in flights.records]
-    logs = [own for own in foresight.logs(throws) if len(own) == count]
-    told = [own for own in foresight.grams(logs) if is_finite(own)]
-    if not told:
-        raise InputError(
-            f"{foresight.campaign.path}: no flown flight can be flown again by all "
-            "explanations; flights that close-the-loop explains are needed."
-        )
-    return times(added(told), 1.0 / len(told))
-
-
-def _count_alike(foresight: Foresight, one: Grams, chance: float) -> int | None:
-    """Returns how many throws of one kind reach a chance; None if too many."""
-
-    def reached(count: int) -> bool:
-        return foresight.chance(foresight.futures(times(one, count))) >= chance
-
-    if not reached(MOST_THROWS):
-        return None
-    low, high = 0, MOST_THROWS
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if reached(middle) else (middle, high)
-    return high
 
 
 def _stds(

@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.design.known_funnel import KnownFunnel
-from glider.design.limits import ThrowLimits
+from glider.design.limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.fit.simulate import fly_commands, fly_path
@@ -65,7 +65,7 @@ class Range:
 
     Attributes:
         limits: of launch, flight and elevator; none open.
-        x: of the release [m].
+        x: of the release; the funnel's where one is known [m].
         rest: where the elevator stands before the first command [rad].
         stops: of the elevator, as flown flights show them [rad]; None for none.
         duration: of a flight [s].
@@ -83,11 +83,6 @@ class Range:
     command_rate: float
     funnel: KnownFunnel | None = None
 
-    @property
-    def times(self) -> np.ndarray:
-        """Rows of a log [s]."""
-        return np.arange(round(self.duration * self.pose_rate) + 1) / self.pose_rate
-
 
 USUAL_COMMAND_RATE = 50.0
 """Rate of commands where a campaign does not tell it [Hz]."""
@@ -100,9 +95,10 @@ def range_of(
     funnel: KnownFunnel | None = None,
 ) -> Range:
     """Returns where a campaign's throws were flown, or where a funnel has them."""
+    x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
     return Range(
         limits=limits,
-        x=float(np.median([r.nodes[0, 0] for r in records])),
+        x=float(x),
         rest=float(np.median([r.rest for r in records])),
         stops=records[0].limits,
         duration=float(np.median([r.time[-1] for r in records])),
@@ -110,6 +106,11 @@ def range_of(
         command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
         funnel=funnel,
     )
+
+
+def draw_genes(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Draws the numbers of throws evenly, (count, GENES)."""
+    return rng.random((count, GENES))
 
 
 def throw_of(genes: np.ndarray, place: Range) -> Throw:
@@ -120,43 +121,52 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
         place: whose limits it keeps.
     """
     limits = place.limits
-    height, speed, climb, pitch = (
-        low + gene * (high - low)
-        for gene, (low, high) in zip(
-            genes,
-            (
-                limits.launch_height,
-                limits.launch_speed,
-                limits.launch_climb,
-                limits.launch_pitch,
-            ),
-            strict=False,
-        )
-    )
-    launch = np.zeros(NUM_STATES)
-    launch[:3] = place.x, height, pitch
-    launch[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
-    launch[ELEVATOR] = place.rest
+    least, largest = np.array([getattr(limits, name) for name in LAUNCH]).T
     low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
     targets = low + genes[4 : 4 + MOVES] * (high - low)
     begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * place.duration
     fastest = USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
     times = np.arange(int(place.duration * place.command_rate) + 1) / place.command_rate
-    commands, angle = np.zeros(len(times)), place.rest
-    for k, time in enumerate(times):
-        move = int(np.searchsorted(begins, time, side="right")) - 1
-        if move < 0:
-            continue
-        wanted = (targets[move] - angle) * place.command_rate
-        commands[k] = np.clip(wanted, -fastest, fastest)
-        angle += commands[k] / place.command_rate
-    # A flight computer reads them from a file: the numbers flown are those it has.
+    moves = np.searchsorted(begins, times, side="right") - 1
+    wanted = np.where(moves < 0, place.rest, targets[moves])
     return Throw(
-        launch=launch,
+        launch=launch_state(least + genes[:4] * (largest - least), place),
         times=times,
-        commands=np.round(commands, 4),
+        commands=tape_towards(wanted, fastest, place),
         duration=place.duration,
     )
+
+
+def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
+    """Returns the state at release, (7,), that does not turn.
+
+    Args:
+        launch: (4,) height [m], speed [m/s], climb, pitch [rad].
+        place: where it is.
+    """
+    height, speed, climb, pitch = launch
+    state = np.zeros(NUM_STATES)
+    state[:3] = place.x, height, pitch
+    state[VELOCITY] = speed * np.cos(climb), speed * np.sin(climb)
+    state[ELEVATOR] = place.rest
+    return state
+
+
+def tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarray:
+    """Returns the rates that take the elevator to angles, from where it rests, (k,).
+
+    Args:
+        wanted: (k,) angle at the end of each command [rad].
+        fastest: largest rate [rad/s].
+        place: whose rest and rate of commands count.
+    """
+    commands, angle = np.zeros(len(wanted)), place.rest
+    for k, target in enumerate(wanted):
+        rate = (target - angle) * place.command_rate
+        commands[k] = np.clip(rate, -fastest, fastest)
+        angle += commands[k] / place.command_rate
+    # A flight computer reads them from a file: the numbers flown are those it has.
+    return np.round(commands, 4)
 
 
 def flown_throw(record: Record) -> Throw:

@@ -88,9 +88,13 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],
-            "funnel": (
-                {"file": known.name, "sha256": known.funnel.sha256} if known else None
-            ),
+            "funnel": known
+            and {
+                "file": known.file,
+                "sha256": known.funnel.sha256,
+                "certificate_checked": known.is_checked,
+                "proof_by": known.proof,
+            },
             "chance": {
                 "now": p.chance_now,
                 "then": p.chance_then,

@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 
-from glider.design.proposal import MOST_THROWS, Proposal
+from glider.design.alike import MOST_THROWS
+from glider.design.known_funnel import KnownFunnel
+from glider.design.proposal import Proposal
 from glider.design.throws import Throw
 from glider.report.numbers import format_length
 
@@ -109,16 +111,31 @@ def _one_still(p: Proposal) -> list[str]:
 
 def _keeping(p: Proposal) -> list[str]:
     """Returns how the throws keep inside a funnel, where one is known."""
-    if p.place.funnel is None:
+    known = p.place.funnel
+    if known is None:
         return []
     throws = "every throw keeps" if len(p.throws) > 1 else "the throw keeps"
     x, level = float(p.throws[0].launch[0]), _level(max(p.levels))
     return [
-        f"Released at x = {x:.2f} m, {throws} inside the funnel of "
-        f"{p.place.funnel.name} by every explanation, also where the launch is missed, "
-        f"up to level {level} of 1: until its tape ends, and then, the funnel's "
-        "feedback may take over."
+        f"Released at x = {x:.2f} m, {throws} inside {known.words} by every "
+        f"explanation, also where the launch is missed, up to level {level} of 1: "
+        "until its tape ends, and then, the funnel's feedback may take over.",
+        _checking(known),
     ]
+
+
+def _checking(known: KnownFunnel) -> str:
+    """Returns what was checked of a funnel, and what was not."""
+    if not known.is_checked:
+        return (
+            "The funnel's sets are taken as they are and were not checked; "
+            f"`{known.proof}` does that."
+        )
+    return (
+        "The funnel's certificate was checked, exactly at all its "
+        f"{len(known.funnel.nominal.times)} times; that no flight leaves it was not "
+        f"proven here: `{known.proof}` does that, in minutes."
+    )
 
 
 def keeping_words(p: Proposal, index: int) -> str:

@@ -168,7 +168,7 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
 
 def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
     """Of the glider as drawn, which the one of the campaign is not."""
-    monkeypatch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 1)
+    monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
     out, limits = tmp_path / "next", tmp_path / "limits.yaml"
     limits.write_text("{missed_speed: 0.05, missed_height: 0.01, missed_pitch: 0.01}")
     funnel = str(models_path("funnels", "drawn_hook.npz"))
@@ -179,7 +179,9 @@ def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
     text = " ".join(capsys.readouterr().out.split())
     assert f"inside the funnel of {funnel}" in text
     data = json.loads((out / "next_throw.json").read_text())
+    assert "certificate was checked, exactly at all its 201 times" in text
     assert data["funnel"]["file"] == funnel
+    assert data["funnel"]["certificate_checked"] is True
     assert 0.0 < data["throws"][0]["funnel_level"] <= 1.0
     assert data["limits"]["missed_speed"] == 0.05
 

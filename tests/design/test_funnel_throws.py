@@ -1,6 +1,7 @@
 """Throws keep inside a funnel at every time, by every model, missed or not."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -8,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glider.compiled.rollouts import fly_tapes
+from glider.design.funnel_checks import check_frame, check_launch
 from glider.design.funnel_throws import (
     FUNNEL_GENES,
     SHORTEST,
-    check_launch,
     keep,
     throw_in_funnel,
 )
 from glider.design.known_funnel import check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits
 from glider.design.proposal import next_throw, propose
-from glider.design.throws import Range, Throw, launches
+from glider.design.throws import Range, Throw, launches, range_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import KINDS, NO_FIELD
@@ -27,6 +28,7 @@ from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.report.next_throw_words import keeping_words, sentences
 from glider.simulation.fly import fly
 from glider.sysid.fit.simulate import layout_for, theta_of
+from glider.verification.funnel.funnel import save_funnel
 from tests.design.test_proposal import FINDINGS
 from tests.helpers.late import late_posterior
 
@@ -173,23 +175,98 @@ def test_every_model_counts():
         assert both.level > own.level
 
 
-def test_where_nothing_is_kept_the_level_is_told():
-    place = place_of(missed_pitch=0.11)
+@pytest.mark.parametrize(
+    ("rate", "changes", "end"),
+    [
+        (50.0, {"missed_pitch": 0.11}, 0.1),
+        (25.0, {"missed_speed": 0.14}, 0.12),  # It leaves after 0.1 s.
+        (33.0, {"missed_speed": 0.16}, 4 / 33),
+    ],
+)
+def test_where_nothing_is_kept_the_level_is_told(rate, changes, end):
+    """Up to the end of the shortest tape, of whole commands: above 1."""
+    place = dataclasses.replace(place_of(**changes), command_rate=rate)
     throw, found = kept(place)
     assert found.throw is None
-    level = flown_level(throw, HOOK, place.limits)[: round(SHORTEST / 0.0005) + 1]
-    assert found.level == pytest.approx(level.max(), rel=5e-3)
+    assert found.level > 1.0
+    if rate == 50.0:
+        level = flown_level(throw, HOOK, place.limits)[: round(end / 0.0005) + 1]
+        assert found.level == pytest.approx(level.max(), rel=5e-3)
 
 
-def test_a_missed_launch_outside_of_the_first_set_is_told():
-    far = 0.2
-    with pytest.raises(InputError, match=r"missed_speed = 0\.2 .* 1\.3.*0\.17") as told:
-        check_launch(PROVEN, place_of(PROVEN, missed_speed=far))
+@pytest.mark.parametrize("rest", [0.0, 0.15])
+@pytest.mark.parametrize("name", ["missed_speed", "missed_height", "missed_pitch"])
+def test_the_misses_that_are_advised_are_inside_and_hardly_more_are_not(name, rest):
+    """Also of an elevator that rests beside the funnel's: V is not 0 unmissed."""
+
+    def place(size):
+        found = place_of(PROVEN, **{name: size})
+        return dataclasses.replace(found, rest=rest)
+
+    def level(size):
+        here = place(size)
+        throw = throw_in_funnel(nominal_genes(), PROVEN, here)
+        return PROVEN.funnel.level(0.0, np.stack(launches(throw, here.limits))).max()
+
+    with pytest.raises(InputError, match=rf"{name} up to .* \(it is 0\.3\)") as told:
+        check_launch(PROVEN, place(0.3))
     assert str(PROVEN.name) in str(told.value)
-    check_launch(PROVEN, place_of(PROVEN, missed_speed=0.17))
+    advised = float(re.search(r"up to (\S+)", str(told.value)).group(1))
+    check_launch(PROVEN, place(advised))
+    assert level(advised) <= 1.0 < level(advised + 0.001)
+
+
+def test_every_miss_that_is_too_large_is_told():
+    far = place_of(PROVEN, missed_speed=0.2, missed_height=0.09)
+    with pytest.raises(InputError, match=r"level 1\.3.* 0\.087 .* and .* 0\.172 "):
+        check_launch(PROVEN, far)
+    check_launch(HOOK, place_of(missed_speed=0.2))
+
+
+def test_a_launch_outside_of_the_first_set_is_told():
     with pytest.raises(InputError, match="its launch, within the limits"):
         check_launch(PROVEN, place_of(PROVEN, launch_height=[0.3, 0.4]))
-    check_launch(HOOK, place_of(missed_speed=far))
+
+
+def test_commands_slower_than_the_funnel_s_flight_are_told():
+    slow = dataclasses.replace(place_of(), command_rate=1.0)
+    with pytest.raises(InputError, match=r"0\.833 s is shorter than .* 1 s at 1 "):
+        check_launch(HOOK, slow)
+
+
+def test_throws_are_released_at_the_funnel_s_x_wherever_flights_were(late):
+    """Of a campaign whose origin is the launch, with limits that are wide enough."""
+    campaign, task, _, _ = late
+    aside = [
+        dataclasses.replace(r, nodes=r.nodes + np.eye(r.nodes.shape[1])[0] * 3.5)
+        for r in task.records
+    ]
+    limits = place_of(x=[-9.0, 9.0]).limits
+    place = range_of(campaign, aside, limits, HOOK)
+    assert place.x == HOOK.funnel.nominal.states[0, 0] == -3.5
+    assert throw_in_funnel(nominal_genes(), HOOK, place).launch[0] == -3.5
+    assert range_of(campaign, aside, limits).x == pytest.approx(0.0, abs=0.02)
+
+
+def test_limits_without_room_for_the_funnel_s_flight_are_told():
+    words = r"from x = -3\.50 m to -2\.80 m in 0\.1 s, .* x .*0\.00 to 6\.50.*origin"
+    with pytest.raises(InputError, match=words):
+        check_frame(HOOK, place_of(x=[0.0, 6.5]), SHORTEST)
+    with pytest.raises(InputError, match=r"from z = 0\.10 m.* 0\.50 to 2\.00"):
+        check_frame(HOOK, place_of(z=[0.5, 2.0]), SHORTEST)
+    check_frame(HOOK, place_of(z=[0.2, 2.0]), SHORTEST)  # Inside the first sets.
+    ends = place_of(x=[-3.6, -0.5])
+    check_frame(HOOK, ends, SHORTEST)  # A shorter tape may do.
+    with pytest.raises(InputError, match=r"to 0\.00 m in 0\.83 s"):
+        check_frame(HOOK, ends, HOOK.duration)
+
+
+def test_a_campaign_with_another_origin_is_told(late):
+    """Before any throw is searched."""
+    limits, told = ThrowLimits(x=[0.0, 6.5], **LAUNCHER), []
+    with pytest.raises(InputError, match=r"drawn_hook.*x = -3\.50 m.*origin"):
+        propose(*late, limits=limits, funnel=HOOK, progress=told.append)
+    assert told == []
 
 
 def test_a_funnel_of_another_vehicle_is_refused(late):
@@ -217,13 +294,33 @@ def test_what_is_no_funnel_for_throws_is_told(tmp_path):
     more = dataclasses.replace(funnel, nominal=nominal, S=np.zeros((count, 8, 8)))
     with pytest.raises(InputError, match="and lag; a funnel of"):
         known_funnel(more)
+    with pytest.raises(InputError, match=r"given funnel: it begins at 0\.\d+ s"):
+        known_funnel(funnel.between(100, 200))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"S": -HOOK.funnel.S}, {"slopes": 1e4 * HOOK.funnel.slopes}]
+)
+def test_sets_that_are_no_ellipsoids_are_told(changes):
+    """At a funnel's times, or between them alone."""
+    with pytest.raises(InputError, match=r"given funnel: its S .* positive definite"):
+        known_funnel(dataclasses.replace(HOOK.funnel, **changes))
+
+
+def test_sets_that_a_file_calls_a_funnel_s_are_checked(late, tmp_path):
+    """Ellipsoids a hundred times as large."""
+    wide, path = HOOK.funnel, tmp_path / "wide.npz"
+    wide = dataclasses.replace(wide, S=1e-4 * wide.S, slopes=1e-4 * wide.slopes)
+    save_funnel(path, wide)
+    with pytest.raises(InputError, match=r"wide\.npz: its certificate does not hold: "):
+        next_throw(late[0], FINDINGS, funnel=path)
 
 
 @pytest.fixture(scope="module")
 def proposal():
     """Two throws for the late servo, in the funnel for the hook."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 2)
+        patch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 2)
         limits = ThrowLimits(**LAUNCHER)
         return propose(*late_posterior(), launches=2, limits=limits, funnel=HOOK)
 
@@ -294,7 +391,16 @@ def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
             assert np.all(HOOK.funnel.level(flown.times[inside], states) <= 1.0)
 
 
-def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch):
-    monkeypatch.setattr("glider.design.proposal.ROUNDS_IN_FUNNEL", 1)
-    with pytest.raises(InputError, match=r"comes to level [1-9]\.\d+, where 1 is"):
-        propose(*late, launches=1, funnel=HOOK)
+@pytest.mark.parametrize(
+    ("rate", "limits", "until"),
+    [
+        (50.0, ThrowLimits(), r"0\.1"),
+        (25.0, ThrowLimits(**(LAUNCHER | {"missed_speed": 0.17})), r"0\.12"),
+    ],
+)
+def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch, rate, limits, until):
+    monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
+    campaign = dataclasses.replace(late[0], command_rate=rate)
+    words = rf"for {until} s, the best comes to level [1-9]\.\d+, where 1 is"
+    with pytest.raises(InputError, match=words):
+        propose(campaign, *late[1:], launches=1, limits=limits, funnel=HOOK)

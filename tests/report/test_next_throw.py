@@ -52,18 +52,43 @@ def test_a_funnel_is_told_recorded_and_drawn():
         levels=(0.8312, 0.4),
     )
     data = to_json(proposal)
-    assert data["funnel"] == {"file": known.name, "sha256": known.funnel.sha256}
+    assert data["funnel"] == {
+        "file": known.file,
+        "sha256": known.funnel.sha256,
+        "certificate_checked": False,
+        "proof_by": f"python -m glider check-funnel {known.file} --prove",
+    }
     assert [t["funnel_level"] for t in data["throws"]] == [0.8312, 0.4]
     durations = [t.duration for t in proposal.throws]
     assert [t["feedback_from_s"] for t in data["throws"]] == durations
-    [said] = (s for s in sentences(proposal) if "funnel" in s)
-    assert said in data["says"]
-    assert known.name in said
+    said, unchecked = (s for s in sentences(proposal) if "funnel" in s)
+    assert {said, unchecked} <= set(data["says"])
+    assert f"inside the funnel of {known.file} by" in said
     assert "up to level 0.84 of 1" in said
     assert keeping_words(proposal, 1) == (
         f"; up to level 0.40 of the funnel, its feedback from {durations[1]:.2f} s on"
     )
     assert draw_proposal(proposal) != draw_proposal(without)
+
+
+def test_what_was_checked_of_a_funnel_is_said():
+    known = known_funnel(models_path("funnels", "drawn_hook.npz"))
+    given = known_funnel(known.funnel)
+    checked = dataclasses.replace(known, is_checked=True)
+
+    def told(funnel):
+        place = dataclasses.replace(late_proposal().place, funnel=funnel)
+        proposal = dataclasses.replace(late_proposal(), place=place, levels=(0.8, 0.4))
+        return [s for s in sentences(proposal) if "funnel" in s], to_json(proposal)
+
+    (_, said), data = told(checked)
+    assert "was checked, exactly at all its 201 times" in said
+    assert f"not proven here: `python -m glider check-funnel {known.file} --p" in said
+    assert data["funnel"]["certificate_checked"] is True
+    (inside, said), data = told(given)
+    assert "inside the given funnel by" in inside
+    assert "were not checked" in said
+    assert data["funnel"]["file"] is None
 
 
 def test_a_file_in_the_way_is_told(tmp_path):

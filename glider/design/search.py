@@ -1,0 +1,177 @@
+"""The search for throws that together leave least open.
+
+Throws are drawn within the limits, foreseen, and drawn again about the best
+(cross-entropy method). How they are drawn, and which throw some numbers mean, is for
+`glider.design.throws` and, inside a funnel, for `glider.design.funnel_throws`.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from glider.compiled.parallel import in_parallel
+from glider.design.ending import Ending
+from glider.design.explanations import with_probabilities
+from glider.design.foresight import Foresight, Grams, added
+from glider.design.funnel_checks import check_frame
+from glider.design.funnel_throws import (
+    draw_genes_in_funnel,
+    shortest,
+    throw_in_funnel,
+)
+from glider.design.throws import Range, Throw, draw_genes, throw_of
+from glider.errors import InputError
+
+Progress = Callable[[str], None]
+
+DRAWN = 48
+"""Throws of a round."""
+
+_FIRST = 144
+"""Throws of a round that is drawn evenly: many leave the limits."""
+
+ROUNDS = 4
+"""Rounds: the first is drawn evenly, the others about the best so far."""
+
+ROUNDS_IN_FUNNEL = 8
+"""The same inside a funnel, where tapes that keep inside for long are few draws."""
+
+ELITES = 8
+"""Throws that the next round is drawn about."""
+
+SEARCHED = 3
+"""Explanations that the search tells apart; all are weighed in what is promised."""
+
+_SPREAD = 0.15
+"""Spread of a round about an elite, in genes; halved from round to round."""
+
+_NUMBERS = 0.05
+"""Worth of a factor e in the variance of where flights end, beside one nat of what is
+open about the explanations: they come first."""
+
+PROMISING = 32
+"""Throws, the best alone, of which those that are the best together are chosen."""
+
+
+def search(
+    everything: Foresight,
+    ending: Ending,
+    launches: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> list[Throw]:
+    """Returns the throws that together leave least open, of all that were foreseen.
+
+    Args:
+        everything: foresees them, by all explanations.
+        ending: where flights like those flown end.
+        launches: how many throws.
+        rng: draws them.
+        progress: called with a line of text as the work goes on.
+
+    Raises:
+        InputError: no throw keeps within the limits and inside the funnel.
+    """
+    few = with_probabilities(everything.explanations[:SEARCHED])
+    searched = dataclasses.replace(everything, explanations=few)
+    rounds, draw, make = _way(everything.place)
+    nearest, is_any_kept = np.inf, False
+    genes: list[np.ndarray] = []
+    throws: list[Throw] = []
+    grams: list[Grams] = []
+    alone: list[float] = []
+    chosen: list[int] = []
+    for round_ in range(rounds):
+        progress(f"searching for throws, round {round_ + 1} of {rounds}")
+        if chosen:
+            spread = _SPREAD * 0.5 ** (round_ - 1)
+            elites = [*chosen, *np.argsort(alone)[:ELITES]]
+            parents = np.array([genes[k] for k in rng.choice(elites, DRAWN)])
+            drawn = parents + spread * rng.normal(size=parents.shape)
+            drawn = np.clip(drawn, 0.0, 1.0)
+        else:
+            drawn = draw(rng, _FIRST)
+        kept = everything.kept([make(g) for g in drawn])
+        nearest = min(nearest, *(k.level for k in kept))
+        drawn = drawn[[k.throw is not None for k in kept]]
+        new = [k.throw for k in kept if k.throw is not None]
+        is_any_kept = is_any_kept or bool(new)
+        told = searched.foreseen(new)
+        good = [k for k, own in enumerate(told) if own is not None]
+        genes += [drawn[k] for k in good]
+        throws += [new[k] for k in good]
+        grams += [own for own in told if own is not None]
+        fresh = grams[len(alone) :]
+        alone += in_parallel(lambda g: open_after(searched, ending, g), fresh)
+        promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    while chosen:  # What the search weighs less must not end on the floor either.
+        told = everything.foreseen([throws[k] for k in chosen])
+        bad = {k for k, own in zip(chosen, told, strict=True) if own is None}
+        if not bad:
+            return [throws[k] for k in chosen]
+        promising = [k for k in promising if k not in bad]
+        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        chosen = [promising[k] for k in best]
+    place, known = everything.place, everything.place.funnel
+    if known and not is_any_kept:
+        raise InputError(
+            f"{known.name}: no throw that was tried keeps inside the funnel for "
+            f"{shortest(place):.3g} s, the best comes to level {nearest:.3g}, where 1 "
+            "is its boundary; launches that miss by less (missed_height, missed_speed, "
+            "missed_pitch in the limits) or a wider funnel are needed."
+        )
+    if known:
+        check_frame(known, place, known.duration)
+    raise InputError(
+        "No throw that was tried keeps within the limits; wider limits of the "
+        "launch or of the flight (floor, pitch, speed) are needed."
+    )
+
+
+def _way(
+    place: Range,
+) -> tuple[
+    int,
+    Callable[[np.random.Generator, int], np.ndarray],
+    Callable[[np.ndarray], Throw],
+]:
+    """Returns how many rounds, what draws the numbers of throws, what makes one."""
+    known = place.funnel
+    if known is None:
+        return ROUNDS, draw_genes, lambda genes: throw_of(genes, place)
+    return (
+        ROUNDS_IN_FUNNEL,
+        draw_genes_in_funnel,
+        lambda genes: throw_in_funnel(genes, known, place),
+    )
+
+
+def choose(
+    foresight: Foresight, ending: Ending, grams: Sequence[Grams], count: int
+) -> list[int]:
+    """Returns indices of the throws that together leave least open, one by one.
+
+    Each is chosen once, though twice the best might tell a little more: throws that
+    differ may show what none of the explanations foresees.
+    """
+    chosen: list[int] = []
+    for _ in range(count):
+        so_far = [grams[k] for k in chosen]
+        left = [k for k in range(len(grams)) if k not in chosen]
+        values = [
+            open_after(foresight, ending, added([*so_far, grams[k]])) for k in left
+        ]
+        if left:
+            chosen.append(left[int(np.argmin(values))])
+    return chosen
+
+
+def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
+    """Returns what throws leave open: explanations first, then numbers [nats]."""
+    numbers = ending.numbers(foresight.covariance(grams))
+    return foresight.open(foresight.futures(grams)) + 2.0 * _NUMBERS * np.log(
+        max(numbers, 1e-9)
+    )
