@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         from glider.design.findings import findings_of, load_findings
         from glider.design.known_funnel import checked, known_funnel
         from glider.design.limits import load_limits
-        from glider.design.proposal import next_throw
+        from glider.design.proposal import check_servo, next_throw
 
         limits = load_limits(args.limits) if args.limits else None
         funnel = None
@@ -114,9 +114,12 @@ def run(args: argparse.Namespace) -> int:
         if args.report:
             findings = load_findings(args.report)
         else:
+            from glider.campaign.reader import load_campaign
             from glider.sysid.pipeline import close_the_loop
 
-            findings = findings_of(close_the_loop(args.campaign, progress=follow))
+            campaign = load_campaign(args.campaign)
+            check_servo(campaign)  # Before it is traced: that takes its time.
+            findings = findings_of(close_the_loop(campaign, progress=follow))
         proposal = next_throw(
             args.campaign,
             findings,

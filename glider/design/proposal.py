@@ -161,17 +161,22 @@ def next_throw(
         )
 
 
+def check_servo(campaign: Campaign) -> None:
+    """Raises InputError where a campaign's glider takes no commands."""
+    if campaign.elevator != "servo":
+        raise InputError(
+            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo that can "
+            "be commanded is needed."
+        )
+
+
 def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
     """Returns a campaign as inspected, all its flights as a task, and their noise.
 
     Raises:
         InputError: no throw can be proposed for it.
     """
-    if campaign.elevator != "servo":
-        raise InputError(
-            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo that can "
-            "be commanded is needed."
-        )
+    check_servo(campaign)
     if not signs_of(findings.model).are_right:
         raise InputError(
             f"{campaign.path}: an angle is logged with the other sign (angle_sign); "
