@@ -14,6 +14,7 @@ from glider.campaign.checks.frame import (
     usable_motion,
 )
 from glider.campaign.checks.masks import ALL, Masks, SetAside, name_rows
+from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.standing import find_hand
@@ -24,6 +25,7 @@ from glider.physics.parameters import GliderParameters
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader asks for.
 _MIN_SPAN = 0.15  # Time that they span [s].
 _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
+_ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
 _HELD = "a hand still pushes the glider"
 _STRANGER = "its elevator does not follow its commands, unlike in most flights"
 _MIN_DENSITY = 0.5  # Share of usable rows between the first and the last of a flight.
@@ -72,6 +74,9 @@ def inspect(campaign: Campaign) -> Inspection:
     told += _mask(campaign, masks, held, _HELD)
     campaign, short = _drop_short(campaign, masks)
     told += short
+    told += _mask(campaign, masks, find_rolled, _ROLLED)
+    campaign, short = _drop_short(campaign, masks, _ROLLED)
+    told += short
     odd_clocks = dict.fromkeys(find_strangers(campaign, masks), _STRANGER)
     campaign, odd = _drop(campaign, odd_clocks)
     names = {f.name for f in campaign.flights}
@@ -112,9 +117,16 @@ def _drop_servoless(
 
 
 def _drop_short(
-    campaign: Campaign, masks: dict[str, Masks]
+    campaign: Campaign, masks: dict[str, Masks], cause: str = ""
 ) -> tuple[Campaign, tuple[SetAside, ...]]:
-    """Sets aside flights of which too few rows are left, or too few here and there."""
+    """Sets aside flights of which too few rows are left, or too few here and there.
+
+    Args:
+        campaign: of the flights.
+        masks: of their rows.
+        cause: why rows were just set aside.
+    """
+    because = f": {cause}" if cause else ""
     reasons = {}
     for flight in campaign.flights:
         rows = np.flatnonzero(masks[flight.name].usable)
@@ -122,7 +134,7 @@ def _drop_short(
         if len(time) < _MIN_ROWS or time[-1] - time[0] < _MIN_SPAN:
             reasons[flight.name] = (
                 f"only {len(time)} rows of it show a flight; at least {_MIN_ROWS} "
-                f"over {_MIN_SPAN} s are needed"
+                f"over {_MIN_SPAN} s are needed{because}"
             )
         elif len(rows) < _MIN_DENSITY * (rows[-1] - rows[0] + 1):
             reasons[flight.name] = "most of its rows are faulty"

@@ -11,6 +11,10 @@ PLANAR = 0.35
 """Tilt of the lift out of the plane [rad] up to which a throw counts as planar: its
 vertical share then loses 6 %. Throws graded planar by hand reach 0.32."""
 
+LEAST_IN_PLANE = 0.5
+"""Share of the wing's normal, squared, that must be in the plane of flight: below it
+more of the wing's force acts out of the plane than in it."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Planarity:
@@ -54,3 +58,32 @@ def planarity(flight: Flight) -> Planarity | None:
         yaw=float(np.max(np.abs(yaw))),
         sideways=float(np.sqrt(square[2] / max(np.sum(square), 1e-12))),
     )
+
+
+def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Returns the wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
+    return np.stack(
+        [
+            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
+            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
+            np.cos(pitch) * np.cos(roll),
+        ],
+        axis=1,
+    )
+
+
+def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
+    """Returns rows (n,) from which on a throw is none in the plane: True where so.
+
+    Once its wing has been turned more than half out of the plane, a glider has turned
+    off its course, and no planar model tells what follows.
+
+    Args:
+        flight: without attitude nothing is found.
+        usable: rows (n,) that count.
+    """
+    if flight.attitude is None:
+        return np.zeros(len(flight.time), dtype=bool)
+    _, roll, yaw = flight.attitude.T
+    out = normal(flight.pose[:, 2], roll, yaw)[:, 1] ** 2
+    return np.logical_or.accumulate((out > 1.0 - LEAST_IN_PLANE) & usable)

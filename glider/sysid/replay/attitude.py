@@ -9,19 +9,8 @@ along the normal.
 
 import numpy as np
 
+from glider.campaign.checks.planarity import normal
 from glider.campaign.logs import Flight
-
-
-def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Returns the wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
-    return np.stack(
-        [
-            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
-            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
-            np.cos(pitch) * np.cos(roll),
-        ],
-        axis=1,
-    )
 
 
 def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:

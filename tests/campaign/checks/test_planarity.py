@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.masks import ALL
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
@@ -51,6 +52,44 @@ def test_the_largest_departure_counts(campaign, roll, yaw, course, word):
     assert found.sentence.startswith(word)
     expected = max(abs(roll), abs(yaw), course)
     assert found.tilt == pytest.approx(expected, rel=0.05)
+
+
+def roll_over(first):
+    """Rolls a glider by 6° a row from some row on."""
+
+    def edit(flight):
+        rows = np.arange(len(flight.time))
+        roll = np.radians(6.0) * np.maximum(rows - first, 0)
+        return tilt(roll)(flight)
+
+    return edit
+
+
+def test_a_throw_ends_where_its_wing_leaves_the_plane(campaign):
+    """Also where the glider rolls on and over: it has turned off its course."""
+    rolled = dataclasses.replace(
+        campaign,
+        flights=(roll_over(60)(campaign.flights[0]), *campaign.flights[1:]),
+    )
+    found = inspect(rolled)
+    left = np.flatnonzero(found.masks[campaign.flights[0].name].usable)
+    assert left.max() == 60 + 7  # At a roll of 42°; the next is 48°.
+    told = [s for s in found.set_aside if "out of the plane" in s.why]
+    assert [s.file for s in told] == [campaign.flights[0].name]
+    assert told[0].rows == f"70-{len(campaign.flights[0].time) + 1}"
+    upright = inspect(change(campaign, tilt(0.7, 0.1)))
+    assert not upright.set_aside
+
+
+def test_a_throw_that_begins_out_of_the_plane_is_set_aside(campaign):
+    rolled = dataclasses.replace(
+        campaign, flights=(tilt(1.2)(campaign.flights[0]), *campaign.flights[1:])
+    )
+    found = inspect(rolled)
+    assert len(found.campaign.flights) == 3
+    assert any(s.rows == ALL and "out of the plane" in s.why for s in found.set_aside)
+    with pytest.raises(InputError, match="out of the plane of flight"):
+        inspect(change(campaign, tilt(1.2)))
 
 
 def test_attitude_comes_back_from_a_folder(campaign, tmp_path):

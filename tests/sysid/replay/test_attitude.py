@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from glider.sysid.replay.attitude import in_plane, normal, planar_pitch
+from glider.campaign.checks.planarity import normal
+from glider.sysid.replay.attitude import in_plane, planar_pitch
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from tests.helpers.tasks import fly
