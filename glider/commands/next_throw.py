@@ -111,17 +111,18 @@ def run(args: argparse.Namespace) -> int:
         if args.funnel:
             follow("checking the funnel")
             funnel = checked(known_funnel(args.funnel))
+        campaign = args.campaign
         if args.report:
             findings = load_findings(args.report)
         else:
             from glider.campaign.reader import load_campaign
             from glider.sysid.pipeline import close_the_loop
 
-            campaign = load_campaign(args.campaign)
+            campaign = load_campaign(campaign)
             check_servo(campaign)  # Before it is traced: that takes its time.
             findings = findings_of(close_the_loop(campaign, progress=follow))
         proposal = next_throw(
-            args.campaign,
+            campaign,
             findings,
             launches=args.launches,
             limits=limits,

@@ -25,7 +25,12 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from glider.sysid.likelihood.candidates import tamed
-from glider.sysid.likelihood.directions import Direction, slopes, starts_of
+from glider.sysid.likelihood.directions import (
+    Direction,
+    nearest_start,
+    slopes,
+    starts_of,
+)
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
 from glider.sysid.likelihood.scales import Scales, fit_scales
@@ -222,16 +227,10 @@ def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]
         if all(c.is_shape for c in kind.coefficients):
             starts, usual = [slopes(layout, model.theta, slots)], 0
         else:
-            numbers = zip(slots, kind.coefficients, strict=True)
-            defaults = {i: c.default for i, c in numbers}
             starts = starts_of(layout, kind, model.theta)
-            apart = [
-                sum(
-                    abs(v - defaults[i]) / layout.scale[i] for i, v in columns[0].shapes
-                )
-                for columns in starts
-            ]
-            usual = int(np.argmin(apart))
+            defaults = model.theta.copy()
+            defaults[slots] = [c.default for c in kind.coefficients]
+            usual = nearest_start(layout, starts, defaults)
         for k, columns in enumerate(starts):
             mine = [d for d in columns if d.slot in allowed]
             found += mine

@@ -12,7 +12,7 @@ is worth what its shapes are worth on average.
 import numpy as np
 
 from glider.sysid.likelihood.candidates import tamed
-from glider.sysid.likelihood.directions import slopes, starts_of
+from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
 from glider.sysid.likelihood.task import Task
@@ -68,12 +68,9 @@ def _choice(task: Task, model: Fitted, kind: str) -> float:
     )
     if not np.isfinite(fitted):
         return 0.0
-    apart = [
-        sum(abs(v - model.theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
-        for columns in starts
-    ]
+    nearest = nearest_start(layout, starts, model.theta)
     worth = np.exp(np.minimum(np.array(told) - fitted, 0.0))
-    worth[nearest := int(np.argmin(apart))] = 1.0  # Around the fitted shape.
+    worth[nearest] = 1.0  # Around the fitted shape.
     columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
     sound = [wild.isdisjoint(own) for own in columns.tolist()]
     sound[nearest] = True

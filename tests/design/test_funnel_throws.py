@@ -19,7 +19,7 @@ from glider.design.funnel_throws import (
 from glider.design.known_funnel import check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits
 from glider.design.proposal import next_throw, propose
-from glider.design.throws import Range, Throw, launches, range_of
+from glider.design.throws import Throw, launches, range_of
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import KINDS, NO_FIELD
@@ -30,6 +30,7 @@ from glider.simulation.fly import fly
 from glider.sysid.fit.simulate import layout_for, theta_of
 from glider.verification.funnel.funnel import save_funnel
 from tests.design.test_proposal import FINDINGS
+from tests.design.test_throws import PLACE
 from tests.helpers.late import late_posterior
 
 HOOK = known_funnel(models_path("funnels", "drawn_hook.npz"))
@@ -54,16 +55,7 @@ FLIGHT = ThrowLimits(
 def place_of(known=HOOK, **changes):
     """Where the funnel's glider is thrown."""
     limits = known.with_launch(dataclasses.replace(FLIGHT, **changes))
-    return Range(
-        limits=limits,
-        x=-3.5,
-        rest=0.0,
-        stops=(-0.4463, 0.9473),
-        duration=0.85,
-        pose_rate=120.0,
-        command_rate=50.0,
-        funnel=known,
-    )
+    return dataclasses.replace(PLACE, limits=limits, rest=0.0, funnel=known)
 
 
 def nominal_genes():

@@ -83,6 +83,23 @@ def starts_of(
     return found
 
 
+def nearest_start(
+    layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
+) -> int:
+    """Returns which of some starts has shapes the nearest to those of theta.
+
+    Args:
+        layout: of theta, whose scales distances are counted in.
+        starts: of `starts_of`, of an effect that has sizes.
+        theta: with the shapes.
+    """
+    apart = [
+        sum(abs(v - theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
+        for columns in starts
+    ]
+    return int(np.argmin(apart))
+
+
 def _secant(kind: str, slot: int, theta: np.ndarray, value: float) -> Direction:
     moved = theta.copy()
     moved[slot] = value

@@ -45,11 +45,7 @@ from glider.sysid.search.pruning import (
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import (
-    Weighed,
-    weakest,
-    weigh,
-)
+from glider.sysid.search.weighing import Weighed, weakest, weigh
 
 ROUNDS = 8
 """Rounds at most."""
