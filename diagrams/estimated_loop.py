@@ -16,17 +16,11 @@ from diagrams.parts import (
     hold_command,
     tape_rows,
 )
-from diagrams.simulate import (
-    simulate_flights,
-)
+from diagrams.simulate import simulate_flights
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf
-from glider.estimation.perching import (
-    CAPTURE,
-    launch_prior,
-    perching_ekf,
-)
+from glider.estimation.perching import CAPTURE, launch_prior, perching_ekf
 from glider.estimation.running import Belief
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
@@ -147,8 +141,7 @@ def estimated_loop(
     builder.Connect(command, servo.GetInputPort("command"))
     builder.Connect(command, believed.GetInputPort("command"))
     builder.Connect(
-        believed.GetOutputPort("elevator_rate"),
-        estimator.GetInputPort("elevator_rate"),
+        believed.GetOutputPort("elevator_rate"), estimator.GetInputPort("elevator_rate")
     )
     LogVectorOutput(state, builder).set_name("estimate_log")
     return finish(builder, "estimated_loop", glider, truth, meshcat)

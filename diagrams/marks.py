@@ -76,9 +76,7 @@ def GliderMarks_(T):
             if T is float:
                 self.DeclareInitializationPublishEvent(publish=self._clear)
                 self.DeclarePeriodicPublishEvent(
-                    period_sec=period,
-                    offset_sec=0.0,
-                    publish=self._draw,
+                    period_sec=period, offset_sec=0.0, publish=self._draw
                 )
 
         def _construct_copy(self, other, converter=None):

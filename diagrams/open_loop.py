@@ -4,11 +4,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 
-from diagrams.parts import (
-    add_glider,
-    add_motion_capture,
-    finish,
-)
+from diagrams.parts import add_glider, add_motion_capture, finish
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 

@@ -14,10 +14,7 @@ from pydrake.systems.primitives import (
 from diagrams.marks import AddMarks
 from diagrams.scene import AddScene
 from glider.physics.model import GliderModel
-from glider.physics.state import (
-    POSE_NAMES,
-    STATE_NAMES,
-)
+from glider.physics.state import POSE_NAMES, STATE_NAMES
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from glider.systems.servo import ElevatorServo

@@ -17,12 +17,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.marks import AddMarks
 from diagrams.page import Entry, Legend
-from diagrams.scene import (
-    FRAMES_PER_SECOND,
-    NUM_POSITIONS,
-    AddScene,
-    Stage,
-)
+from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION

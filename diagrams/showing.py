@@ -28,18 +28,8 @@ from pydrake.geometry import Meshcat
 from rich.console import Console
 
 from diagrams.page import serve_page, write_html
-from diagrams.playback import (
-    Track,
-    legend_of,
-    play,
-    stage_of,
-)
-from glider.errors import (
-    INTERRUPTED,
-    INTERRUPTED_CODE,
-    InputError,
-    os_error_line,
-)
+from diagrams.playback import Track, legend_of, play, stage_of
+from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError, Progress

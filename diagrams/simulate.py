@@ -3,22 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.systems.analysis import (
-    ApplySimulatorConfig,
-    Simulator,
-    SimulatorConfig,
-)
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from diagrams.parts import LONGEST
 from glider.campaign.logs import Flight
 from glider.errors import InputError
-from glider.physics.state import (
-    NUM_STATES,
-    POSE_NAMES,
-    POSITION,
-    VELOCITY,
-)
+from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import FlownFlight, Perches, hooked
 from glider.simulation.miss import closest_pass

@@ -14,12 +14,7 @@ from glider.commands import (
     next_throw,
     samples,
 )
-from glider.errors import (
-    INTERRUPTED,
-    INTERRUPTED_CODE,
-    InputError,
-    os_error_line,
-)
+from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 
 COMMANDS = (
     close_the_loop,

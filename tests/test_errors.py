@@ -31,7 +31,7 @@ def test_what_was_found_is_written_plainly(value, text):
 
 def test_messages_do_not_name_numpy():
     with pytest.raises(InputError, match=r"'elevator_limits' is \[0\.5, 0\.2\]"):
-        check_parameters({"elevator_limits": [np.float64(0.5), 0.2]}, "here")
+        check_parameters({"elevator_limits": [np.float64(0.5), 0.2]})
     with pytest.raises(InputError) as error:
         PerchingProblem(x_limits=[np.float64(2.0), np.float64(1.0)])
     assert "np." not in str(error.value)

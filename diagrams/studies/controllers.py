@@ -9,7 +9,7 @@ from diagrams.estimated_loop import estimated_loop
 from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
-from glider.control.mpc import ModelPredictiveController, Replanned
+from glider.control.mpc import ModelPredictiveController, ReplanResult
 from glider.control.mppi import MppiController, replanning_cost, sequence_of
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, perching_ekf
@@ -83,7 +83,7 @@ def race(
         prior = make_prior(ekf, planned.states[0], unsure * np.array(LAUNCH_STD))
         rng = np.random.default_rng(seed)
         noise = CAPTURE.draw(rng, len(starts), tape_rows(CAPTURE.rate))
-    made: list[Replanned] = []
+    made: list[ReplanResult] = []
     mpc = ModelPredictiveController(model, replanning, COMMAND_RATE, made.append)
     systems = {
         "TVLQR": (tracking_regulator(model, planned), COMMAND_RATE),

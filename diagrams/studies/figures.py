@@ -28,10 +28,7 @@ from glider.studies.plots.perching import (
     plot_perches,
 )
 from glider.studies.plots.sampling import save_sampling_figure
-from glider.studies.residual_study import (
-    WORDS,
-    ResidualStudy,
-)
+from glider.studies.residual_study import WORDS, ResidualStudy
 from glider.studies.searches import Searches
 
 

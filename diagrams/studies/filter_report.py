@@ -8,16 +8,8 @@ import numpy as np
 from diagrams.estimated_loop import EstimatedPerches
 from glider.estimation.consistency import Consistency
 from glider.planning.plan import Plan
-from glider.studies.filter_study import (
-    RATE,
-    SYMBOLS,
-    Watched,
-    slow_nees,
-)
-from glider.studies.plots.knowledge import (
-    Knowledge,
-    save_knowledge_figure,
-)
+from glider.studies.filter_study import RATE, SYMBOLS, ParameterTrack, slow_nees
+from glider.studies.plots.knowledge import Knowledge, save_knowledge_figure
 
 PERCHES = 200
 """Number of perches that NEES and NIS of the filter that perches are taken over."""
@@ -38,10 +30,10 @@ class FilterReport:
     plan: Plan
     """Plan of the perches."""
 
-    drifting: dict[str, Watched]
+    drifting: dict[str, ParameterTrack]
     """Flights watched by the article's filter, which lets the numbers drift."""
 
-    constant: list[dict[str, Watched]]
+    constant: list[dict[str, ParameterTrack]]
     """The same, with other noise, by one that takes the numbers for constants."""
 
     settled: np.ndarray
@@ -137,7 +129,7 @@ def save_filter_figure(path: Path, report: FilterReport) -> None:
     save_knowledge_figure(path, LABELS, drifting, constant)
 
 
-def _known(name: str, watched: Watched) -> Knowledge:
+def _known(name: str, watched: ParameterTrack) -> Knowledge:
     kept = watched.flight.times <= SHOWN
     return Knowledge(
         name=name,

@@ -5,16 +5,9 @@ import argparse
 import numpy as np
 from pydrake.geometry import Meshcat, Rgba
 
-from diagrams.playback import (
-    GREY,
-    Track,
-    play,
-)
+from diagrams.playback import GREY, Track, play
 from diagrams.scene import NUM_POSITIONS
-from diagrams.showing import (
-    finish,
-    start_meshcat,
-)
+from diagrams.showing import finish, start_meshcat
 from diagrams.studies.funnel_study import FunnelStudy
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.tube import tube_radii
@@ -71,9 +64,7 @@ def show_funnel(
     nominal = study.funnel.nominal
     tracks = [
         Track(
-            name="nominal",
-            times=nominal.times,
-            poses=nominal.states[:, :NUM_POSITIONS],
+            name="nominal", times=nominal.times, poses=nominal.states[:, :NUM_POSITIONS]
         )
     ]
     tracks += [

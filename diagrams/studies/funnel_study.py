@@ -8,33 +8,18 @@ import numpy as np
 from glider.control.tvlqr import compiled_policy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.planning.dircol import (
-    Progress,
-    plan,
-)
+from glider.planning.dircol import Progress, plan
 from glider.planning.problem import PerchingProblem
 from glider.sysid.result import Result
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.funnel.build import make_funnel
-from glider.verification.funnel.funnel import (
-    Funnel,
-    load_funnel,
-)
+from glider.verification.funnel.funnel import Funnel, load_funnel
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.check import (
-    Verdict,
-    check_funnel,
-)
-from glider.verification.proof.flight_proof import (
-    FlightProof,
-    prove_flights,
-)
+from glider.verification.proof.check import Verdict, check_funnel
+from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.sos.solving import SolverError
 from glider.verification.trials.estimated import EstimatedFlights
-from glider.verification.trials.falsify import (
-    Falsification,
-    falsify_funnel,
-)
+from glider.verification.trials.falsify import Falsification, falsify_funnel
 from glider.verification.trials.falsify_set import falsify_set
 from glider.verification.trials.flights import fly_inside
 

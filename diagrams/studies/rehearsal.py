@@ -8,31 +8,19 @@ import numpy as np
 from diagrams.closed_loop import closed_loop
 from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
-from glider.campaign.logs import (
-    Campaign,
-    campaign_of,
-)
+from glider.campaign.logs import Campaign, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-)
-from glider.planning.dircol import (
-    Progress,
-    plan,
-)
+from glider.physics.model import GliderModel, load_model
+from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
 from glider.simulation.flights import Perches
 from glider.simulation.fly import AFTER
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 

@@ -9,23 +9,13 @@ from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
-from glider.control.mppi import (
-    MppiController,
-    replanning_cost,
-    sequence_of,
-)
+from glider.control.mppi import MppiController, replanning_cost, sequence_of
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.paths import models_path
 from glider.physics.model import GliderModel
-from glider.planning.dircol import (
-    Progress,
-    plan,
-)
+from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
-from glider.planning.problem import (
-    PerchingProblem,
-    load_problem,
-)
+from glider.planning.problem import PerchingProblem, load_problem
 from glider.simulation.flights import Perches
 
 AFTER = 0.2
@@ -137,13 +127,7 @@ def compare(
     ):
         begin = time.process_time()
         flights.append(
-            simulate_flights(
-                diagram,
-                starts,
-                duration,
-                problem=problem,
-                progress=say,
-            )
+            simulate_flights(diagram, starts, duration, problem=problem, progress=say)
         )
         seconds = time.process_time() - begin
     return Comparison(

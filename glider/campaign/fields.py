@@ -1,35 +1,9 @@
 """Files of named fields: read, and refused where a field is none of those known."""
 
 import difflib
-import re
 from collections.abc import Sequence
-from pathlib import Path
 
-import yaml
-
-from glider.campaign.csv_table import read_text
 from glider.errors import InputError, show
-
-
-class _Loader(yaml.SafeLoader):
-    """Takes 1e-3 for a number, as YAML 1.2 does; PyYAML alone reads text."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-
-
-def read_yaml(file: Path) -> object:
-    """Returns what a YAML file holds; raises InputError where it is none."""
-    text = read_text(file)
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{file}: not readable as YAML: {reason}.") from None
 
 
 def check_fields(fields: object, known: Sequence[str], source: str) -> dict:

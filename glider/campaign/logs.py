@@ -12,10 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.errors import InputError, show
-from glider.physics.parameters import (
-    PARAMETER_NAMES,
-    GliderParameters,
-)
+from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")

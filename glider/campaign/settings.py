@@ -3,10 +3,12 @@
 import math
 from pathlib import Path
 
-from glider.campaign.fields import check_fields, read_yaml
+from glider.campaign.csv_table import read_text
+from glider.campaign.fields import check_fields
 from glider.campaign.importing.mapping import MAPPING_FIELDS, Mapping, parse_mapping
 from glider.campaign.logs import MAX_ANGLE, Campaign
 from glider.errors import InputError, show
+from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
 
 _LIMIT_FIELDS = ("elevator_limits", "elevator_rate_limit")
@@ -22,7 +24,9 @@ def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
     Raises:
         InputError: a field is unknown or has a value that it cannot have.
     """
-    settings = check_fields(read_yaml(file), _TOP_FIELDS, str(file))
+    settings = check_fields(
+        schema.parse_yaml(read_text(file), str(file)), _TOP_FIELDS, str(file)
+    )
     vehicle = settings.get("vehicle", {})
     check_fields(vehicle, _VEHICLE_FIELDS, f"{file}: vehicle")
     folder = file.parent
@@ -33,7 +37,10 @@ def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
             "'fixed_per_flight' is needed, or no such field where there is a servo."
         )
     numbers = {name: vehicle[name] for name in vehicle if name != "elevator"}
-    check_parameters(numbers, source=str(file))
+    try:
+        check_parameters(numbers)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
     limits = vehicle.get("elevator_limits")
     if limits and max(map(abs, limits)) > MAX_ANGLE:
         raise InputError(

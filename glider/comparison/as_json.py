@@ -3,7 +3,7 @@
 from typing import Any
 
 from glider.comparison.differences import Comparison, Difference
-from glider.comparison.saved import Saved
+from glider.comparison.saved import SavedReport
 from glider.comparison.wording import headline
 from glider.report.json_report import plain
 from glider.sysid.result import Estimate
@@ -26,7 +26,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
     )
 
 
-def _report(report: Saved) -> dict[str, Any]:
+def _report(report: SavedReport) -> dict[str, Any]:
     return {
         "file": str(report.path),
         "campaign": report.campaign,

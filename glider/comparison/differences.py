@@ -10,7 +10,7 @@ import math
 
 from scipy.stats import norm
 
-from glider.comparison.saved import Saved, SavedEffect
+from glider.comparison.saved import SavedEffect, SavedReport
 from glider.physics.effects import KINDS
 from glider.report.wording import join
 from glider.sysid.result import Estimate, Spread
@@ -66,8 +66,8 @@ class Comparison:
         notes: sentences on how far the two may be compared.
     """
 
-    first: Saved
-    second: Saved
+    first: SavedReport
+    second: SavedReport
     differences: tuple[Difference, ...]
     z_significant: float
     notes: tuple[str, ...]
@@ -77,7 +77,7 @@ class Comparison:
         return abs(difference.z) > self.z_significant  # False for NaN.
 
 
-def compare(first: Saved, second: Saved) -> Comparison:
+def compare(first: SavedReport, second: SavedReport) -> Comparison:
     """Compares two reports."""
     differences = (
         *_effects(first, second),
@@ -94,7 +94,7 @@ def compare(first: Saved, second: Saved) -> Comparison:
     )
 
 
-def _effects(first: Saved, second: Saved) -> list[Difference]:
+def _effects(first: SavedReport, second: SavedReport) -> list[Difference]:
     both = [{e.kind: e for e in report.effects} for report in (first, second)]
     found = []
     for kind in dict.fromkeys((*both[0], *both[1])):
@@ -114,7 +114,7 @@ def _effects(first: Saved, second: Saved) -> list[Difference]:
     return found
 
 
-def _absence(effect: SavedEffect, report: Saved) -> str:
+def _absence(effect: SavedEffect, report: SavedReport) -> str:
     """Returns what may be said of an effect that only the other report has."""
     instead = [e.kind for e in report.effects if e.kind in effect.rivals]
     if instead:
@@ -122,7 +122,7 @@ def _absence(effect: SavedEffect, report: Saved) -> str:
     return "" if effect.kind in report.candidates else "not tried there"
 
 
-def _spreads(first: Saved, second: Saved) -> list[Difference]:
+def _spreads(first: SavedReport, second: SavedReport) -> list[Difference]:
     one, other = (
         {name: _spread(s) for name, s in report.spreads.items()}
         for report in (first, second)
@@ -172,7 +172,7 @@ def _numbers(
     return found
 
 
-def _notes(first: Saved, second: Saved) -> list[str]:
+def _notes(first: SavedReport, second: SavedReport) -> list[str]:
     """Returns sentences on how far two reports may be compared."""
     notes = []
     for name, report in (("A", first), ("B", second)):

@@ -56,10 +56,7 @@ def changes_chart(comparison: Comparison) -> Chart | None:
         return None
     limit = comparison.z_significant
     names = [d.label for d in compared]
-    keys = {
-        "chosen": "changed by more than chance allows",
-        "other": "agrees",
-    }
+    keys = {"chosen": "changed by more than chance allows", "other": "agrees"}
     traces = []
     for key in keys:
         mine = [
@@ -97,9 +94,7 @@ def changes_chart(comparison: Comparison) -> Chart | None:
         title="",
         traces=traces,
         x=Axis(title="change over its standard error [σ]", range=(-far, far)),
-        y=Axis(
-            more={"categoryorder": "array", "categoryarray": names, "dtick": 1},
-        ),
+        y=Axis(more={"categoryorder": "array", "categoryarray": names, "dtick": 1}),
         height=90 + 26 * len(names),
         shapes=[band],
     )

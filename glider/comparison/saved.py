@@ -28,7 +28,7 @@ class SavedEffect:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Saved:
+class SavedReport:
     """A report as it was saved; its attributes are those of `Result`.
 
     Attributes:
@@ -57,7 +57,7 @@ class Saved:
     given: GliderParameters | None
 
 
-def load_report(path: Path) -> Saved:
+def load_report(path: Path) -> SavedReport:
     """Reads a report: its folder, or its report.json.
 
     Raises:
@@ -72,7 +72,7 @@ def load_report(path: Path) -> Saved:
         ) from None
     fields = _Fields(file, data, "")
     flights, noise = fields.child("flights"), fields.child("noise")
-    return Saved(
+    return SavedReport(
         path=file,
         campaign=fields.text("campaign"),
         verdict=fields.text("verdict"),

@@ -3,13 +3,8 @@
 import dataclasses
 import math
 
-from glider.comparison.differences import (
-    EFFECTS,
-    Comparison,
-    Difference,
-    words_of_kind,
-)
-from glider.comparison.saved import Saved
+from glider.comparison.differences import EFFECTS, Comparison, Difference, words_of_kind
+from glider.comparison.saved import SavedReport
 from glider.report.numbers import (
     DEGREE,
     MISSING,
@@ -170,7 +165,7 @@ def unit_of(comparison: Comparison, error: str, *values: float) -> Unit:
     return length_unit(*(v for v in (*values, *noises) if math.isfinite(v)))
 
 
-def facts(report: Saved) -> list[tuple[str, str]]:
+def facts(report: SavedReport) -> list[tuple[str, str]]:
     """Returns what else a report tells, by name."""
     air = MISSING
     if math.isfinite(report.air_std_m_s):

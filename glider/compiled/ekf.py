@@ -13,12 +13,7 @@ import numpy as np
 from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import put
-from glider.physics.chain import (
-    NUM_INPUTS,
-    derivatives_of,
-    measure,
-    theta_of,
-)
+from glider.physics.chain import NUM_INPUTS, derivatives_of, measure, theta_of
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 
@@ -326,19 +321,12 @@ def ekf_fly(
 
 
 LOOPS = Family(
-    (
-        ekf_advance,
-        ekf_measure,
-        ekf_predict,
-        ekf_correct,
-        ekf_run,
-        ekf_fly,
-    ),
+    (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run, ekf_fly),
     (ekf_advance, ekf_run, ekf_fly),
 )
 
 
-class Estimated(NamedTuple):
+class EstimatedFlight(NamedTuple):
     """Numbers of a glider that a filter estimates, and their places in z."""
 
     n: int
@@ -375,7 +363,7 @@ def predict_estimate(
     model: GliderModel,
     t: float,
     z: np.ndarray,
-    estimated: Estimated,
+    estimated: EstimatedFlight,
     clock: SampleClock,
     differentiate: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -402,7 +390,7 @@ def filter_flights(
     model: GliderModel,
     t: float,
     z: np.ndarray,
-    estimated: Estimated,
+    estimated: EstimatedFlight,
     clock: SampleClock,
     process: np.ndarray,
     noise: np.ndarray,
@@ -457,7 +445,7 @@ def filter_flights(
 def fly_believed(
     model: GliderModel,
     z: np.ndarray,
-    estimated: Estimated,
+    estimated: EstimatedFlight,
     clock: SampleClock,
     gain: np.ndarray,
     shaken: tuple[np.ndarray, np.ndarray],

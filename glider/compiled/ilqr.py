@@ -211,10 +211,7 @@ def ilqr_backward(damping, step, states, inputs, jacobian, costs, servo, feed, g
     return first, second
 
 
-LOOPS = Family(
-    (slope_held, ilqr_roll, slopes_aside, ilqr_ends),
-    (ilqr_roll, ilqr_ends),
-)
+LOOPS = Family((slope_held, ilqr_roll, slopes_aside, ilqr_ends), (ilqr_roll, ilqr_ends))
 
 DIFFERENCE = 1e-5
 """Step of the differences [m, rad, m/s, rad/s]."""

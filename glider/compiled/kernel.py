@@ -26,13 +26,7 @@ from numba.extending import register_jitable
 from glider.compiled import constants, runge_kutta, trigonometry
 from glider.errors import InputError
 from glider.paths import cache_folder
-from glider.physics import (
-    aerodynamics,
-    chain,
-    numbers,
-    parameters,
-    servo,
-)
+from glider.physics import aerodynamics, chain, numbers, parameters, servo
 from glider.physics.compose import formulas, source
 from glider.physics.effects import EffectKind, effect, field
 from glider.physics.formulas import tell_compiler

@@ -8,13 +8,7 @@ import numpy as np
 from glider.compiled.constants import DIFFERENCE
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import put
-from glider.physics.chain import (
-    accelerations,
-    derivatives,
-    measure,
-    meet_air,
-    theta_of,
-)
+from glider.physics.chain import accelerations, derivatives, measure, meet_air, theta_of
 from glider.physics.effects import NO_FIELD, EffectKind, Field
 from glider.physics.numbers import Theta
 from glider.physics.parameters import Parameters
@@ -283,22 +277,8 @@ def log_flow(times, nodes, elevator, rate, numbers, field, values):
 
 
 LOOPS = Family(
-    (
-        banked,
-        log_step,
-        log_rollout,
-        log_extras,
-        log_slopes,
-        log_measure,
-        log_flow,
-    ),
-    (
-        log_rollout,
-        log_extras,
-        log_slopes,
-        log_measure,
-        log_flow,
-    ),
+    (banked, log_step, log_rollout, log_extras, log_slopes, log_measure, log_flow),
+    (log_rollout, log_extras, log_slopes, log_measure, log_flow),
 )
 
 Kinds = tuple[EffectKind, ...]

@@ -37,7 +37,7 @@ TOLERANCE = 1e-4
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Replanned:
+class ReplanResult:
     """What a controller goes by: its last plan, and how planning went so far."""
 
     flight: CollocatedFlight
@@ -81,7 +81,7 @@ class ModelPredictiveController(LeafSystem):
     to it, so that there is a plan from everywhere. Where a solve fails the last plan
     goes on, and so does the rest of a plan that is all but over.
 
-    The abstract state is a `Replanned`, so that a context says all of what comes.
+    The abstract state is a `ReplanResult`, so that a context says all of what comes.
 
     Args:
         model: the glider that is believed in; its effects' own states are fed back.
@@ -103,7 +103,7 @@ class ModelPredictiveController(LeafSystem):
         model: GliderModel,
         problem: PerchingProblem,
         command_rate: float = COMMAND_RATE,
-        watch: Callable[[Replanned], None] | None = None,
+        watch: Callable[[ReplanResult], None] | None = None,
     ) -> None:
         """Plans once from the launch; declares ports, state and periodic update."""
         super().__init__()
@@ -118,7 +118,7 @@ class ModelPredictiveController(LeafSystem):
         rate_cost = problem.rate_cost or RATE_COST
         self._problem = dataclasses.replace(problem, rate_cost=rate_cost)
         self._state = self.DeclareVectorInputPort("state", model.num_states)
-        first = Replanned(flight=self._plan_first(), begin=0.0)
+        first = ReplanResult(flight=self._plan_first(), begin=0.0)
         index = self.DeclareAbstractState(AbstractValue.Make(first))
         self.DeclarePeriodicUnrestrictedUpdateEvent(self._period, 0.0, self._update)
         ticket = {self.abstract_state_ticket(index)}
@@ -143,7 +143,9 @@ class ModelPredictiveController(LeafSystem):
         known = self.plan_again(known, now, self._state.Eval(context))
         state.get_mutable_abstract_state(0).set_value(known)
 
-    def plan_again(self, known: Replanned, now: float, state: np.ndarray) -> Replanned:
+    def plan_again(
+        self, known: ReplanResult, now: float, state: np.ndarray
+    ) -> ReplanResult:
         """Returns what the controller goes by from now on.
 
         Args:

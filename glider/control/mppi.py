@@ -10,11 +10,7 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import (
-    MppiSettings,
-    SequenceCost,
-    mppi_step,
-)
+from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 
 COMMAND_RATE = 50.0
 """Rate of the updates [Hz]."""

@@ -11,7 +11,7 @@ from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     beforehand,
     fit_model,
     grams_of,
@@ -50,7 +50,7 @@ class Explanation:
         precision: (m, m) inverse covariance of its free numbers, after the flights.
     """
 
-    model: Fitted
+    model: FitResult
     log_evidence: float
     probability: float
     precision: np.ndarray
@@ -152,7 +152,7 @@ def _in_one_air(
     return found
 
 
-def _chosen(task: Task, noise: Noise, findings: Findings) -> Fitted:
+def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
     """Returns the analysis' own model, fitted to all flights."""
     start = start_of(task, noise, with_curves=False)
     theta = theta_of(findings.model)
@@ -167,7 +167,7 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> Fitted:
     return fit_model(task, start, iterations=4)
 
 
-def _clocks_swapped(task: Task, model: Fitted) -> list[frozenset[str]]:
+def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
     """Returns the set with lags and delays in the place of one another.
 
     Their columns are secants to where they are tried, five milliseconds and more: what
@@ -187,7 +187,7 @@ def _clocks_swapped(task: Task, model: Fitted) -> list[frozenset[str]]:
     ]
 
 
-def _is_idle(task: Task, model: Fitted) -> bool:
+def _is_idle(task: Task, model: FitResult) -> bool:
     """Whether an effect came out as nothing: the set without it says the same."""
     for kind in model.kinds:
         slots = list(task.layout.slots_of(kind))
@@ -214,7 +214,7 @@ def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Member
     return found
 
 
-def _weigh(task: Task, model: Fitted, price: float) -> Explanation:
+def _weigh(task: Task, model: FitResult, price: float) -> Explanation:
     """Returns a model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     directions = slopes(task.layout, model.theta, model.free)
     grams = grams_of(linear_flights(task, model, directions), model.scales)

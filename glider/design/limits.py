@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from glider.errors import InputError
+from glider.files import schema
 from glider.physics.state import STATE_NAMES, VELOCITY
-from glider.physics.typed_yaml import load_typed
 from glider.sysid.replay.record import Record
 
 _PITCH, _X, _Z = (STATE_NAMES.index(name) for name in ("pitch", "x", "z"))
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)
 class ThrowLimits:
     """Limits of a throw; where a pair is empty, or a number NaN, flown flights tell.
 
@@ -86,7 +86,7 @@ _FASTER = 1.1
 
 def load_limits(path: Path | str) -> ThrowLimits:
     """Loads limits from a YAML file; what cannot be is an InputError."""
-    limits = load_typed(ThrowLimits, path, "a file of a throw's limits")
+    limits = schema.load_yaml(ThrowLimits, path, "a file of a throw's limits")
     check_limits(limits, str(path))
     return limits
 

@@ -32,7 +32,7 @@ from glider.sysid.likelihood.directions import (
     starts_of,
 )
 from glider.sysid.likelihood.linear_flight import LinearFlight
-from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
+from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
 from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.weighing import RIVAL_GAP
@@ -80,7 +80,7 @@ class Limit:
 
 
 def limits_of(
-    task: Task, model: Fitted, kinds: Collection[str] | None = None
+    task: Task, model: FitResult, kinds: Collection[str] | None = None
 ) -> list[Limit]:
     """Returns the limits of all sizes of effects, in the flights of a task.
 
@@ -141,7 +141,7 @@ def limits_of(
 
 
 def _beside(
-    task: Task, model: Fitted, flights: Sequence[LinearFlight], count: int
+    task: Task, model: FitResult, flights: Sequence[LinearFlight], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns each candidate beside what is unknown of the vehicle, and what is known.
 
@@ -215,7 +215,7 @@ _ITERATIONS, _ROUNDS, _CLOSE, _LEAST_SHARE = 20, 10, 0.03, 0.01
 left at least."""
 
 
-def _candidates(task: Task, model: Fitted) -> tuple[list[Direction], list[bool]]:
+def _candidates(task: Task, model: FitResult) -> tuple[list[Direction], list[bool]]:
     """Returns all sizes at all starting shapes, and which have the usual shapes."""
     layout, own = task.layout, set(task.vehicle.nuisance)
     found: list[Direction] = []

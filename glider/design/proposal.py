@@ -21,12 +21,7 @@ from glider.design.findings import Findings
 from glider.design.foresight import Foresight, added, times
 from glider.design.funnel_checks import check_frame, check_launch
 from glider.design.funnel_throws import SHORTEST
-from glider.design.known_funnel import (
-    KnownFunnel,
-    check_vehicle,
-    checked,
-    known_funnel,
-)
+from glider.design.known_funnel import KnownFunnel, check_vehicle, checked, known_funnel
 from glider.design.limits import ThrowLimits, limits_flown
 from glider.design.search import Progress, search
 from glider.design.throws import Range, Throw, range_of

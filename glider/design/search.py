@@ -15,11 +15,7 @@ from glider.design.ending import Ending
 from glider.design.explanations import with_probabilities
 from glider.design.foresight import Foresight, Grams, added
 from glider.design.funnel_checks import check_frame
-from glider.design.funnel_throws import (
-    draw_genes_in_funnel,
-    shortest,
-    throw_in_funnel,
-)
+from glider.design.funnel_throws import draw_genes_in_funnel, shortest, throw_in_funnel
 from glider.design.throws import Range, Throw, draw_genes, throw_of
 from glider.errors import InputError
 
@@ -134,9 +130,7 @@ def search(
 def _way(
     place: Range,
 ) -> tuple[
-    int,
-    Callable[[np.random.Generator, int], np.ndarray],
-    Callable[[np.ndarray], Throw],
+    int, Callable[[np.random.Generator, int], np.ndarray], Callable[[np.ndarray], Throw]
 ]:
     """Returns how many rounds, what draws the numbers of throws, what makes one."""
     known = place.funnel

@@ -14,11 +14,11 @@ import numpy as np
 from glider.sysid.likelihood.candidates import tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
-from glider.sysid.likelihood.model_fit import Fitted, grams_of, linear_flights
+from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
 from glider.sysid.likelihood.task import Task
 
 
-def choice_of_shapes(task: Task, model: Fitted) -> float:
+def choice_of_shapes(task: Task, model: FitResult) -> float:
     """Returns the log of how much less a model is worth for its chosen shapes [nats].
 
     Args:
@@ -28,7 +28,7 @@ def choice_of_shapes(task: Task, model: Fitted) -> float:
     return sum(_choice(task, model, kind) for kind in model.kinds)
 
 
-def _choice(task: Task, model: Fitted, kind: str) -> float:
+def _choice(task: Task, model: FitResult, kind: str) -> float:
     layout = task.layout
     own = layout.slots_of(kind)
     shapes = [i for i in own if task.is_shape(i)]

@@ -37,10 +37,7 @@ def lines_of(finding: Finding) -> str:
     lines = []
     for text in words:
         lines += textwrap.wrap(
-            text,
-            _WIDTH - len(indent),
-            break_on_hyphens=False,
-            break_long_words=False,
+            text, _WIDTH - len(indent), break_on_hyphens=False, break_long_words=False
         )
     return start + f"\n{indent}".join(lines)
 

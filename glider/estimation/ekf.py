@@ -16,17 +16,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.ekf import Estimated, SampleClock
+from glider.compiled.ekf import EstimatedFlight, SampleClock
 from glider.compiled.jacobian import stacked
 from glider.errors import InputError, show
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.physics.state import (
-    NUM_STATES,
-    POSE_NAMES,
-    STATE_NAMES,
-)
+from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
 from glider.physics.stiffness import longest_step
 
 STEP = 0.01
@@ -82,7 +78,7 @@ class Ekf:
     process: np.ndarray
     noise: np.ndarray
     z: np.ndarray
-    estimated: Estimated
+    estimated: EstimatedFlight
 
     @property
     def num_states(self) -> int:
@@ -177,7 +173,7 @@ def make_ekf(
         process=np.append(process, [s.walk for s in slow]),
         noise=noise,
         z=z,
-        estimated=Estimated(
+        estimated=EstimatedFlight(
             n=n,
             places=taken,
             decay=np.array([s.decay for s in slow], dtype=float),

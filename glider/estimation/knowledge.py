@@ -12,10 +12,7 @@ import numpy as np
 
 from glider.estimation.ekf import Ekf
 from glider.estimation.flights import fly_watched
-from glider.estimation.running import (
-    Belief,
-    run_ekf,
-)
+from glider.estimation.running import Belief, run_ekf
 
 
 def information_bound(ekf: Ekf, prior: Belief, inputs: np.ndarray) -> np.ndarray:

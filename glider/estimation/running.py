@@ -94,11 +94,7 @@ def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
 
 
 def run_ekf(
-    ekf: Ekf,
-    prior: Belief,
-    inputs: ArrayLike,
-    measured: ArrayLike,
-    time: float = 0.0,
+    ekf: Ekf, prior: Belief, inputs: ArrayLike, measured: ArrayLike, time: float = 0.0
 ) -> Estimates:
     """Runs a filter along flights.
 

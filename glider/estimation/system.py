@@ -4,12 +4,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from glider.estimation.ekf import Ekf
-from glider.estimation.running import (
-    Belief,
-    check_belief,
-    predict_mean,
-    run_ekf,
-)
+from glider.estimation.running import Belief, check_belief, predict_mean, run_ekf
 
 
 class ExtendedKalmanFilter(LeafSystem):
@@ -76,11 +71,7 @@ class ExtendedKalmanFilter(LeafSystem):
             "state",
             ekf.num_states,
             self._calc_state,
-            {
-                self.time_ticket(),
-                self.xc_ticket(),
-                self.discrete_state_ticket(index),
-            },
+            {self.time_ticket(), self.xc_ticket(), self.discrete_state_ticket(index)},
         )
         for name in list(parts)[:4]:
             self.DeclareVectorOutputPort(

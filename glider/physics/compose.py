@@ -12,10 +12,7 @@ import types
 from collections.abc import Callable
 
 from glider.physics import chain
-from glider.physics.effects.effect import (
-    STAGES,
-    EffectKind,
-)
+from glider.physics.effects.effect import STAGES, EffectKind
 from glider.physics.effects.field import field_terms
 from glider.physics.state import NUM_STATES
 

@@ -22,28 +22,15 @@ import yaml
 from numpy.typing import ArrayLike
 
 from glider.errors import InputError
+from glider.files import schema
 from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.covariance import Covariance, check_names, covariance_of_rows
-from glider.physics.effects import (
-    KINDS,
-    NO_FIELD,
-    Effect,
-    EffectKind,
-    Field,
-)
-from glider.physics.effects.field import (
-    FieldData,
-    make_field,
-)
+from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
+from glider.physics.effects.field import FieldData, make_field
 from glider.physics.numbers import Theta
-from glider.physics.parameters import (
-    GliderParameters,
-    check_parameters,
-    load_parameters,
-)
+from glider.physics.parameters import GliderParameters, load_parameters
 from glider.physics.state import NUM_STATES, STATE_NAMES
-from glider.physics.typed_yaml import dump_typed, load_typed
 
 _TINY = 1e-30
 """Length of a complex step."""
@@ -249,7 +236,7 @@ def model_text(
         covariance=known,
         origin=origin,
     )
-    return dump_typed(data)
+    return schema.yaml_text(data)
 
 
 def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
@@ -280,8 +267,7 @@ def load_covariance(
 def _load(path, own_effects):
     """Returns the model in a file and its covariance, or None."""
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
-    data = load_typed(_ModelFile, path, "a glider model")
-    check_parameters(dataclasses.asdict(data.parameters), source=str(path))
+    data = schema.load_yaml(_ModelFile, path, "a glider model")
     effects: list[Effect] = []
     for entry in data.effects:
         if entry.kind not in kinds:

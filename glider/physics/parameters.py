@@ -5,11 +5,9 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from glider.errors import InputError, show
+from glider.files import schema
 from glider.physics.servo import Servo
-from glider.physics.typed_yaml import load_typed
 
 
 class Parameters(NamedTuple):
@@ -33,7 +31,7 @@ PARAMETER_NAMES = Parameters._fields
 NUM_PARAMETERS = len(PARAMETER_NAMES)
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class GliderParameters:
     """A rigid glider: a fixed wing plate and a hinged elevator plate.
 
@@ -77,7 +75,7 @@ class GliderParameters:
 
     def __post_init__(self):
         """Raises InputError where a value is not physical."""
-        check_parameters(dataclasses.asdict(self), source="GliderParameters")
+        check_parameters(dataclasses.asdict(self))
 
     @property
     def numbers(self) -> Parameters:
@@ -107,62 +105,40 @@ POSITIVE = (
 )
 
 
-def check_parameters(values: dict, source: str) -> None:
+def check_parameters(values: dict) -> None:
     """Raises InputError unless every given value is physical.
 
     Args:
         values: field name to value; fields may be absent (unknown), the servo's None.
-        source: what to name in the message, a file or a class.
     """
     for name, value in values.items():
         if value is None and name in ("elevator_limits", "elevator_rate_limit"):
             continue
         if name == "elevator_limits":
-            _check_limits(value, source)
+            _check_limits(value)
             continue
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and math.isfinite(value)):
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; a finite number is needed."
+                f"field '{name}' is {show(value)}; a finite number is needed."
             )
         if name in POSITIVE and value <= 0:
-            raise InputError(
-                f"{source}: field '{name}' is {value:g}; it must be greater than 0."
-            )
+            raise InputError(f"field '{name}' is {value:g}; it must be greater than 0.")
         if name == "gravity" and value < 0:
-            raise InputError(
-                f"{source}: field 'gravity' is {value:g}; it must not be negative."
-            )
+            raise InputError(f"field 'gravity' is {value:g}; it must not be negative.")
 
 
-def _check_limits(value: object, source: str) -> None:
+def _check_limits(value: object) -> None:
     if isinstance(value, (list, tuple)) and len(value) == 2:
         numbers = all(isinstance(v, (int, float)) and math.isfinite(v) for v in value)
         if numbers and value[0] < value[1]:
             return
     raise InputError(
-        f"{source}: field 'elevator_limits' is {show(value)}; "
+        f"field 'elevator_limits' is {show(value)}; "
         "[lower, upper] in radians with lower < upper is needed."
     )
 
 
-def load_parameters(path: Path) -> GliderParameters:
-    """Loads a vehicle; a misspelt field or a value out of range is an error."""
-    try:
-        parameters = load_typed(GliderParameters, path, "a vehicle")
-    except InputError:
-        _check_known_fields(path)
-        raise
-    check_parameters(dataclasses.asdict(parameters), source=str(path))
-    return parameters
-
-
-def _check_known_fields(path: Path) -> None:
-    """Names the field at fault, which Drake's own message may leave out."""
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError, yaml.YAMLError):
-        return
-    if isinstance(values, dict):
-        known = {f.name for f in dataclasses.fields(GliderParameters)}
-        check_parameters({k: v for k, v in values.items() if k in known}, str(path))
+def load_parameters(path: Path | str) -> GliderParameters:
+    """Loads a vehicle; a misspelt field or a value out of range is an InputError."""
+    return schema.load_yaml(GliderParameters, path, "a vehicle")

@@ -26,20 +26,10 @@ from pydrake.solvers import (
 from glider.compiled.kernel import UncompilableError
 from glider.errors import InputError
 from glider.physics.model import GliderModel, as_model
-from glider.planning.audit import (
-    path_defect,
-    segment_drift,
-)
+from glider.planning.audit import path_defect, segment_drift
 from glider.planning.closest import Closest, find_closest
-from glider.planning.guess import (
-    Guess,
-    straight_line,
-    swoop,
-)
-from glider.planning.plan import (
-    Attempt,
-    Plan,
-)
+from glider.planning.guess import Guess, straight_line, swoop
+from glider.planning.plan import Attempt, Plan
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import (
@@ -116,12 +106,7 @@ class PlanningError(RuntimeError):
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (
-            self.violations,
-            self.attempts,
-            self.arrived,
-            self.closest,
-        )
+        return type(self), (self.violations, self.attempts, self.arrived, self.closest)
 
 
 def plan(

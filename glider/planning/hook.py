@@ -9,7 +9,7 @@ from glider.physics.state import STATE_NAMES, VELOCITY
 _PITCH = STATE_NAMES.index("pitch")
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Hook:
     """Limits within which a glider that passes a wire is held by it.
 

@@ -6,16 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.physics.model import GliderModel
-from glider.planning.dircol import (
-    PlanningError,
-    Progress,
-    plan,
-)
-from glider.planning.guess import (
-    Guess,
-    straight_line,
-    swoop,
-)
+from glider.planning.dircol import PlanningError, Progress, plan
+from glider.planning.guess import Guess, straight_line, swoop
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 

@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from glider.errors import InputError, show
-from glider.physics.state import (
-    NUM_STATES,
-    STATE_NAMES,
-)
-from glider.physics.typed_yaml import load_typed
+from glider.files import schema
+from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.hook import Hook
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class PerchingProblem:
     """Fly from a launch to a wire and arrive slowly, nose up.
 
@@ -75,7 +72,7 @@ class PerchingProblem:
 
     def __post_init__(self):
         """Raises InputError where the problem makes no sense."""
-        check_problem(self, source="PerchingProblem")
+        check_problem(self)
 
 
 _STATES = ("launch", "goal", "goal_weights")
@@ -90,8 +87,8 @@ _INTERVALS = (
 _POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 
 
-def check_problem(problem: PerchingProblem, source: str) -> None:
-    """Raises InputError, naming `source` and the field, where a value cannot be."""
+def check_problem(problem: PerchingProblem) -> None:
+    """Raises InputError, naming the field, where a value cannot be."""
     values = dataclasses.asdict(problem)
     hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
     for name, value in (values | hook).items():
@@ -103,40 +100,35 @@ def check_problem(problem: PerchingProblem, source: str) -> None:
             needed = "a finite number" if size == 1 else f"{size} finite numbers"
             if name in _STATES:
                 needed += f" ({', '.join(STATE_NAMES)})"
-            raise InputError(
-                f"{source}: field '{name}' is {show(value)}; {needed} needed."
-            )
+            raise InputError(f"field '{name}' is {show(value)}; {needed} needed.")
         if name in _INTERVALS and not value[0] < value[1]:
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; [lower, upper] with "
+                f"field '{name}' is {show(value)}; [lower, upper] with "
                 "lower < upper is needed."
             )
         if name in ("goal_weights", "rate_cost") and min(numbers) < 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; weights must not be "
-                "negative."
+                f"field '{name}' is {show(value)}; weights must not be negative."
             )
         if name in _POSITIVE and value <= 0.0:
             raise InputError(
-                f"{source}: field '{name}' is {show(value)}; a positive number is "
-                "needed."
+                f"field '{name}' is {show(value)}; a positive number is needed."
             )
     if problem.duration_limits[0] <= 0.0:
         raise InputError(
-            f"{source}: field 'duration_limits' is {show(problem.duration_limits)}; "
+            f"field 'duration_limits' is {show(problem.duration_limits)}; "
             "a flight "
             "takes more than 0 s."
         )
     if not any(problem.launch[4:6]):
         raise InputError(
-            f"{source}: field 'launch' has xdot = zdot = 0; a glider is needed that "
-            "moves."
+            "field 'launch' has xdot = zdot = 0; a glider is needed that moves."
         )
     for name, place in zip(("x_limits", "z_limits"), problem.wire, strict=True):
         low, high = getattr(problem, name)
         if not low <= place <= high:
             raise InputError(
-                f"{source}: field 'wire' is {show(problem.wire)}, outside '{name}', "
+                f"field 'wire' is {show(problem.wire)}, outside '{name}', "
                 f"{show([low, high])}."
             )
 
@@ -179,6 +171,4 @@ def load_problem(path: Path | str) -> PerchingProblem:
 
     A file gives only the fields that differ from the article's problem.
     """
-    problem = load_typed(PerchingProblem, path, "a perching problem")
-    check_problem(problem, source=str(path))
-    return problem
+    return schema.load_yaml(PerchingProblem, path, "a perching problem")

@@ -5,16 +5,8 @@ import math
 
 import numpy as np
 
-from glider.report.numbers import (
-    DEGREE,
-    Unit,
-    format_gain,
-    length_unit,
-)
-from glider.sysid.result import (
-    CALIBRATED,
-    Result,
-)
+from glider.report.numbers import DEGREE, Unit, format_gain, length_unit
+from glider.sysid.result import CALIBRATED, Result
 
 COLUMNS = ("as_drawn", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""

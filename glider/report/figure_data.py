@@ -47,9 +47,7 @@ ERROR_PANELS = (
         unit=Unit(name="m/s²"),
     ),
     ErrorPanel(
-        title="acceleration",
-        fields={"pitch": "in pitch"},
-        unit=Unit(name="rad/s²"),
+        title="acceleration", fields={"pitch": "in pitch"}, unit=Unit(name="rad/s²")
     ),
     ErrorPanel(
         title="position",

@@ -26,29 +26,12 @@ from glider.report.finding_figures import (
     draw_folds,
     draw_spreads,
 )
-from glider.report.flight_errors import (
-    bounded,
-    distance,
-)
-from glider.report.plots.axes import (
-    legend,
-    limit,
-)
+from glider.report.flight_errors import bounded, distance
+from glider.report.plots.axes import legend, limit
 from glider.report.plots.bars import plot_errors
-from glider.report.plots.flights import (
-    plot_distance,
-    plot_paths,
-    plot_pitch,
-)
-from glider.report.plots.residuals import (
-    plot_coefficient,
-    plot_residual,
-)
-from glider.report.plots.style import (
-    LABELS,
-    STYLE,
-    VARIABLES,
-)
+from glider.report.plots.flights import plot_distance, plot_paths, plot_pitch
+from glider.report.plots.residuals import plot_coefficient, plot_residual
+from glider.report.plots.style import LABELS, STYLE, VARIABLES
 from glider.sysid.result import Result
 
 DPI = 160

@@ -20,12 +20,7 @@ from glider.report.chart import (
 )
 from glider.report.error_table import COLUMNS, unit_beside_noise
 from glider.report.figure_data import fold_panels, shown_flights, spread_panels
-from glider.report.flight_errors import (
-    bounded,
-    distance,
-    position_rms,
-    rank_flights,
-)
+from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
 from glider.report.plots.axes import bounds
 from glider.report.plots.style import LABELS
 from glider.sysid.result import HeldOutFlight, Result
@@ -136,13 +131,7 @@ def _panels_of(flight: HeldOutFlight, noise: float) -> list[Panel]:
             ),
         ):
             traces.append(
-                line(
-                    model,
-                    x,
-                    numbers(y),
-                    told(model, what),
-                    customdata=clock,
-                )
+                line(model, x, numbers(y), told(model, what), customdata=clock)
             )
     clocks = Axis(
         title="time [s]",

@@ -6,10 +6,7 @@ import math
 import numpy as np
 
 from glider.report.error_table import baseline, unit_beside_noise
-from glider.report.numbers import (
-    DIVERGED,
-    format_factor,
-)
+from glider.report.numbers import DIVERGED, format_factor
 from glider.sysid.result import HeldOutFlight, Result
 
 STANDS_OUT = 2.5

@@ -7,10 +7,7 @@ from pathlib import Path
 
 from glider.files.writing import replace_files
 from glider.physics.model import Origin, model_text
-from glider.report.figures import (
-    FIGURES,
-    make_figures,
-)
+from glider.report.figures import FIGURES, make_figures
 from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.report.wording import notes_of

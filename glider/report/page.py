@@ -6,17 +6,10 @@ import platform
 
 from glider.physics.effects import ANGLE_SIGN
 from glider.report.charts import make_charts, render_page
-from glider.report.error_table import (
-    baseline,
-    columns_of,
-    error_rows,
-)
+from glider.report.error_table import baseline, columns_of, error_rows
 from glider.report.flight_charts import flights_in_page
 from glider.report.flight_errors import STANDS_OUT, worst_flights
-from glider.report.numbers import (
-    format_angle,
-    format_length,
-)
+from glider.report.numbers import format_angle, format_length
 from glider.report.plots.style import LABELS
 from glider.report.tables import (
     combination_rows,

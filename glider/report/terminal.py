@@ -7,11 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from glider.report.error_table import columns_of, error_rows
-from glider.report.numbers import (
-    MISSING,
-    format_angle,
-    format_length,
-)
+from glider.report.numbers import MISSING, format_angle, format_length
 from glider.report.plots.style import LABELS
 from glider.report.tables import vehicle_rows
 from glider.report.wording import (

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sized
 from typing import Any
 
+from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.report.error_table import baseline, unit_beside_noise
 from glider.report.numbers import (
@@ -14,12 +15,7 @@ from glider.report.numbers import (
     format_spread,
     in_degrees,
 )
-from glider.sysid.result import (
-    CALIBRATED,
-    FoundEffect,
-    Result,
-    SetAside,
-)
+from glider.sysid.result import CALIBRATED, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
@@ -155,7 +151,7 @@ def fold_words(result: Result) -> str:
     )
 
 
-def set_aside_words(s: SetAside) -> str:
+def set_aside_words(s: ExcludedRows) -> str:
     """Returns which rows were not used, and why."""
     rows = "all rows" if s.rows == "all" else f"lines {s.rows}"
     return f"{s.file}, {rows}: {s.why}"

@@ -16,20 +16,10 @@ import numpy as np
 
 from glider.errors import InputError, show
 from glider.physics.model import GliderModel
-from glider.physics.state import (
-    NUM_STATES,
-    STATE_NAMES,
-    VELOCITY,
-)
+from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Flights
-from glider.simulation.fly import (
-    AFTER,
-    STEP,
-    Policy,
-    fly,
-    make_clock,
-)
+from glider.simulation.fly import AFTER, STEP, Policy, fly, make_clock
 
 CHUNK = 2500
 """Number of flights in one task of a sweep. Another number means other random draws."""
@@ -93,10 +83,7 @@ class Case:
 
 
 def draw_launches(
-    problem: PerchingProblem,
-    spread: LaunchSpread,
-    count: int,
-    rng: np.random.Generator,
+    problem: PerchingProblem, spread: LaunchSpread, count: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Draws launch states, shape (count, 7)."""
     if count < 1:

@@ -10,8 +10,8 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.studies.filter_study import (
     CONSTANTS,
+    ParameterTrack,
     StudyNoise,
-    Watched,
     watch_cruise,
     watch_perch,
 )
@@ -29,7 +29,7 @@ def perching_glider() -> GliderModel:
 
 def watch_all(
     policy: TrackingPolicy, rng: np.random.Generator, noise: StudyNoise | None = None
-) -> dict[str, Watched]:
+) -> dict[str, ParameterTrack]:
     """Returns the article's cruise and a perch, by name.
 
     Args:
@@ -48,7 +48,7 @@ def watch_twice(
     policy: TrackingPolicy,
     rng: np.random.Generator,
     progress: Callable[[str], None] | None = None,
-) -> tuple[dict[str, Watched], list[dict[str, Watched]]]:
+) -> tuple[dict[str, ParameterTrack], list[dict[str, ParameterTrack]]]:
     """Watches cruise and perch by two filters.
 
     Args:

@@ -23,33 +23,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.control.policy import (
-    TrackingPolicy,
-)
-from glider.estimation.ekf import (
-    WIND_NAMES,
-    Ekf,
-    SlowState,
-    make_ekf,
-)
-from glider.estimation.flights import (
-    WatchedFlights,
-    fly_watched,
-)
+from glider.control.policy import TrackingPolicy
+from glider.estimation.ekf import WIND_NAMES, Ekf, SlowState, make_ekf
+from glider.estimation.flights import WatchedFlights, fly_watched
 from glider.estimation.knowledge import information_bound
-from glider.estimation.running import (
-    Belief,
-    Estimates,
-    make_prior,
-    run_ekf,
-)
+from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
 from glider.physics.effects import THRUST
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.studies.cruising import (
-    cruise_gain,
-    level_flight,
-)
+from glider.studies.cruising import cruise_gain, level_flight
 
 RATE = 100.0
 """Rate of samples, commands and wind [Hz]."""
@@ -112,7 +94,7 @@ numbers drift, 4 of 80 cruises and no perch.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Watched:
+class ParameterTrack:
     """A flight, what the filter made of it, and what it could have made."""
 
     flight: WatchedFlights
@@ -181,7 +163,7 @@ def watch_cruise(
     parameters: GliderParameters,
     rng: np.random.Generator,
     noise: StudyNoise | None = None,
-) -> Watched:
+) -> ParameterTrack:
     """Flies the article's cruise and filters it.
 
     Its launch, 0.5 m too high and 2 m/s too slow, is a violent manoeuvre, with the
@@ -226,7 +208,7 @@ def watch_perch(
     policy: TrackingPolicy,
     rng: np.random.Generator,
     noise: StudyNoise | None = None,
-) -> Watched:
+) -> ParameterTrack:
     """Flies a perch and filters it alike, from PERCH_GUESS.
 
     The wind drifts by the same law, but from still air: the plan knows no wind, and
@@ -249,7 +231,7 @@ def watch_perch(
     return _watch(ekf, _fly(ekf, start, inputs, gain[:, None, :], rng), noise)
 
 
-def slow_nees(flights: Sequence[Watched], sample: int = -1) -> float:
+def slow_nees(flights: Sequence[ParameterTrack], sample: int = -1) -> float:
     """Returns the squared error of SLOW over what the filter expects, a mean.
 
     1 is right, more is too sure, less is too modest.
@@ -294,9 +276,9 @@ def _fly(
     return fly_watched(ekf, x, inputs, rng, gain=gain, is_shaken=False)
 
 
-def _watch(ekf: Ekf, flight: WatchedFlights, noise: StudyNoise) -> Watched:
+def _watch(ekf: Ekf, flight: WatchedFlights, noise: StudyNoise) -> ParameterTrack:
     prior = _prior(ekf, flight, noise)
-    return Watched(
+    return ParameterTrack(
         flight=flight,
         estimates=run_ekf(ekf, prior, flight.inputs, flight.measured),
         bound=_least_std(ekf, flight, noise),

@@ -10,23 +10,11 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.compose import compose
-from glider.physics.effects import (
-    FIELD_TERMS,
-    FIELD_VARIABLES,
-    NO_FIELD,
-    Field,
-)
-from glider.physics.effects.field import (
-    COEFFICIENTS,
-    FieldData,
-    field_variables,
-)
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
+from glider.physics.effects.field import COEFFICIENTS, FieldData, field_variables
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
-from glider.studies.coefficients import (
-    RIDGE,
-    basis_values,
-)
+from glider.studies.coefficients import RIDGE, basis_values
 
 _ACCELERATIONS = slice(4, NUM_STATES)
 

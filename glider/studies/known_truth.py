@@ -10,7 +10,7 @@ from glider.campaign.reader import load_campaign
 from glider.physics.effects.field import FieldData
 from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import measure_errors
-from glider.sysid.likelihood.model_fit import Fitted, fit_model, start_of
+from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.noise import Noise, measure_noise
@@ -95,7 +95,7 @@ def task_of(
     return make_task(records, vehicle, vehicle.kinds), noise
 
 
-def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> Fitted:
+def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
     """Returns where a fit of kinds starts: at rest, shapes at their first guess."""
     start = start_of(task, noise, with_curves=False)
     theta = start.theta.copy()

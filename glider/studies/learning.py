@@ -13,37 +13,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.campaign.logs import (
-    Flight,
-    campaign_of,
-)
+from glider.campaign.logs import Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.control.policy import HeldPolicy
 from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS, with_weights
 from glider.physics.model import GliderModel
-from glider.physics.state import (
-    NUM_STATES,
-    STATE_NAMES,
-)
-from glider.planning.ilqr import (
-    ARTICLE,
-    DivergedError,
-    IlqrSettings,
-    ilqr,
-)
+from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.planning.ilqr import ARTICLE, DivergedError, IlqrSettings, ilqr
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem, goal_cost, goal_problem
 from glider.simulation.flights import Flights, FlownFlight
 from glider.simulation.fly import fly
-from glider.studies.coefficients import (
-    RIDGE,
-    residual_basis,
-)
-from glider.studies.flight_weights import (
-    solve_weights,
-    weight_equations,
-)
+from glider.studies.coefficients import RIDGE, residual_basis
+from glider.studies.flight_weights import solve_weights, weight_equations
 from glider.sysid.pipeline import close_the_loop
 
 SPEEDS = (6.5, 7.5)
@@ -87,14 +70,14 @@ class LoggedFlight:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Identified:
+class IdentifiedModel:
     """A model made of flights, and in words what it adds to the nominal one."""
 
     model: GliderModel
     effects: tuple[str, ...] = ()
 
 
-Identify = Callable[[GliderModel, Sequence[LoggedFlight]], Identified]
+Identify = Callable[[GliderModel, Sequence[LoggedFlight]], IdentifiedModel]
 """Function from the nominal model and all flights so far to a model."""
 
 
@@ -102,7 +85,7 @@ Identify = Callable[[GliderModel, Sequence[LoggedFlight]], Identified]
 class Round:
     """One turn of the loop."""
 
-    identified: Identified
+    identified: IdentifiedModel
     """Model that was planned with, of the flights before this round."""
 
     plan: Plan
@@ -177,7 +160,7 @@ def learn(
     settings = learning_settings() if settings is None else settings
     say = progress or (lambda text: None)
     nominal = GliderModel(parameters=truth.parameters)
-    identified = Identified(model=nominal)
+    identified = IdentifiedModel(model=nominal)
     planned = ilqr(nominal, problem, settings)
     logs: list[LoggedFlight] = []
     results: list[Round] = []
@@ -295,7 +278,7 @@ def log(
     )
 
 
-def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
+def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> IdentifiedModel:
     """Identifies as the article does: 26 weights a coefficient, by ridge regression."""
     basis = residual_basis()
     equations = [
@@ -305,27 +288,29 @@ def fit_weights(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identifie
     weights = solve_weights(sum(equations[1:], equations[0]), RIDGE)
     field = with_weights(basis, COEFFICIENTS, weights)
     model = dataclasses.replace(nominal, field=field)
-    return Identified(model=model, effects=(field.kind,))
+    return IdentifiedModel(model=model, effects=(field.kind,))
 
 
-def trace_effects(nominal: GliderModel, logs: Sequence[LoggedFlight]) -> Identified:
+def trace_effects(
+    nominal: GliderModel, logs: Sequence[LoggedFlight]
+) -> IdentifiedModel:
     """Identifies by the tracer: which effect of the library, or a field.
 
     It judges by flights that it has not fitted, and so keeps the nominal model until
     there are LEAST_FLIGHTS.
     """
     if len(logs) < LEAST_FLIGHTS:
-        return Identified(model=nominal)
+        return IdentifiedModel(model=nominal)
     flights = [log.capture for log in logs]
     campaign = campaign_of(
         "learning", nominal.parameters, flights, CAPTURE.rate, 1.0 / logs[0].step
     )
     found = close_the_loop(campaign)
-    return Identified(
+    return IdentifiedModel(
         model=found.model, effects=tuple(effect.kind for effect in found.effects)
     )
 
 
 def knowing(truth: GliderModel) -> Identify:
     """Returns what identifies the truth from any flights: the oracle."""
-    return lambda nominal, logs: Identified(model=truth)
+    return lambda nominal, logs: IdentifiedModel(model=truth)

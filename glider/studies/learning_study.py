@@ -9,11 +9,7 @@ import numpy as np
 
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
-from glider.studies.learning import (
-    Identify,
-    Round,
-    learn,
-)
+from glider.studies.learning import Identify, Round, learn
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -17,18 +17,9 @@ from threadpoolctl import threadpool_limits
 
 from glider.paths import models_path
 from glider.physics.effects.field import COEFFICIENTS, FieldData
-from glider.physics.model import (
-    GliderModel,
-    save_model,
-)
-from glider.physics.parameters import (
-    GliderParameters,
-    load_parameters,
-)
-from glider.studies.coefficients import (
-    basis_values,
-    residual_basis,
-)
+from glider.physics.model import GliderModel, save_model
+from glider.physics.parameters import GliderParameters, load_parameters
+from glider.studies.coefficients import basis_values, residual_basis
 from glider.sysid.fit.regression import least_squares
 
 LEAVES, RANGE = 4.5, 1.0

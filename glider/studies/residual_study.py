@@ -6,18 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-    split_flights,
-)
+from glider.campaign.logs import Campaign, Flight, split_flights
 from glider.errors import InputError
 from glider.physics.effects import NO_FIELD
-from glider.physics.effects.field import (
-    COEFFICIENTS,
-    FieldData,
-    make_field,
-)
+from glider.physics.effects.field import COEFFICIENTS, FieldData, make_field
 from glider.studies.coefficients import (
     RIDGE,
     CoefficientData,
@@ -26,14 +18,11 @@ from glider.studies.coefficients import (
     fit_residual,
     residual_basis,
 )
-from glider.sysid.fit.prediction import Flown, measure_errors, rollout_scales
+from glider.sysid.fit.prediction import RolloutModel, measure_errors, rollout_scales
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.vehicle import (
-    Vehicle,
-    make_vehicle,
-)
+from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.result import Errors
 
 WORDS = {"plate": "flat plate", "26": "26 weights", "126": "126 weights"}
@@ -161,7 +150,7 @@ def _try(
     field: FieldData | None,
 ) -> ResidualModel:
     arrays = NO_FIELD if field is None else make_field(field)
-    flown = Flown(
+    flown = RolloutModel(
         theta=theta, field=arrays, scales=start_scales(noise), own_trims=False
     )
     scales = rollout_scales(flown, unseen, flown.scales)

@@ -10,12 +10,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.plan import Plan
 from glider.planning.problem import load_problem
-from glider.planning.sampling import (
-    SequenceCost,
-    cem,
-    flights_per_second,
-    mppi,
-)
+from glider.planning.sampling import SequenceCost, cem, flights_per_second, mppi
 
 Progress = Callable[[str], None]
 

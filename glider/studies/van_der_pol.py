@@ -19,22 +19,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
-from glider.studies.planar import (
-    Squares,
-    gradient,
-    padded,
-    product,
-    solve,
-    values,
-)
-from glider.verification.sos.exact import (
-    Exact,
-    is_positive_definite,
-)
-from glider.verification.sos.solving import (
-    SolverError,
-    solve_apart,
-)
+from glider.studies.planar import Squares, gradient, padded, product, solve, values
+from glider.verification.sos.exact import Exact, is_positive_definite
+from glider.verification.sos.solving import SolverError, solve_apart
 
 SIZE = 2.0
 """Scale of y = x / SIZE, in which all polynomials are; y is about 1 on the limit cycle:

@@ -14,18 +14,18 @@ import numpy as np
 
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import Inspection
-from glider.campaign.checks.masks import ALL
+from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out
 from glider.sysid.fit.prediction import (
-    Flown,
     Prediction,
+    RolloutModel,
     beginning_rows,
     measure_errors,
 )
-from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_apart, find_outlying
 from glider.sysid.likelihood.scales import FLOOR, NAMES
 from glider.sysid.likelihood.task import Task, make_task
@@ -54,15 +54,14 @@ from glider.sysid.result import (
     Combination,
     Errors,
     HeldOutFlight,
-    Left,
+    Residual,
     ResidualTable,
     Result,
-    SetAside,
 )
 from glider.sysid.search.attitude import forces_alone
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.traced import Traced
+from glider.sysid.search.traced import SearchResult
 from glider.sysid.search.tracing import FIELD_PRICE, trace
 from glider.sysid.verdict import is_of_the_plate, judge
 
@@ -235,12 +234,12 @@ class Analysis:
     def _plate(
         self,
         task: Task,
-        traced: Traced,
+        traced: SearchResult,
         signs: Signs,
         logged: Campaign,
         noise: Noise,
         inspection: Inspection,
-    ) -> Fitted:
+    ) -> FitResult:
         """Returns the flat plate with its own parameters refitted."""
         if traced.forces is not None:
             return traced.plate
@@ -253,7 +252,9 @@ class Analysis:
         )
         return fit_model(task, bare)
 
-    def _models(self, task: Task, traced: Traced, plate: Fitted) -> dict[str, Flown]:
+    def _models(
+        self, task: Task, traced: SearchResult, plate: FitResult
+    ) -> dict[str, RolloutModel]:
         """Returns the models whose errors are told, by name."""
         vehicle, layout = task.vehicle, task.layout
         offset = layout.slots_of("pitch_offset")
@@ -278,7 +279,7 @@ class Analysis:
         }
 
 
-def _air(model: Fitted) -> Air:
+def _air(model: FitResult) -> Air:
     """Returns how the air moves; what no log shows is still air."""
     scales = model.scales
     is_still = scales.air < STILL * FLOOR.air
@@ -320,14 +321,10 @@ def _fitted(everything: Task, names: tuple[tuple[str, ...], tuple[str, ...]]) ->
 
 def _set_aside(
     inspection: Inspection, strange: Mapping[str, str]
-) -> tuple[SetAside, ...]:
+) -> tuple[ExcludedRows, ...]:
     """Returns all that is not used: rows that are faulty, flights that are strange."""
-    rows = [
-        SetAside(file=s.file, rows=s.rows, why=s.why)
-        for s in inspection.set_aside
-        if s.file not in strange
-    ]
-    flights = [SetAside(file=n, rows=ALL, why=why) for n, why in strange.items()]
+    rows = [s for s in inspection.set_aside if s.file not in strange]
+    flights = [ExcludedRows(file=n, rows=ALL, why=why) for n, why in strange.items()]
     return tuple(sorted(rows + flights, key=lambda s: s.file))
 
 
@@ -341,19 +338,19 @@ def _records(
     return prepare(campaign.flights, campaign, noise, vehicle.layout, inspection.masks)
 
 
-def _table(flown: Flown, records: Sequence[Record]) -> ResidualTable:
+def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """Returns a model's residual over flights, each with the trim that it has."""
     predictions = measure_errors(flown, records)[1]
     trims = [predicted.trim for predicted in predictions]
     return make_table(records, flown.theta, trims, flown.field)
 
 
-def _left(task: Task, model: Fitted, corrected: Errors, noise: Noise) -> Left:
+def _left(task: Task, model: FitResult, corrected: Errors, noise: Noise) -> Residual:
     """Returns what the corrected model leaves, and over what it varies."""
     found = survey(task, model).gains
     real = [key for key, gain in found.items() if gain > FIELD_PRICE]
     real.sort(key=lambda key: -found[key])
-    return Left(
+    return Residual(
         ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
         position_m=corrected.position_rms_m,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),

@@ -11,7 +11,7 @@ from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.curves import TERMS
-from glider.sysid.likelihood.model_fit import Fitted, error_flights
+from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import (
     FLOOR,
     NAMES,
@@ -23,17 +23,11 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
-from glider.sysid.result import (
-    Curve,
-    Estimate,
-    FoundEffect,
-    ResidualTable,
-    Spread,
-)
+from glider.sysid.result import Curve, Estimate, FoundEffect, ResidualTable, Spread
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import PRICE
 from glider.sysid.search.peaks import find_peaks
-from glider.sysid.search.traced import Traced
+from glider.sysid.search.traced import SearchResult
 
 FAMILIES = {
     "c_lift": (
@@ -82,7 +76,7 @@ CURVE_Z = 5.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Carried:
+class ResidualCurves:
     """Curves that a model carries because no formula has their shape.
 
     Attributes:
@@ -94,10 +88,10 @@ class Carried:
     data: FieldData | None
 
 
-def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
+def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurves:
     """Returns the curves of a model that are more than noise."""
     if not model.has_curves:
-        return Carried(terms=(), data=None)
+        return ResidualCurves(terms=(), data=None)
     curves = task.curves
     low, high = np.percentile(curves.angles, [5.0, 95.0])
     alpha = np.linspace(low, high, 41)
@@ -108,10 +102,10 @@ def carried_of(task: Task, model: Fitted, known: Uncertainty) -> Carried:
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
     found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return Carried(terms=found, data=curves.data(model.coordinates))
+    return ResidualCurves(terms=found, data=curves.data(model.coordinates))
 
 
-def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
+def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """Returns what differs from flight to flight, with each flight's own value.
 
     That is what is worth the price of an effect when all other scales are refitted.
@@ -140,9 +134,9 @@ def spreads_of(task: Task, model: Fitted) -> dict[str, Spread]:
 
 def effects_of(
     task: Task,
-    traced: Traced,
+    traced: SearchResult,
     known: Uncertainty,
-    carried: Carried,
+    carried: ResidualCurves,
     spreads: dict[str, Spread],
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
@@ -227,7 +221,7 @@ def _field_entry(field: FoundField, gained: float) -> FoundEffect:
     )
 
 
-def _curve_entry(task: Task, model: Fitted, terms: tuple[str, ...]) -> FoundEffect:
+def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
     low, high = np.percentile(task.curves.angles, [5.0, 95.0])
     alpha = np.linspace(low, high, 41)
     values = task.curves.values(model.coordinates, alpha)
@@ -277,7 +271,11 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
 
 
 def model_of(
-    task: Task, model: Fitted, carried: Carried, signs: Signs, campaign: Campaign
+    task: Task,
+    model: FitResult,
+    carried: ResidualCurves,
+    signs: Signs,
+    campaign: Campaign,
 ) -> GliderModel:
     """Returns the corrected glider."""
     layout = task.layout
@@ -304,7 +302,7 @@ def model_of(
     )
 
 
-def vehicle_of(vehicle: Vehicle, model: Fitted, known: Uncertainty) -> dict:
+def vehicle_of(vehicle: Vehicle, model: FitResult, known: Uncertainty) -> dict:
     """Returns the numbers of the vehicle that nobody told, with standard errors."""
     units = {"wing_offset": "m", "mass": "kg", "pitch_inertia": "kg m²"}
     if vehicle.is_per_mass:
@@ -324,7 +322,9 @@ def vehicle_of(vehicle: Vehicle, model: Fitted, known: Uncertainty) -> dict:
     return found
 
 
-def covariance_of(task: Task, model: Fitted, known: Uncertainty) -> Covariance | None:
+def covariance_of(
+    task: Task, model: FitResult, known: Uncertainty
+) -> Covariance | None:
     """Returns the covariance of all fitted numbers that the corrected glider has.
 
     Those are the effects' coefficients and what nobody told of the vehicle; None where
@@ -345,7 +345,7 @@ def covariance_of(task: Task, model: Fitted, known: Uncertainty) -> Covariance |
 
 
 def correlations_of(
-    task: Task, model: Fitted, known: Uncertainty
+    task: Task, model: FitResult, known: Uncertainty
 ) -> dict[str, dict[str, float]]:
     """Returns the correlations of the errors of the effects' coefficients."""
     slots = [i for kind in model.kinds for i in task.layout.slots_of(kind)]

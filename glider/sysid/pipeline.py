@@ -13,17 +13,10 @@ from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
-from glider.campaign.logs import (
-    Campaign,
-    split_flights,
-)
+from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.physics.effects import (
-    ANGLE_SIGN,
-    KINDS,
-    EffectKind,
-)
+from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 
 if TYPE_CHECKING:
     from glider.sysid.replay.vehicle import Vehicle

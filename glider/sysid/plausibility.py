@@ -8,7 +8,7 @@ commands of another flight or a clock that runs slow.
 
 import numpy as np
 
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
@@ -42,7 +42,7 @@ WINDOW = 0.1
 """Time over which an elevator's travel is taken [s]."""
 
 
-def find_doubt(task: Task, model: Fitted) -> str | None:
+def find_doubt(task: Task, model: FitResult) -> str | None:
     """Returns why a model is not to be believed, one clause, or None.
 
     Args:
@@ -70,7 +70,7 @@ def find_doubt(task: Task, model: Fitted) -> str | None:
     return None
 
 
-def _at_ceilings(model: Fitted) -> list[str]:
+def _at_ceilings(model: FitResult) -> list[str]:
     """Returns words for the scales that are as large as they may be."""
     return [
         words.format(getattr(model.scales, name))
@@ -79,7 +79,7 @@ def _at_ceilings(model: Fitted) -> list[str]:
     ]
 
 
-def elevator_gain(task: Task, model: Fitted) -> tuple[float, float]:
+def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Returns how far elevators move by how far the model's do, and its error.
 
     The median over flights of regressions of travel on travel; 1 and infinity where
@@ -97,7 +97,7 @@ def elevator_gain(task: Task, model: Fitted) -> tuple[float, float]:
     return middle, 1.2533 * spread / np.sqrt(len(gains))
 
 
-def _gain_of(record: Record, model: Fitted) -> float | None:
+def _gain_of(record: Record, model: FitResult) -> float | None:
     """Returns a flight's gain; None where its elevator hardly moves."""
     rows = np.flatnonzero(record.seen[:, 3])
     time, measured = record.time[rows], record.elevator[rows]

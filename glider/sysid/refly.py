@@ -6,44 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-)
+from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    GliderParameters,
-)
+from glider.physics.parameters import GliderParameters
 from glider.sysid.fit.prediction import (
-    Flown,
     Prediction,
+    RolloutModel,
     predict,
     rollout_scales,
 )
-from glider.sysid.fit.simulate import (
-    layout_for,
-    theta_of,
-)
+from glider.sysid.fit.simulate import layout_for, theta_of
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import Scales, fit_scales, start_scales
 from glider.sysid.replay.noise import Noise, measure_noise
-from glider.sysid.replay.record import (
-    Record,
-    prepare,
-)
+from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import flow_along
-from glider.sysid.replay.signals import (
-    logged_elevator,
-    node_signals,
-)
+from glider.sysid.replay.signals import logged_elevator, node_signals
 from glider.sysid.replay.signs import signs_of, turn, turn_campaign
 from glider.sysid.replay.theta import OFFSET
-from glider.sysid.replay.vehicle import (
-    make_vehicle,
-    parameters_of,
-)
+from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -198,7 +181,7 @@ def _predicted(
         scales: of the best model that there is.
     """
     ((record, *others), _) = _records(campaign, (flight, *_some(campaign)), model)
-    flown = Flown(
+    flown = RolloutModel(
         theta=theta_of(model),
         field=model.residual_field,
         scales=scales,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
@@ -114,7 +115,7 @@ class Air:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Left:
+class Residual:
     """What the corrected model leaves of held-out flights.
 
     Attributes:
@@ -141,15 +142,6 @@ class Fold:
     held_out: tuple[str, ...]
     refitted: "Errors"
     corrected: "Errors"
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SetAside:
-    """Rows of a log that are not used: "all", or lines of the file as "41-80"."""
-
-    file: str
-    rows: str
-    why: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -291,7 +283,7 @@ class Result:
     effects: tuple[FoundEffect, ...]
     errors: dict[str, Errors | None]
     folds: tuple[Fold, ...]
-    left: Left
+    left: Residual
     candidates: dict[str, float]
     combinations: tuple[Combination, ...]
     correlations: dict[str, dict[str, float]]
@@ -301,7 +293,7 @@ class Result:
     vehicle: dict[str, Estimate]
     knows_forces: bool
     warnings: tuple[str, ...]
-    set_aside: tuple[SetAside, ...]
+    set_aside: tuple[ExcludedRows, ...]
     planarity: dict[str, str]
     noise_position_m: float
     noise_pitch_rad: float

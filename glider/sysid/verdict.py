@@ -5,25 +5,25 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
-from glider.sysid.likelihood.model_fit import Fitted
-from glider.sysid.outcome import Carried
+from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
 from glider.sysid.replay.vehicle import OWN_KINDS
-from glider.sysid.result import Errors, FoundEffect, Left
-from glider.sysid.search.traced import Traced
+from glider.sysid.result import Errors, FoundEffect, Residual
+from glider.sysid.search.traced import SearchResult
 
 AllErrors = Mapping[str, Errors | None]
 """Model to its errors on flights that it was not fitted to."""
 
 
 def judge(
-    traced: Traced,
+    traced: SearchResult,
     signs: Signs,
-    carried: Carried,
+    carried: ResidualCurves,
     held_out: HeldOut | None,
     errors: AllErrors,
     effects: tuple[FoundEffect, ...],
-    left: Left,
+    left: Residual,
     doubt: str | None,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why.
@@ -73,7 +73,7 @@ def judge(
     return "effect_found", "The effects have names and hold on held-out flights."
 
 
-def is_of_the_plate(model: Fitted) -> bool:
+def is_of_the_plate(model: FitResult) -> bool:
     """Whether all that a model names is another value of the plate's own numbers.
 
     The refitted plate has it too and may leave it nothing to gain: then it is held

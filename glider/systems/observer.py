@@ -40,10 +40,7 @@ def ExtraStates_(T):
                 "state",
                 n,
                 self._calc_state,
-                {
-                    self.xc_ticket(),
-                    self.input_port_ticket(self._measured.get_index()),
-                },
+                {self.xc_ticket(), self.input_port_ticket(self._measured.get_index())},
             )
 
         def _construct_copy(self, other, converter=None):

@@ -152,8 +152,7 @@ def GliderPlant_(T):
             value.set_value(
                 _Numbers(
                     np.append(
-                        np.zeros(len(self.state_names) + NUM_INPUTS),
-                        ExtractValue(both),
+                        np.zeros(len(self.state_names) + NUM_INPUTS), ExtractValue(both)
                     ),
                     gradient if gradient.any() else None,
                 )

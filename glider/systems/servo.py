@@ -7,10 +7,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import limited_rate
-from glider.physics.state import (
-    ELEVATOR,
-    NUM_STATES,
-)
+from glider.physics.state import ELEVATOR, NUM_STATES
 
 
 @TemplateSystem.define("ElevatorServo_", T_list=[float, AutoDiffXd])

@@ -482,9 +482,7 @@ def run(campaign: Campaign, good: Result, broken: Break) -> Answer:
         result = answer(campaign, broken)
     except InputError as error:
         return Answer(
-            outcome="refused",
-            words=str(error),
-            seconds=time.perf_counter() - begin,
+            outcome="refused", words=str(error), seconds=time.perf_counter() - begin
         )
     except Exception as error:  # The table tells it and goes on.
         return Answer(outcome="CRASH", words=repr(error))

@@ -15,19 +15,9 @@ from diagrams.closed_loop import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import tvlqr_drake
 from glider.control.tvlqr import compiled_policy
-from glider.control.tvlqr_drake import (
-    policy_of,
-    tracking_gains,
-    tracking_regulator,
-)
-from glider.simulation.fly import (
-    AFTER,
-    fly,
-)
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.control.tvlqr_drake import policy_of, tracking_gains, tracking_regulator
+from glider.simulation.fly import AFTER, fly
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 

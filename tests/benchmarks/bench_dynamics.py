@@ -12,11 +12,7 @@ import numpy as np
 from pydrake.autodiffutils import InitializeAutoDiff
 
 from glider.compiled import rollouts
-from glider.physics.effects import (
-    LIBRARY,
-    PROFILE_DRAG,
-    SERVO_LAG,
-)
+from glider.physics.effects import LIBRARY, PROFILE_DRAG, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.systems.plant import GliderPlant
 

@@ -11,10 +11,7 @@ import numpy as np
 
 from diagrams.estimated_loop import fly_on_estimate
 from glider.estimation.ekf import make_ekf
-from glider.estimation.flights import (
-    draw_starts,
-    fly_watched,
-)
+from glider.estimation.flights import draw_starts, fly_watched
 from glider.estimation.perching import (
     CAPTURE,
     PROCESS,
@@ -22,14 +19,8 @@ from glider.estimation.perching import (
     launch_prior,
     perching_ekf,
 )
-from glider.estimation.running import (
-    predict_mean,
-    run_ekf,
-)
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.estimation.running import predict_mean, run_ekf
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.benchmarks.bench_control import best_seconds
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 

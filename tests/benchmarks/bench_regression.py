@@ -11,10 +11,7 @@ import time
 import numpy as np
 
 from glider.studies.basis.basis_exercise import load_exercise
-from glider.studies.basis.basis_features import (
-    FEATURES,
-    PAPER,
-)
+from glider.studies.basis.basis_features import FEATURES, PAPER
 from glider.studies.basis.basis_model import (
     fit_basis,
     fly_again,

@@ -10,10 +10,7 @@ import time
 
 import numpy as np
 
-from glider.control.mppi import (
-    SETTINGS,
-    replanning_cost,
-)
+from glider.control.mppi import SETTINGS, replanning_cost
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters

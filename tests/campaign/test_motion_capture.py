@@ -10,12 +10,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from glider.physics.effects import (
-    ANGLE_SIGN,
-    MARKER_OFFSET,
-    POSE_LATENCY,
-    SERVO_LAG,
-)
+from glider.physics.effects import ANGLE_SIGN, MARKER_OFFSET, POSE_LATENCY, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.sysid.replay.noise import measure_noise
 from tests.helpers.campaigns import PRACTICE, campaign_path

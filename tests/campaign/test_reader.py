@@ -20,10 +20,7 @@ from glider.campaign.logs import (
     split_flights,
 )
 from glider.campaign.reader import load_campaign
-from glider.campaign.writer import (
-    save_campaign,
-    save_flight,
-)
+from glider.campaign.writer import save_campaign, save_flight
 from glider.errors import InputError
 
 VEHICLE = {"mass": 0.08, "wing_area": 0.0885, "hinge_offset": 0.27, "gravity": 9.81}

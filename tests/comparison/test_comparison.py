@@ -32,10 +32,7 @@ def save(folder, result):
 
 
 def windy(x, std, **changes):
-    wind = {
-        "x": Estimate(value=x, std=std, unit="m/s"),
-        "z": WIND.coefficients["z"],
-    }
+    wind = {"x": Estimate(value=x, std=std, unit="m/s"), "z": WIND.coefficients["z"]}
     effect = dataclasses.replace(WIND, coefficients=wind)
     return make_result(effects=(effect,), **changes)
 
@@ -194,10 +191,7 @@ def test_the_command_prints_and_writes(tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert data == json.loads((out / "comparison.json").read_text("utf-8"))
     (wind,) = [d for d in data["differences"] if d["name"] == "wind.x"]
-    assert wind["change"] == {
-        "value": pytest.approx(0.1),
-        "std": pytest.approx(0.005),
-    }
+    assert wind["change"] == {"value": pytest.approx(0.1), "std": pytest.approx(0.005)}
     assert wind["is_significant"] is True
     assert main(["compare", str(first), str(tmp_path / "none")]) == 2
     assert "there is no such file" in capsys.readouterr().err

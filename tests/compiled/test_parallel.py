@@ -11,7 +11,7 @@ import pytest
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import KINDS, NO_FIELD
-from glider.sysid.fit.prediction import Flown, measure_errors
+from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
@@ -81,7 +81,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
             model = fit_model(task, start, iterations=1)
             known = uncertainty_of(task, model)
             weighed = weigh(task, model, scoring, np.random.default_rng(0))
-            flown = Flown(
+            flown = RolloutModel(
                 theta=model.theta, field=NO_FIELD, scales=model.scales, own_trims=False
             )
             errors, _ = measure_errors(flown, task.records)

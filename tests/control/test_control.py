@@ -10,11 +10,7 @@ from scipy.linalg import solve_continuous_are
 
 from diagrams.closed_loop import closed_loop
 from diagrams.simulate import simulate_flights
-from glider.control.cruise import (
-    CruiseWeights,
-    cruise_regulator,
-    find_trim,
-)
+from glider.control.cruise import CruiseWeights, cruise_regulator, find_trim
 from glider.control.policy import (
     TrackingWeights,
     aligned_count,
@@ -29,12 +25,7 @@ from glider.control.tvlqr_drake import (
     tracking_regulator,
 )
 from glider.errors import InputError
-from glider.physics.effects import (
-    DYNAMIC_STALL,
-    SERVO_LAG,
-    THRUST,
-    WIND,
-)
+from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG, THRUST, WIND
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters

@@ -10,12 +10,7 @@ from hypothesis import strategies as st
 
 from glider.compiled.rollouts import fly_tapes
 from glider.design.funnel_checks import check_frame, check_launch
-from glider.design.funnel_throws import (
-    FUNNEL_GENES,
-    SHORTEST,
-    keep,
-    throw_in_funnel,
-)
+from glider.design.funnel_throws import FUNNEL_GENES, SHORTEST, keep, throw_in_funnel
 from glider.design.known_funnel import check_vehicle, known_funnel
 from glider.design.limits import ThrowLimits
 from glider.design.proposal import next_throw, propose

@@ -15,16 +15,8 @@ from diagrams.__main__ import save_pictures
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.parts import LONGEST
-from diagrams.picture import (
-    columns_of,
-    draw_diagram,
-    edges_of,
-    names_of,
-)
-from diagrams.simulate import (
-    reset,
-    simulate_flights,
-)
+from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
+from diagrams.simulate import reset, simulate_flights
 from diagrams.tracks import flight_track
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
@@ -36,15 +28,9 @@ from glider.physics.effects import DYNAMIC_STALL
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
-from glider.simulation.fly import (
-    AFTER,
-    fly,
-)
+from glider.simulation.fly import AFTER, fly
 from glider.simulation.miss import closest_pass
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
@@ -60,13 +46,7 @@ from tests.helpers.flights import (
 DURATION = 0.98
 STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
 ALWAYS = {"glider", "servo", "state_log", "rate_log", "force_log"}
-CAPTURE = {
-    "elevator_angle",
-    "markers",
-    "motion_capture",
-    "capture_log",
-    "command_log",
-}
+CAPTURE = {"elevator_angle", "markers", "motion_capture", "capture_log", "command_log"}
 
 
 def regulator(lagging=False):
@@ -187,9 +167,7 @@ def test_a_meshcat_shows_the_flight():
 def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
     starts = np.vstack([PROBLEM.launch, launches(2)])
     none = dataclasses.replace(
-        policy(),
-        gains=0.0 * policy().gains,
-        corrections=0.0 * policy().corrections,
+        policy(), gains=0.0 * policy().gains, corrections=0.0 * policy().corrections
     )
     ours = fly(NOMINAL, none, starts, step=0.0005)
     flights = simulate_flights(

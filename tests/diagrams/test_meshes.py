@@ -7,18 +7,10 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
-from diagrams.meshes import (
-    make_meshes,
-    make_urdf,
-    to_obj,
-    write_files,
-)
+from diagrams.meshes import make_meshes, make_urdf, to_obj, write_files
 from diagrams.scene import ParseGlider
 from glider.paths import models_path
-from glider.physics.parameters import (
-    GliderParameters,
-    load_parameters,
-)
+from glider.physics.parameters import GliderParameters, load_parameters
 
 MESHES = make_meshes()
 

@@ -9,20 +9,9 @@ import pytest
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.marks import (
-    ARROW_SCALE,
-    arrow_paths,
-    trail_path,
-)
+from diagrams.marks import ARROW_SCALE, arrow_paths, trail_path
 from diagrams.page import write_html
-from diagrams.playback import (
-    RED,
-    MakePlayback,
-    Track,
-    legend_of,
-    play,
-    stage_of,
-)
+from diagrams.playback import RED, MakePlayback, Track, legend_of, play, stage_of
 from diagrams.tracks import flight_track
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters

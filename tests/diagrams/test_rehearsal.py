@@ -14,20 +14,11 @@ from diagrams.studies.rehearsal import (
 )
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects import (
-    PITCH_DAMPING,
-    WIND,
-)
-from glider.physics.model import (
-    GliderModel,
-    save_model,
-)
+from glider.physics.effects import PITCH_DAMPING, WIND
+from glider.physics.model import GliderModel, save_model
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flights import Perches
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.physics import FIELD
 
 

@@ -36,11 +36,7 @@ def site(tmp_path_factory):
     built = subprocess.run(
         [*command, "docs", "out"],
         cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            "NOTEBOOKS_LEFT_OUT": left_out,
-        },
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NOTEBOOKS_LEFT_OUT": left_out},
         capture_output=True,
         text=True,
         check=False,

@@ -14,27 +14,14 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.estimated_loop import (
-    estimated_loop,
-    fly_on_estimate,
-)
+from diagrams.estimated_loop import estimated_loop, fly_on_estimate
 from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
-from glider.estimation.consistency import (
-    assess,
-    chi_square_band,
-    squared_errors,
-)
-from glider.estimation.ekf import (
-    SlowState,
-    make_ekf,
-)
-from glider.estimation.flights import (
-    draw_starts,
-    fly_watched,
-)
+from glider.estimation.consistency import assess, chi_square_band, squared_errors
+from glider.estimation.ekf import SlowState, make_ekf
+from glider.estimation.flights import draw_starts, fly_watched
 from glider.estimation.knowledge import information_bound
 from glider.estimation.perching import (
     CAPTURE,
@@ -44,12 +31,7 @@ from glider.estimation.perching import (
     perching_ekf,
     watch_perches,
 )
-from glider.estimation.running import (
-    Belief,
-    make_prior,
-    predict_mean,
-    run_ekf,
-)
+from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.effects import (
     GROUND_EFFECT,
@@ -61,10 +43,7 @@ from glider.physics.effects import (
 from glider.physics.model import GliderModel
 from glider.physics.numbers import Theta
 from glider.physics.parameters import GliderParameters, Parameters
-from glider.simulation.monte_carlo import (
-    LaunchSpread,
-    draw_launches,
-)
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states
 

@@ -6,17 +6,10 @@ import pytest
 from examples import filter_parameters
 from glider.paths import models_path
 from glider.physics.parameters import load_parameters
-from glider.studies.filter_study import (
-    CONSTANTS,
-    RATE,
-    watch_cruise,
-)
+from glider.studies.filter_study import CONSTANTS, RATE, watch_cruise
 from tests.helpers.examples import tell
 
-TRUTH = {
-    "cruise": {"l_w": -0.03, "S_e": 0.0147},
-    "perch": {"l_w": 0.0, "S_e": 0.0147},
-}
+TRUTH = {"cruise": {"l_w": -0.03, "S_e": 0.0147}, "perch": {"l_w": 0.0, "S_e": 0.0147}}
 
 
 @pytest.fixture(scope="module")

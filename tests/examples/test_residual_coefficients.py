@@ -10,13 +10,8 @@ from examples import residual_coefficients
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.effects.field import COEFFICIENTS
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-)
-from glider.studies.coefficients import (
-    basis_values,
-)
+from glider.physics.model import GliderModel, load_model
+from glider.studies.coefficients import basis_values
 from glider.systems.plant import GliderPlant
 from tests.helpers.campaigns import campaign_path
 from tests.helpers.examples import tell

@@ -5,12 +5,7 @@ import pytest
 
 from examples import van_der_pol
 from glider.studies.planar import values
-from glider.studies.van_der_pol import (
-    SIZE,
-    is_proved,
-    limit_cycle,
-    true_area,
-)
+from glider.studies.van_der_pol import SIZE, is_proved, limit_cycle, true_area
 from tests.helpers.examples import tell
 
 

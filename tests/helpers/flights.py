@@ -5,10 +5,7 @@ import functools
 import numpy as np
 
 from glider.control.tvlqr import compiled_policy
-from glider.control.tvlqr_drake import (
-    policy_of,
-    tracking_gains,
-)
+from glider.control.tvlqr_drake import policy_of, tracking_gains
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol

@@ -158,10 +158,7 @@ def weigh(
     size = KINDS[first].coefficients[0]
     start = GliderModel(effects=(KINDS[first](**{size.name: 0.05 * size.scale}),))
     findings = Findings(
-        model=start,
-        kinds=(first,),
-        rivals={first: tuple(others)},
-        combinations=(),
+        model=start, kinds=(first,), rivals={first: tuple(others)}, combinations=()
     )
     known, task, noise = read_task(campaign(flights), findings)
     task = dataclasses.replace(task, kinds=tuple(rivals))

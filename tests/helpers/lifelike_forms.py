@@ -158,9 +158,7 @@ def _stall_separation(rng, g):
 
 def _camber_library(rng, g):
     angle = _either_sign(rng, 0.03, 0.1)
-    g.normal.append(
-        lambda f: 2.0 * np.sin(f.alpha - angle) - 2.0 * np.sin(f.alpha),
-    )
+    g.normal.append(lambda f: 2.0 * np.sin(f.alpha - angle) - 2.0 * np.sin(f.alpha))
     return _one("camber", zero_lift_angle=angle)
 
 
@@ -328,11 +326,7 @@ def _lag_second_order(rng, g):
     late = frozenset({"command_delay"})
     return (
         Planted(
-            name="servo_lag",
-            form="second_order",
-            words=words,
-            also=late,
-            allowed=late,
+            name="servo_lag", form="second_order", words=words, also=late, allowed=late
         ),
     )
 
@@ -367,9 +361,7 @@ def _shear_library(rng, g):
 def _shear_power_law(rng, g):
     """A wind over a floor at z = -1.8 m, as (height)^0.25: mostly a mean."""
     size = _either_sign(rng, 0.4, 0.9)
-    g.winds.append(
-        lambda f: size * (np.maximum(f.z + 1.8, 0.02) / 1.8) ** 0.25,
-    )
+    g.winds.append(lambda f: size * (np.maximum(f.z + 1.8, 0.02) / 1.8) ** 0.25)
     mean = frozenset({"wind"})
     words = f"{size:.2f} ((z + 1.8) / 1.8)^0.25"
     return (

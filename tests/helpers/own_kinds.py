@@ -1,9 +1,6 @@
 """Effects that the library lacks, one a stage, as a user would write them."""
 
-from glider.physics.effects import (
-    Coefficient,
-    EffectKind,
-)
+from glider.physics.effects import Coefficient, EffectKind
 from glider.physics.formulas import scalar
 
 

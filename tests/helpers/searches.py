@@ -3,19 +3,19 @@
 import dataclasses
 
 from glider.physics.effects.effect import Effect
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.search.fits import Search
 from tests.helpers.tasks import begin, fly, task_of
 
 
-def search_among(effect: Effect, *offered: str) -> tuple[Search, Fitted]:
+def search_among(effect: Effect, *offered: str) -> tuple[Search, FitResult]:
     """Returns a search among some kinds in flights of an effect, and the plate."""
     task, noise = task_of(fly(effect, flights=8))
     task = dataclasses.replace(task, kinds=offered)
     return Search(task, lambda text: None), begin(task, noise)
 
 
-def kinds_fitted(search: Search, plate: Fitted, *kinds: str) -> Fitted:
+def kinds_fitted(search: Search, plate: FitResult, *kinds: str) -> FitResult:
     """Returns the plate with some effects, fitted."""
     start = dataclasses.replace(plate, kinds=kinds, free=search.task.free(kinds))
     return search.fit(start)

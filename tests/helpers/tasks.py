@@ -7,7 +7,7 @@ from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
 from glider.studies.known_truth import begin, task_of
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
-from glider.sysid.likelihood.model_fit import Fitted, fit_model
+from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
 
 
@@ -17,7 +17,7 @@ def fly(*effects, seed: int = 0, **plan) -> Campaign:
     return simulate_campaign(model, CampaignPlan(**plan), np.random.default_rng(seed))
 
 
-def fit_kinds(campaign: Campaign, *kinds: str, masks=None) -> tuple[Task, Fitted]:
+def fit_kinds(campaign: Campaign, *kinds: str, masks=None) -> tuple[Task, FitResult]:
     """Fits kinds of the library to a campaign."""
     task, noise = task_of(campaign, masks=masks)
     return task, fit_model(task, begin(task, noise, kinds))

@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glider.physics.actuator_replay import (
-    command_steps,
-    elevator_path,
-)
+from glider.physics.actuator_replay import command_steps, elevator_path
 
 SWITCHES = np.array([0.0, 0.02, 0.05, 0.11, 0.2])
 COMMANDS = np.array([5.0, -8.0, 3.0, 13.0, 0.0])

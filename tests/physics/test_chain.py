@@ -12,10 +12,7 @@ from glider.compiled.jacobian import differentiate
 from glider.compiled.rollouts import fly_tapes
 from glider.physics import trigonometry
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    GliderParameters,
-    Parameters,
-)
+from glider.physics.parameters import GliderParameters, Parameters
 from tests.helpers.physics import (
     PARAMETERS,
     GliderState,

@@ -10,11 +10,7 @@ from glider.compiled.jacobian import differentiate
 from glider.compiled.replay import flow_at
 from glider.errors import InputError
 from glider.physics.actuator_replay import elevator_path
-from glider.physics.compose import (
-    coefficient_slices,
-    compose,
-    state_slices,
-)
+from glider.physics.compose import coefficient_slices, compose, state_slices
 from glider.physics.effects import (
     COMMAND_DELAY,
     KINDS,

@@ -7,13 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.physics.covariance import Covariance
-from glider.physics.effects import (
-    KINDS,
-    LIBRARY,
-    NO_FIELD,
-    PROFILE_DRAG,
-    WIND,
-)
+from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
 from glider.physics.effects.field import FieldData, make_field
 from glider.physics.model import (
     GliderModel,

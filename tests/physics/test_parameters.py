@@ -7,11 +7,7 @@ import yaml
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.parameters import (
-    PARAMETER_NAMES,
-    GliderParameters,
-    load_parameters,
-)
+from glider.physics.parameters import PARAMETER_NAMES, GliderParameters, load_parameters
 
 # m, I, S_w, S_e, l_w, l_h, l_e, rho, g: the table of reference-facts.md, in the
 # order of PARAMETER_NAMES.
@@ -146,15 +142,7 @@ def test_what_only_looks_odd_is_allowed(write, field, value):
     assert getattr(load_parameters(write(**{field: value})), field) == value
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "- 0.08\n- 0.0015\n",
-        "just text\n",
-        "mass: [\n",
-    ],
-)
+@pytest.mark.parametrize("text", ["", "- 0.08\n- 0.0015\n", "just text\n", "mass: [\n"])
 def test_a_file_that_is_no_list_of_fields_is_refused(tmp_path, text):
     path = tmp_path / "vehicle.yaml"
     path.write_text(text)

@@ -5,10 +5,7 @@ import pytest
 
 from glider.physics.model import GliderModel
 from glider.planning import dircol
-from glider.planning.audit import (
-    path_defect,
-    segment_drift,
-)
+from glider.planning.audit import path_defect, segment_drift
 from glider.planning.point_dynamics import Dynamics
 from tests.helpers.flights import PROBLEM, QUICK
 

@@ -17,22 +17,12 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning import dircol
-from glider.planning.dircol import (
-    LOOSE,
-    PlanningError,
-    plan,
-)
-from glider.planning.guess import (
-    straight_line,
-    swoop,
-)
+from glider.planning.dircol import LOOSE, PlanningError, plan
+from glider.planning.guess import straight_line, swoop
 from glider.planning.multistart import find_minima
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.planning.transcription import (
-    transcribe,
-    violated,
-)
+from glider.planning.transcription import transcribe, violated
 from tests.helpers.physics import PARAMETERS, nose_up_dynamics
 
 

@@ -4,10 +4,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.planning.problem import (
-    PerchingProblem,
-    load_problem,
-)
+from glider.planning.problem import PerchingProblem, load_problem
 
 
 def test_the_shipped_problem_is_the_default_one():

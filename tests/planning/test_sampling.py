@@ -16,16 +16,10 @@ from glider.control.mppi import (
 )
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects import (
-    GROUND_EFFECT,
-    SERVO_LAG,
-)
+from glider.physics.effects import GROUND_EFFECT, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import (
-    PerchingProblem,
-    load_problem,
-)
+from glider.planning.problem import PerchingProblem, load_problem
 from glider.planning.sampling import (
     CemSettings,
     MppiSettings,

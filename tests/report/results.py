@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
@@ -20,10 +21,9 @@ from glider.sysid.result import (
     Fold,
     FoundEffect,
     HeldOutFlight,
-    Left,
+    Residual,
     ResidualTable,
     Result,
-    SetAside,
     Spread,
 )
 
@@ -110,11 +110,7 @@ def make_curve(term):
     alpha = np.linspace(-0.1, 1.0, 40)
     lack = 0.3 * np.sin(3.0 * alpha)
     return Curve(
-        term=term,
-        alpha=alpha,
-        lack=lack,
-        std=0.02 + 0.02 * alpha**2,
-        named=0.8 * lack,
+        term=term, alpha=alpha, lack=lack, std=0.02 + 0.02 * alpha**2, named=0.8 * lack
     )
 
 
@@ -147,7 +143,7 @@ def make_result(**changes):
             make_fold(("flight_002.csv",)),
             make_fold(("flight_101.csv",), better=False),
         ),
-        left=Left(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
+        left=Residual(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
         candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
         combinations=(
             Combination(kinds=("wind",), evidence=21345.6),
@@ -171,8 +167,10 @@ def make_result(**changes):
         knows_forces=True,
         warnings=("flight_002.csv: the clock of the pose drifts by 0.3 %.",),
         set_aside=(
-            SetAside(file="flight_007.csv", rows="all", why="it stands still."),
-            SetAside(file="flight_001.csv", rows="41-80", why="the pose is frozen."),
+            ExcludedRows(file="flight_007.csv", rows="all", why="it stands still."),
+            ExcludedRows(
+                file="flight_001.csv", rows="41-80", why="the pose is frozen."
+            ),
         ),
         planarity={"flight_105.csv": "not planar: roll up to 31°"},
         noise_position_m=4e-4,
@@ -216,7 +214,7 @@ def diverged():
             ),
         ),
         candidates={"wind": math.inf, "mass": math.nan},
-        left=Left(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
+        left=Residual(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
         folds=(
             Fold(
                 held_out=("flight_100.csv",),

@@ -41,7 +41,7 @@ from glider.sysid.result import (
     Air,
     Combination,
     Estimate,
-    Left,
+    Residual,
     Spread,
 )
 from tests.report.results import (
@@ -187,7 +187,7 @@ def test_a_finding_that_does_not_hold_is_not_claimed():
 
 
 def test_what_has_no_name_is_told_with_what_it_varies_with():
-    left = Left(ratio_to_noise=9.0, position_m=0.01, depends_on=("elevator",))
+    left = Residual(ratio_to_noise=9.0, position_m=0.01, depends_on=("elevator",))
     result = make_result(verdict="partly_explained", left=left)
     assert "; and an error that varies with elevator and" in headline(result)
     result = make_result(
@@ -220,13 +220,13 @@ def test_the_reason_follows_the_verdict():
     ],
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
-    left = Left(ratio_to_noise=ratio, position_m=position, depends_on=("V",))
+    left = Residual(ratio_to_noise=ratio, position_m=position, depends_on=("V",))
     assert text in left_words(make_result(left=left))
     assert "σ" not in left_words(make_result(left=left))
 
 
 def test_what_is_left_is_not_told_where_it_is_not_known():
-    left = Left(ratio_to_noise=1.0, position_m=math.nan, depends_on=())
+    left = Residual(ratio_to_noise=1.0, position_m=math.nan, depends_on=())
     assert left_words(make_result(left=left)) == ""
 
 

@@ -20,32 +20,16 @@ from rich.console import Console
 from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
-from glider.physics.model import (
-    load_covariance,
-    load_model,
-)
+from glider.physics.model import load_covariance, load_model
 from glider.report.charts import STATIC
 from glider.report.folder import write_report
 from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.report.terminal import print_summary
-from glider.report.wording import (
-    headline,
-    remarks,
-)
-from glider.sysid.result import (
-    CALIBRATED,
-    Errors,
-    Estimate,
-)
+from glider.report.wording import headline, remarks
+from glider.sysid.result import CALIBRATED, Errors, Estimate
 from tests.helpers.own_kinds import FLAP
-from tests.report.results import (
-    VARIANTS,
-    WIND,
-    errors_json,
-    make_curve,
-    make_result,
-)
+from tests.report.results import VARIANTS, WIND, errors_json, make_curve, make_result
 
 SLOW = pytest.mark.slow
 

@@ -13,21 +13,12 @@ from glider.compiled.constants import BLOCK
 from glider.control.tvlqr import compiled_policy
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
-from glider.physics.effects import (
-    DYNAMIC_STALL,
-    WIND,
-)
+from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation import monte_carlo
-from glider.simulation.fly import (
-    fly,
-    full_starts,
-    make_clock,
-)
-from glider.simulation.miss import (
-    closest_pass,
-)
+from glider.simulation.fly import fly, full_starts, make_clock
+from glider.simulation.miss import closest_pass
 from glider.simulation.monte_carlo import (
     CHUNK,
     Case,
@@ -315,11 +306,7 @@ def test_noise_makes_a_case_worse():
 
 def test_each_state_gets_its_own_noise(monkeypatch):
     given = []
-    monkeypatch.setattr(
-        monte_carlo,
-        "fly",
-        lambda *_, noise, **__: given.append(noise),
-    )
+    monkeypatch.setattr(monte_carlo, "fly", lambda *_, noise, **__: given.append(noise))
     [case] = [case for case in cases() if case.name == "noisy"]
     fly_case(case, 200, np.random.default_rng(0))
     deviations = given[0].std(axis=(0, 1))

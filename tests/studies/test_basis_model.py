@@ -9,20 +9,9 @@ import yaml
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
-from glider.studies.basis.basis_choice import (
-    configured,
-    cross_validate,
-)
-from glider.studies.basis.basis_exercise import (
-    fly_exercise,
-    load_exercise,
-)
-from glider.studies.basis.basis_features import (
-    FEATURES,
-    OURS,
-    PAPER,
-    basis_flow,
-)
+from glider.studies.basis.basis_choice import configured, cross_validate
+from glider.studies.basis.basis_exercise import fly_exercise, load_exercise
+from glider.studies.basis.basis_features import FEATURES, OURS, PAPER, basis_flow
 from glider.studies.basis.basis_logs import exercise_campaign
 from glider.studies.basis.basis_model import (
     BasisDynamics,
@@ -32,10 +21,7 @@ from glider.studies.basis.basis_model import (
     sampled_features,
 )
 from glider.studies.basis.basis_recipe import Recipe
-from glider.studies.basis.basis_refinement import (
-    refine,
-    rollout_error,
-)
+from glider.studies.basis.basis_refinement import refine, rollout_error
 from glider.studies.basis.basis_study import fit_configurations
 from glider.sysid.fit.regression import least_squares
 from glider.sysid.replay.vehicle import make_vehicle

@@ -17,10 +17,7 @@ from glider.studies.coefficients import (
     residual_basis,
 )
 from glider.studies.residual_study import learn_residuals
-from glider.sysid.fit.simulate import (
-    CampaignPlan,
-    simulate_campaign,
-)
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table

@@ -9,14 +9,8 @@ from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import THRUST
 from glider.physics.model import GliderModel
-from glider.physics.parameters import (
-    GliderParameters,
-    load_parameters,
-)
-from glider.studies.cruising import (
-    cruise_gain,
-    level_flight,
-)
+from glider.physics.parameters import GliderParameters, load_parameters
+from glider.studies.cruising import cruise_gain, level_flight
 from glider.studies.filter_study import (
     CONSTANTS,
     draw_wind,

@@ -8,22 +8,13 @@ import pytest
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects.field import COEFFICIENTS, with_weights
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-)
+from glider.physics.model import GliderModel, load_model
 from glider.physics.parameters import load_parameters
 from glider.planning.ilqr import ilqr
 from glider.planning.problem import goal_cost
 from glider.simulation.miss import closest_pass
-from glider.studies.coefficients import (
-    basis_values,
-    residual_basis,
-)
-from glider.studies.flight_weights import (
-    solve_weights,
-    weight_equations,
-)
+from glider.studies.coefficients import basis_values, residual_basis
+from glider.studies.flight_weights import solve_weights, weight_equations
 from glider.studies.learning import (
     CAPTURE,
     STATE_NOISE,
@@ -39,10 +30,7 @@ from glider.studies.learning import (
     trace_effects,
 )
 from glider.studies.learning_study import weight_changes
-from glider.studies.low_reynolds import (
-    low_reynolds_coefficients,
-    low_reynolds_field,
-)
+from glider.studies.low_reynolds import low_reynolds_coefficients, low_reynolds_field
 from glider.sysid.fit.regression import least_squares
 from tests.helpers.flights import LAGGING
 

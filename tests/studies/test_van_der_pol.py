@@ -6,12 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from glider.studies.planar import (
-    Squares,
-    gradient,
-    product,
-    values,
-)
+from glider.studies.planar import Squares, gradient, product, values
 from glider.studies.van_der_pol import (
     SIZE,
     area,

@@ -10,7 +10,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
     CURVE_Z,
-    Carried,
+    ResidualCurves,
     carried_of,
     curves_of,
     model_of,
@@ -23,7 +23,7 @@ from tests.helpers.tasks import begin, fly, task_of
 
 # ------------------------------------------------------------------------ curves
 
-NO_CURVES = Carried(terms=(), data=None)
+NO_CURVES = ResidualCurves(terms=(), data=None)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,9 @@ def test_a_curve_that_is_sure_is_carried_and_told_by_its_term(plain, term):
 def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     task, model = plain
     bent = dataclasses.replace(model, coordinates=curve_of(task, "c_moment"))
-    carried = Carried(terms=("c_moment",), data=task.curves.data(bent.coordinates))
+    carried = ResidualCurves(
+        terms=("c_moment",), data=task.curves.data(bent.coordinates)
+    )
     campaign = fly(flights=1, duration=0.2)
     whole = model_of(task, bent, carried, Signs(), campaign)
     assert whole.field == carried.data

@@ -22,10 +22,7 @@ from glider.sysid.refly import (
 )
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
-from glider.sysid.replay.signs import (
-    Signs,
-    turn_campaign,
-)
+from glider.sysid.replay.signs import Signs, turn_campaign
 from tests.helpers.campaigns import campaign_path
 
 CORRECTED = GliderModel(

@@ -6,13 +6,13 @@ import types
 import pytest
 
 from glider.sysid.fit.folds import LEAST_T, WORSE
-from glider.sysid.outcome import Carried
+from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
-from glider.sysid.result import VERDICTS, Errors, FoundEffect, Left
+from glider.sysid.result import VERDICTS, Errors, FoundEffect, Residual
 from glider.sysid.verdict import FLOWN, is_of_the_plate, judge
 
 RIGHT = Signs()
-NO_CURVES = Carried(terms=(), data=None)
+NO_CURVES = ResidualCurves(terms=(), data=None)
 
 
 def entry(kind, shape_fits=True):
@@ -63,7 +63,7 @@ def verdict(
         field=object() if field else None,
         forces=None if left_over is None else object(),
     )
-    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
+    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
     held_out = None
     if signs.are_right:
         held_out = types.SimpleNamespace(t=t, ratios=ratios, t_over_drawn=t_over_drawn)
@@ -72,7 +72,7 @@ def verdict(
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(*split),
     }
-    carried = Carried(terms=terms, data=None)
+    carried = ResidualCurves(terms=terms, data=None)
     return judge(traced, signs, carried, held_out, errors, tuple(effects), left, doubt)
 
 
@@ -151,7 +151,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=()), field=object(), forces=None
     )
-    left = Left(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
     held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9), t_over_drawn=None)
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}

@@ -7,11 +7,7 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from glider.physics.parameters import GliderParameters
-from glider.physics.servo import (
-    STOPPING_TIME,
-    Servo,
-    limited_rate,
-)
+from glider.physics.servo import STOPPING_TIME, Servo, limited_rate
 from glider.systems.servo import ElevatorServo
 
 LOW, HIGH, LIMIT = -0.4463, 0.9473, 13.0

@@ -10,24 +10,15 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.error_dynamics import evaluate
 from glider.verification.funnel.limits import servo_bounds
-from glider.verification.funnel.remainder import (
-    remainder_form,
-)
-from glider.verification.proof.check import (
-    check_funnel,
-    largest_between,
-)
+from glider.verification.funnel.remainder import remainder_form
+from glider.verification.proof.check import check_funnel, largest_between
 from glider.verification.proof.exact_check import (
     BALL_BITS,
     check_time,
     exact_faults,
     growth_polynomial,
 )
-from glider.verification.sos.exact import (
-    exact,
-    fractions,
-    rounded,
-)
+from glider.verification.sos.exact import exact, fractions, rounded
 from glider.verification.sos.forms import (
     higher_forms,
     linear_part,
@@ -120,10 +111,7 @@ CORRUPTIONS = {
         lambda f: {"beta": f.beta + 0.5, "weights": f.weights + 0.5},
         "proves nothing",
     ),
-    "weights that divide by zero": (
-        lambda f: {"beta": f.beta + 0.5},
-        "proves nothing",
-    ),
+    "weights that divide by zero": (lambda f: {"beta": f.beta + 0.5}, "proves nothing"),
     "no ellipsoid": (lambda f: {"S": -f.S}, "no ellipsoid"),
     "a larger goal set": (lambda f: {"S": f.S / 1.01}, "goal"),
     "a servo of less travel": (lambda f: {"nominal": weaker(f)}, "servo"),

@@ -9,16 +9,8 @@ import pytest
 from glider.__main__ import main
 from glider.paths import models_path
 from glider.physics.covariance import Covariance
-from glider.physics.model import (
-    GliderModel,
-    load_covariance,
-    load_model,
-    save_model,
-)
-from glider.verification.funnel.funnel import (
-    load_funnel,
-    save_funnel,
-)
+from glider.physics.model import GliderModel, load_covariance, load_model, save_model
+from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.proof import check, exact_check, flight_proof
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.interval_proof import IntervalProof

@@ -14,21 +14,11 @@ from diagrams.parts import tape_rows
 from diagrams.studies.funnel_estimate import estimate_figures
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
-from glider.estimation.perching import (
-    CAPTURE,
-    PROCESS,
-)
+from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.verification.monitor import FunnelMonitor
-from glider.verification.trials.estimated import (
-    fly_estimated,
-    study_estimates,
-)
-from glider.verification.trials.flights import (
-    boundary_states,
-    fly_from,
-    funnel_policy,
-)
+from glider.verification.trials.estimated import fly_estimated, study_estimates
+from glider.verification.trials.flights import boundary_states, fly_from, funnel_policy
 
 NOISE = 0.003
 UNKNOWN = 0.5
@@ -155,11 +145,7 @@ def test_the_error_is_measured_by_the_funnel(funnel, launch, draws):
 @pytest.fixture(scope="module")
 def found(funnel):
     return study_estimates(
-        funnel,
-        12,
-        np.random.default_rng(0),
-        noises=(0.001, 0.02),
-        unknown=(0.2, 1.0),
+        funnel, 12, np.random.default_rng(0), noises=(0.001, 0.02), unknown=(0.2, 1.0)
     )
 
 

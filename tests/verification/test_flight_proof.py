@@ -179,10 +179,7 @@ CHANGES = {
         lambda p: {"nominal": moved(p.nominal, 0.1 * np.eye(2, 7))},
         "V was not proven to fall",
     ),
-    "no flight at all": (
-        lambda p: {"nominal": moved(p.nominal, 1e200)},
-        "too large",
-    ),
+    "no flight at all": (lambda p: {"nominal": moved(p.nominal, 1e200)}, "too large"),
 }
 
 

@@ -13,10 +13,7 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.build import make_funnel
-from glider.verification.funnel.funnel import (
-    load_funnel,
-    save_funnel,
-)
+from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.monitor import FunnelMonitor
 from glider.verification.proof.check import check_funnel

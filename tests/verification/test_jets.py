@@ -6,17 +6,9 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
 from glider.physics.compose import compose
-from glider.physics.effects import (
-    ATTACHED_LIFT,
-    NO_FIELD,
-    SERVO_LAG,
-)
+from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
 from glider.physics.numbers import Theta
-from glider.verification.dynamics.jets import (
-    coefficients_of,
-    monomials,
-    variables,
-)
+from glider.verification.dynamics.jets import coefficients_of, monomials, variables
 from tests.helpers.physics import PARAMETERS, random_states
 
 POINT = np.array([0.7, -0.4])

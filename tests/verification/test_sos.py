@@ -27,14 +27,8 @@ from glider.verification.sos.grams import (
     represent,
     represent_rest,
 )
-from glider.verification.sos.programs import (
-    largest_margin,
-    least_growth,
-)
-from glider.verification.sos.solving import (
-    SolverError,
-    solve_apart,
-)
+from glider.verification.sos.programs import largest_margin, least_growth
+from glider.verification.sos.solving import SolverError, solve_apart
 from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points
 

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.physics.effects import (
-    SERVO_LAG,
-    WIND,
-)
+from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.dependence import variables
 from glider.verification.dynamics.error_dynamics import nonlinear_parts

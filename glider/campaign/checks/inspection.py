@@ -13,7 +13,7 @@ from glider.campaign.checks.frame import (
     join,
     usable_motion,
 )
-from glider.campaign.checks.masks import ALL, Masks, SetAside, name_rows
+from glider.campaign.checks.masks import ALL, ExcludedRows, Masks, name_rows
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults
@@ -38,7 +38,7 @@ class Inspection:
 
     campaign: Campaign  # Axes turned where they were; flights set aside left out.
     masks: dict[str, Masks]  # Of the flights that are left, by name.
-    set_aside: tuple[SetAside, ...]  # Rows and whole flights, by file.
+    set_aside: tuple[ExcludedRows, ...]  # Rows and whole flights, by file.
     warnings: tuple[str, ...]  # What was turned, and gaps.
 
 
@@ -88,7 +88,7 @@ def inspect(campaign: Campaign) -> Inspection:
     )
 
 
-def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[SetAside, ...]]:
+def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[ExcludedRows, ...]]:
     """Sets aside flights whose poses are those of an earlier one, row by row."""
     seen: dict[bytes, str] = {}
     reasons = {}
@@ -101,7 +101,7 @@ def _drop_copies(campaign: Campaign) -> tuple[Campaign, tuple[SetAside, ...]]:
 
 def _drop_servoless(
     campaign: Campaign, masks: dict[str, Masks]
-) -> tuple[Campaign, tuple[SetAside, ...]]:
+) -> tuple[Campaign, tuple[ExcludedRows, ...]]:
     """Sets aside flights whose elevator is faulty in most rows."""
     shares = {
         f.name: float(np.mean(masks[f.name].elevator[masks[f.name].usable]))
@@ -118,7 +118,7 @@ def _drop_servoless(
 
 def _drop_short(
     campaign: Campaign, masks: dict[str, Masks], cause: str = ""
-) -> tuple[Campaign, tuple[SetAside, ...]]:
+) -> tuple[Campaign, tuple[ExcludedRows, ...]]:
     """Sets aside flights of which too few rows are left, or too few here and there.
 
     Args:
@@ -143,7 +143,7 @@ def _drop_short(
 
 def _drop_tail_first(
     campaign: Campaign, masks: dict[str, Masks]
-) -> tuple[Campaign, tuple[SetAside, ...]]:
+) -> tuple[Campaign, tuple[ExcludedRows, ...]]:
     """Sets aside flights that go the other way, or tail first, unlike most others."""
     motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
     motions = {name: m for name, m in motions.items() if len(m.time)}
@@ -169,7 +169,7 @@ def _drop_tail_first(
 
 def _drop(
     campaign: Campaign, reasons: dict[str, str], least: float = _MIN_SHARE
-) -> tuple[Campaign, tuple[SetAside, ...]]:
+) -> tuple[Campaign, tuple[ExcludedRows, ...]]:
     """Returns the campaign without the flights that have a reason to be set aside."""
     kept = tuple(f for f in campaign.flights if f.name not in reasons)
     if len(kept) < least * len(campaign.flights):
@@ -178,7 +178,7 @@ def _drop(
             f"{campaign.path}: {len(reasons)} of {len(campaign.flights)} flights "
             f"cannot be used, {name} for one: {why}."
         )
-    told = tuple(SetAside(file=n, rows=ALL, why=why) for n, why in reasons.items())
+    told = tuple(ExcludedRows(file=n, rows=ALL, why=why) for n, why in reasons.items())
     return dataclasses.replace(campaign, flights=kept), told
 
 
@@ -187,7 +187,7 @@ def _mask(
     masks: dict[str, Masks],
     find: Callable[[Flight, np.ndarray], np.ndarray],
     why: str,
-) -> tuple[SetAside, ...]:
+) -> tuple[ExcludedRows, ...]:
     """Sets aside what `find` finds in each flight, in its masks too."""
     told = []
     for flight in campaign.flights:
@@ -195,5 +195,5 @@ def _mask(
         found = find(flight, mask.usable) & mask.usable
         if found.any():
             masks[flight.name] = dataclasses.replace(mask, pose=mask.pose | found)
-            told.append(SetAside(file=flight.name, rows=name_rows(found), why=why))
+            told.append(ExcludedRows(file=flight.name, rows=name_rows(found), why=why))
     return tuple(told)

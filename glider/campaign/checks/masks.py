@@ -7,11 +7,11 @@ import numpy as np
 from glider.campaign.logs import Flight
 
 ALL = "all"
-"""What `SetAside.rows` says of a whole flight."""
+"""What `ExcludedRows.rows` says of a whole flight."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SetAside:
+class ExcludedRows:
     """Rows of a file that are not to be used, and why."""
 
     file: str  # E.g. "flight_003.csv".

@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.campaign.checks.masks import Masks, SetAside, name_rows, stretches
+from glider.campaign.checks.masks import ExcludedRows, Masks, name_rows, stretches
 from glider.campaign.checks.runs import (
     Track,
     find_one_motion,
@@ -36,7 +36,7 @@ class Faults:
     """What is wrong with rows of a campaign."""
 
     masks: dict[str, Masks]  # By the name of the flight.
-    set_aside: tuple[SetAside, ...]
+    set_aside: tuple[ExcludedRows, ...]
     warnings: tuple[str, ...]
 
 
@@ -177,9 +177,11 @@ def _measure_elevator_noise(campaign: Campaign) -> float:
     return float(np.median(each)) if each else 0.0
 
 
-def _tell(flight: Flight, what: str, faults: dict[str, np.ndarray]) -> list[SetAside]:
+def _tell(
+    flight: Flight, what: str, faults: dict[str, np.ndarray]
+) -> list[ExcludedRows]:
     return [
-        SetAside(file=flight.name, rows=name_rows(flags), why=f"{what}: {why}")
+        ExcludedRows(file=flight.name, rows=name_rows(flags), why=f"{what}: {why}")
         for why, flags in faults.items()
         if flags.any()
     ]

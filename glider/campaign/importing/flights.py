@@ -15,12 +15,7 @@ from glider.campaign.importing.raw import RawTable
 from glider.campaign.importing.readers import read_raw
 from glider.campaign.importing.selection import Stream, select
 from glider.campaign.importing.servo import make_servo
-from glider.campaign.importing.track import (
-    Track,
-    angles_of,
-    make_track,
-    turn_along,
-)
+from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
 
 

@@ -26,7 +26,7 @@ from glider.campaign.importing.flights import (
 from glider.campaign.importing.mapping import QUANTITIES, Mapping, parse_mapping
 from glider.campaign.importing.raw import RawTable
 from glider.campaign.importing.readers import read_raw
-from glider.campaign.importing.run import Imported
+from glider.campaign.importing.run import ImportResult
 from glider.campaign.importing.selection import select
 from glider.campaign.importing.signs import SIGNIFICANT, elevator_effect, misfit_of
 from glider.campaign.importing.track import make_track
@@ -50,10 +50,7 @@ _ULOG = {
     "attitude": "vehicle_attitude.q",
     "elevator_angle_command": "actuator_controls_0.control[1]",
 }
-_SHAPES = {
-    "attitude": ("xyzw", "0123", "xyz", "012"),
-    "position": ("xyz", "012"),
-}
+_SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
 _RATE = "elevator_rate_command"
 _SCALARS = (_RATE, "elevator_angle_command", "time", "x", "z", "pitch", "elevator")
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
@@ -71,7 +68,7 @@ class Guess:
     """A proposed mapping."""
 
     text: str  # Of the MAP file, with reasons.
-    imported: Imported  # What it makes of the logs.
+    imported: ImportResult  # What it makes of the logs.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -123,7 +120,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         lines.append("  elevator_rate_limit: 13.0  # ? rad/s: that of your servo")
     final = _try_frame(seen, columns, units, frame)
     best = final or best
-    imported = Imported(
+    imported = ImportResult(
         campaign=best.campaign, recordings=best.recordings, undecided=()
     )
     return Guess(text="\n".join(lines) + "\n", imported=imported)

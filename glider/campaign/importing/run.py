@@ -29,7 +29,7 @@ RECORD = "import.txt"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Imported:
+class ImportResult:
     """A campaign, and what there is to tell of how it came about."""
 
     campaign: Campaign
@@ -57,7 +57,7 @@ class Imported:
 
 def import_campaign(
     files: Sequence[Path | str], mapping: Path | str, out: Path | str
-) -> Imported:
+) -> ImportResult:
     """Makes a campaign folder of logs, as a mapping says, and tells what was done.
 
     Nothing is written unless all of it is right: the flights must fall down, nose
@@ -77,7 +77,7 @@ def import_campaign(
     return imported
 
 
-def read_flights(files: Sequence[Path | str], mapping: Path | str) -> Imported:
+def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResult:
     """Returns what `import_campaign` writes."""
     settings, claim = read_settings(Path(mapping))
     if claim is None:
@@ -97,7 +97,7 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> Imported:
     campaign = campaign_of_cuts(settings, recordings)
     undecided = check_signs(campaign)
     _check_rotation(raws, claim, campaign)
-    return Imported(campaign=campaign, recordings=recordings, undecided=undecided)
+    return ImportResult(campaign=campaign, recordings=recordings, undecided=undecided)
 
 
 def _check_rotation(

@@ -1,9 +1,6 @@
 """The library of effects: what a flat-plate glider may lack."""
 
-from glider.physics.effects.actuator import (
-    COMMAND_DELAY,
-    SERVO_LAG,
-)
+from glider.physics.effects.actuator import COMMAND_DELAY, SERVO_LAG
 from glider.physics.effects.air import WIND, WIND_SHEAR
 from glider.physics.effects.effect import (
     STAGES,
@@ -14,12 +11,7 @@ from glider.physics.effects.effect import (
     Motion,
     Replay,
 )
-from glider.physics.effects.field import (
-    FIELD_TERMS,
-    FIELD_VARIABLES,
-    NO_FIELD,
-    Field,
-)
+from glider.physics.effects.field import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.geometry import (
     CENTER_OF_PRESSURE,
     DOWNWASH,
@@ -28,11 +20,7 @@ from glider.physics.effects.geometry import (
     STALLED_DOWNWASH,
     WING_INCIDENCE,
 )
-from glider.physics.effects.inertia import (
-    ADDED_MASS,
-    INERTIA,
-    MASS,
-)
+from glider.physics.effects.inertia import ADDED_MASS, INERTIA, MASS
 from glider.physics.effects.sensor import (
     ANGLE_SIGN,
     FRAME_TILT,

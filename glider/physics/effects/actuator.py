@@ -5,10 +5,7 @@ one. Replaying a log, `glider.physics.actuator_replay` solves the same equations
 exactly.
 """
 
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-)
+from glider.physics.effects.effect import Coefficient, EffectKind
 from glider.physics.formulas import scalar
 
 

@@ -1,9 +1,6 @@
 """Effects of the air: how it moves."""
 
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-)
+from glider.physics.effects.effect import Coefficient, EffectKind
 from glider.physics.formulas import scalar
 
 

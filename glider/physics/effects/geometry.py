@@ -1,15 +1,7 @@
 """Effects of geometry: where the surfaces sit and what flow meets the tail."""
 
-from glider.physics.aerodynamics import (
-    attached_share,
-    elevator_velocity,
-    plate_force,
-)
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-    constant,
-)
+from glider.physics.aerodynamics import attached_share, elevator_velocity, plate_force
+from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 from glider.physics.trigonometry import cos, sin
 

@@ -1,10 +1,6 @@
 """Effects of inertia: how hard the glider is to accelerate."""
 
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-    constant,
-)
+from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 
 

@@ -2,16 +2,8 @@
 
 import numpy as np
 
-from glider.physics.aerodynamics import (
-    angle_of_attack,
-    attached_share,
-    gaussian,
-)
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-    constant,
-)
+from glider.physics.aerodynamics import angle_of_attack, attached_share, gaussian
+from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 
 REFERENCE_SPEED = 7.0

@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from glider.physics.effects.effect import (
-    Coefficient,
-    EffectKind,
-)
+from glider.physics.effects.effect import Coefficient, EffectKind
 from glider.physics.formulas import scalar
 
 _TURN = 0.01

@@ -7,11 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from glider.report.plots.axes import evidence_ticks, log_scale
-from glider.report.plots.style import (
-    BLUE,
-    COLORS,
-    LABELS,
-)
+from glider.report.plots.style import BLUE, COLORS, LABELS
 
 _PICKED = BLUE
 _CONFUSED = "#8CC3E6"

@@ -11,11 +11,7 @@ BAND = 2.0
 
 
 def plot_curve(
-    ax: Axes,
-    alpha: np.ndarray,
-    lack: np.ndarray,
-    std: np.ndarray,
-    named: np.ndarray,
+    ax: Axes, alpha: np.ndarray, lack: np.ndarray, std: np.ndarray, named: np.ndarray
 ) -> None:
     """Draws what the plate lacks, the part with a name, and the rest that is carried.
 

@@ -6,23 +6,12 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
-from glider.report.plots.axes import (
-    few_ticks,
-    limit,
-    log_scale,
-    ticks,
-)
-from glider.report.plots.style import (
-    COLORS,
-    line,
-)
+from glider.report.plots.axes import few_ticks, limit, log_scale, ticks
+from glider.report.plots.style import COLORS, line
 
 
 def plot_paths(
-    ax: Axes,
-    measured: np.ndarray,
-    flown: Mapping[str, np.ndarray],
-    fitted: np.ndarray,
+    ax: Axes, measured: np.ndarray, flown: Mapping[str, np.ndarray], fitted: np.ndarray
 ) -> None:
     """Draws one flight's path in the vertical plane.
 

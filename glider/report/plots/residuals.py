@@ -5,18 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from glider.report.plots.axes import (
-    few_ticks,
-    finite,
-    limit,
-    thin,
-)
-from glider.report.plots.style import (
-    COLORS,
-    LABELS,
-    VARIABLES,
-    WIDTHS,
-)
+from glider.report.plots.axes import few_ticks, finite, limit, thin
+from glider.report.plots.style import COLORS, LABELS, VARIABLES, WIDTHS
 
 
 def plot_residual(

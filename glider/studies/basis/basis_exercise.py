@@ -12,11 +12,7 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import NUM_STATES
 from glider.studies.basis.basis_features import angle_sign
-from glider.studies.basis.basis_model import (
-    BasisFrame,
-    Numbers,
-    SampledFlights,
-)
+from glider.studies.basis.basis_model import BasisFrame, Numbers, SampledFlights
 from glider.studies.basis.basis_recipe import load_recipe
 
 

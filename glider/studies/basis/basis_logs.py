@@ -3,31 +3,16 @@
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-    campaign_of,
-)
+from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
-from glider.studies.basis.basis_exercise import (
-    Exercise,
-    fly_exercise,
-)
+from glider.studies.basis.basis_exercise import Exercise, fly_exercise
 from glider.studies.basis.basis_features import angle_sign
 from glider.studies.basis.basis_model import SampledFlights
-from glider.sysid.fit.simulate import (
-    FINE,
-)
-from glider.sysid.pipeline import (
-    Progress,
-    close_the_loop,
-)
+from glider.sysid.fit.simulate import FINE
+from glider.sysid.pipeline import Progress, close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result
-from glider.sysid.search.signs import (
-    Signs,
-    find_signs,
-)
+from glider.sysid.search.signs import Signs, find_signs
 
 
 def exercise_campaign(exercise: Exercise, angles: str) -> Campaign:

@@ -10,16 +10,8 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.state import NUM_STATES
-from glider.studies.basis.basis_features import (
-    angle_sign,
-    basis_flow,
-    feature_columns,
-)
-from glider.sysid.fit.regression import (
-    Regression,
-    best_subsets,
-    least_squares,
-)
+from glider.studies.basis.basis_features import angle_sign, basis_flow, feature_columns
+from glider.sysid.fit.regression import Regression, best_subsets, least_squares
 
 CHANNELS = ("tangential", "normal", "pitch")
 """The accelerations, in their order."""
@@ -158,10 +150,7 @@ def fit_basis(
 
 
 def best_numbers(
-    flights: SampledFlights,
-    frame: BasisFrame,
-    features: tuple[int, ...],
-    most: int = 3,
+    flights: SampledFlights, frame: BasisFrame, features: tuple[int, ...], most: int = 3
 ) -> Numbers:
     """Returns the features that leave the least squared error in each channel.
 

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from glider.errors import InputError, show
-from glider.physics.state import (
-    NUM_STATES,
-    STATE_NAMES,
-)
-from glider.physics.typed_yaml import load_typed
+from glider.files import schema
+from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.studies.basis.basis_features import FEATURES
 
 _SEEDS = 2**32
@@ -20,7 +17,7 @@ _CHANNELS = 3
 """Number of channels: along the wing, normal to it and in pitch."""
 
 
-@dataclasses.dataclass(kw_only=True)  # Not frozen: load_typed uses setattr.
+@dataclasses.dataclass(kw_only=True)
 class Recipe:
     """Launches and tapes about nominal ones, and features to fit to the flights.
 
@@ -57,7 +54,7 @@ class Recipe:
 
 def load_recipe(path: Path) -> Recipe:
     """Loads a recipe; what is missing, misspelt or cannot be is an InputError."""
-    recipe = load_typed(Recipe, path, "an exercise")
+    recipe = schema.load_yaml(Recipe, path, "an exercise")
     check_recipe(recipe, source=str(path))
     return recipe
 

@@ -1,14 +1,8 @@
 """The exercise's answers in key figures and in words."""
 
 from glider.report.json_report import plain
-from glider.studies.basis.basis_model import (
-    CHANNELS,
-    BasisFit,
-)
-from glider.studies.basis.basis_study import (
-    BasisFits,
-    BasisStudy,
-)
+from glider.studies.basis.basis_model import CHANNELS, BasisFit
+from glider.studies.basis.basis_study import BasisFits, BasisStudy
 
 
 def key_figures(study: BasisStudy) -> dict[str, object]:

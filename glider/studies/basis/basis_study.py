@@ -5,15 +5,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from glider.studies.basis.basis_choice import (
-    candidates_of,
-    cross_validate,
-)
+from glider.studies.basis.basis_choice import candidates_of, cross_validate
 from glider.studies.basis.basis_exercise import Exercise
-from glider.studies.basis.basis_features import (
-    FEATURES,
-    PAPER,
-)
+from glider.studies.basis.basis_features import FEATURES, PAPER
 from glider.studies.basis.basis_model import (
     BasisDynamics,
     BasisFit,
@@ -21,11 +15,7 @@ from glider.studies.basis.basis_model import (
     fit_basis,
     fly_again,
 )
-from glider.studies.basis.basis_refinement import (
-    RolloutError,
-    refine,
-    rollout_error,
-)
+from glider.studies.basis.basis_refinement import RolloutError, refine, rollout_error
 from glider.sysid.result import Result
 from glider.sysid.search.signs import Signs
 

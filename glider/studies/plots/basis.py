@@ -8,18 +8,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider.report.plots.axes import (
-    few_ticks,
-    legend_beside,
-    limit,
-)
-from glider.report.plots.style import (
-    COLORS,
-    GREEN,
-    ORANGE,
-    RED,
-    STYLE,
-)
+from glider.report.plots.axes import few_ticks, legend_beside, limit
+from glider.report.plots.style import COLORS, GREEN, ORANGE, RED, STYLE
 
 _SHADES = (RED, ORANGE, COLORS["corrected"], GREEN)
 _DASHES = ("-", (0, (5, 1.5)), "-", (0, (2, 1.2)))

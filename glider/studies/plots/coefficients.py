@@ -8,17 +8,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider.report.plots.axes import (
-    few_ticks,
-    limit,
-    thin,
-)
+from glider.report.plots.axes import few_ticks, limit, thin
 from glider.report.plots.residuals import binned_quantiles
-from glider.report.plots.style import (
-    COLORS,
-    STYLE,
-    VARIABLES,
-)
+from glider.report.plots.style import COLORS, STYLE, VARIABLES
 
 _SHADES = (COLORS["as_drawn"], COLORS["refitted"], COLORS["corrected"])
 _LABELS = ("C_L", "C_D", "C_M [m]")

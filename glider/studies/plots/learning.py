@@ -11,16 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from glider.planning.hook import Hook
-from glider.report.plots.axes import (
-    few_ticks,
-    legend_beside,
-    limit,
-)
-from glider.report.plots.style import (
-    COLORS,
-    RED,
-    STYLE,
-)
+from glider.report.plots.axes import few_ticks, legend_beside, limit
+from glider.report.plots.style import COLORS, RED, STYLE
 
 WEIGHTS = RED
 TRACED = COLORS["corrected"]
@@ -75,10 +67,7 @@ def _log_scale(ax: Axes) -> None:
     """Scales like `report.plots.axes.log_scale`, with ticks at 2 and 5 as well."""
     ax.set_yscale("log")
     ax.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-    for set_formatter in (
-        ax.yaxis.set_major_formatter,
-        ax.yaxis.set_minor_formatter,
-    ):
+    for set_formatter in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
         set_formatter(lambda value, _: f"{value:g}")
 
 

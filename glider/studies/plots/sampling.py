@@ -8,11 +8,7 @@ from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider.report.plots.axes import (
-    few_ticks,
-    legend_beside,
-    log_scale,
-)
+from glider.report.plots.axes import few_ticks, legend_beside, log_scale
 from glider.report.plots.style import BLUE, GREEN, RED, STYLE
 from glider.studies.plots.perching import plot_perches
 

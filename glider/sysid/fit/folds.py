@@ -7,8 +7,8 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.sysid.fit.prediction import (
-    Flown,
     Prediction,
+    RolloutModel,
     errors_of,
     flight_errors,
     predict,
@@ -17,7 +17,7 @@ from glider.sysid.fit.prediction import (
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     beforehand,
     field_of,
     grams_of,
@@ -102,7 +102,7 @@ def robust_t(gains: np.ndarray) -> float:
     return float(np.mean(held) / max(error, 1e-12))
 
 
-def flown_by(task: Task, model: Fitted, scales: Scales) -> Flown:
+def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again.
 
     Args:
@@ -111,7 +111,7 @@ def flown_by(task: Task, model: Fitted, scales: Scales) -> Flown:
         scales: of sensors, and of what differs from flight to flight, as the best model
             has them: a wrong model would make much of them.
     """
-    flown = Flown(
+    flown = RolloutModel(
         theta=model.theta,
         field=field_of(task, model),
         scales=scales,
@@ -123,11 +123,11 @@ def flown_by(task: Task, model: Fitted, scales: Scales) -> Flown:
 
 def hold_out(
     task: Task,
-    plate: Fitted,
-    corrected: Fitted,
+    plate: FitResult,
+    corrected: FitResult,
     scales: Scales,
     rng: np.random.Generator,
-    drawn: Fitted | None = None,
+    drawn: FitResult | None = None,
 ) -> HeldOut:
     """Holds out each flight once.
 
@@ -172,7 +172,7 @@ def hold_out(
     )
 
 
-def _predictor(flown: Flown) -> Callable[[Record], Prediction]:
+def _predictor(flown: RolloutModel) -> Callable[[Record], Prediction]:
     def one(record: Record) -> Prediction:
         return predict(flown, record)
 
@@ -182,7 +182,7 @@ def _predictor(flown: Flown) -> Callable[[Record], Prediction]:
 class _Refits:
     """A model, refitted to all flights but some by one step from the fit to all."""
 
-    def __init__(self, task: Task, model: Fitted):
+    def __init__(self, task: Task, model: FitResult):
         model = with_constants(task, model)
         self.task, self.model = task, model
         directions = slopes(task.layout, model.theta, model.free)
@@ -190,7 +190,7 @@ class _Refits:
         scales = model.scales
         self.grams = np.stack(grams_of(self.flights, scales))
 
-    def without(self, part: np.ndarray) -> tuple[Fitted, np.ndarray]:
+    def without(self, part: np.ndarray) -> tuple[FitResult, np.ndarray]:
         """Returns the model without some flights, and their costs under it [nats]."""
         model, index = self.model, list(self.model.free)
         rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)

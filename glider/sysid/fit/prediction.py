@@ -14,12 +14,7 @@ from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import roll_out, translate
 from glider.physics.effects import Field
 from glider.sysid.likelihood.linear_flight import Constants, linearize
-from glider.sysid.likelihood.scales import (
-    FLOOR,
-    Scales,
-    fit_scales,
-    smoothed_start,
-)
+from glider.sysid.likelihood.scales import FLOOR, Scales, fit_scales, smoothed_start
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
@@ -37,7 +32,7 @@ _FEWEST_ROWS = 10
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Flown:
+class RolloutModel:
     """A model that flies logs again.
 
     Attributes:
@@ -76,7 +71,9 @@ def beginning_rows(record: Record, own_trims: bool) -> int:
     return min(max(rows, _FEWEST_ROWS), len(record.time))
 
 
-def rollout_scales(model: Flown, records: Sequence[Record], scales: Scales) -> Scales:
+def rollout_scales(
+    model: RolloutModel, records: Sequence[Record], scales: Scales
+) -> Scales:
     """Returns the errors of a model's rollouts over the beginnings of flights.
 
     A rollout knows no gusts: its errors last, and a launch must suit all rows of the
@@ -116,7 +113,7 @@ class Launch:
     constants: Constants
 
 
-def find_launch(model: Flown, record: Record, rows: int) -> Launch:
+def find_launch(model: RolloutModel, record: Record, rows: int) -> Launch:
     """Returns the most likely launch given a flight's first rows."""
     beginning, constants = record.first(rows), Constants()
     for _ in range(2):
@@ -129,7 +126,7 @@ def find_launch(model: Flown, record: Record, rows: int) -> Launch:
     return Launch(state=flight.nodes[0] + own[:n], constants=constants)
 
 
-def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
+def predict(model: RolloutModel, record: Record, whole: bool = False) -> Prediction:
     """Predicts one flight from its beginning, or fits the whole of it."""
     rows = len(record.time) if whole else beginning_rows(record, model.own_trims)
     launch = find_launch(model, record, rows)
@@ -180,7 +177,7 @@ def predict(model: Flown, record: Record, whole: bool = False) -> Prediction:
 
 
 def measure_errors(
-    model: Flown, records: Sequence[Record]
+    model: RolloutModel, records: Sequence[Record]
 ) -> tuple[Errors, list[Prediction]]:
     """Returns a model's errors on flights, and their predictions."""
     predictions = in_parallel(lambda record: predict(model, record), records)
@@ -188,7 +185,7 @@ def measure_errors(
 
 
 def errors_of(
-    model: Flown, records: Sequence[Record], predictions: Sequence[Prediction]
+    model: RolloutModel, records: Sequence[Record], predictions: Sequence[Prediction]
 ) -> Errors:
     """Returns the errors of predictions of flights."""
     table = make_table(records, model.theta, [p.trim for p in predictions], model.field)

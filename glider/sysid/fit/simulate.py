@@ -8,11 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-    campaign_of,
-)
+from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
 from glider.physics.actuator_replay import latest_command
@@ -21,11 +17,7 @@ from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
 from glider.sysid.replay.signals import replayed_path
 from glider.sysid.replay.signs import signs_of, turn
-from glider.sysid.replay.theta import (
-    OFFSET,
-    Layout,
-    layout_of,
-)
+from glider.sysid.replay.theta import OFFSET, Layout, layout_of
 
 FINE = 10
 """Integration steps between two rows of the log."""
@@ -120,11 +112,7 @@ def _fly(
     time = np.arange(rows) / plan.capture.rate
     switches = np.arange(int(plan.duration * plan.command_rate) + 1) / plan.command_rate
     commands = random_commands(
-        len(switches),
-        1.0 / plan.command_rate,
-        (low, high),
-        rate_limit,
-        rng,
+        len(switches), 1.0 / plan.command_rate, (low, high), rate_limit, rng
     )
     launch = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
     flight = fly_commands(

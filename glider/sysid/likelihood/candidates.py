@@ -9,7 +9,7 @@ from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     beforehand,
     grams_of,
     linear_flights,
@@ -38,7 +38,7 @@ class Candidates:
     """
 
     task: Task
-    model: Fitted
+    model: FitResult
     directions: tuple[Direction, ...]
     variants: dict[str, tuple[Variant, ...]]
     flights: Sequence[LinearFlight]
@@ -119,7 +119,7 @@ class Candidates:
         }
 
 
-def gather(task: Task, model: Fitted) -> Candidates:
+def gather(task: Task, model: FitResult) -> Candidates:
     """Makes all flights linear about a model, in everything that may be wrong."""
     layout = task.layout
     directions = slopes(layout, model.theta, model.free)

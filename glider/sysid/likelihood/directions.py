@@ -104,9 +104,5 @@ def _secant(kind: str, slot: int, theta: np.ndarray, value: float) -> Direction:
     moved = theta.copy()
     moved[slot] = value
     return Direction(
-        kind=kind,
-        slot=slot,
-        base=theta,
-        moved=moved,
-        size=value - theta[slot],
+        kind=kind, slot=slot, base=theta, moved=moved, size=value - theta[slot]
     )

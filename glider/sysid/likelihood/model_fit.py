@@ -40,7 +40,7 @@ LARGEST_COORDINATE = 30.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Fitted:
+class FitResult:
     """A model with everything about it fitted.
 
     Attributes:
@@ -77,10 +77,10 @@ class Fitted:
         return len(self.coordinates) > 0
 
 
-def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
+def start_of(task: Task, noise: Noise, with_curves: bool) -> FitResult:
     """Returns the nominal model, nothing fitted yet, in still air."""
     count = task.curves.count if with_curves else 0
-    return Fitted(
+    return FitResult(
         kinds=(),
         theta=task.vehicle.theta.copy(),
         free=task.free(()),
@@ -91,7 +91,7 @@ def start_of(task: Task, noise: Noise, with_curves: bool) -> Fitted:
     )
 
 
-def field_of(task: Task, model: Fitted) -> Field:
+def field_of(task: Task, model: FitResult) -> Field:
     """Returns a model's curves and its extra field as the dynamics take them."""
     parts = [task.curves.field(model.coordinates)] if model.has_curves else []
     if model.extra is not None:
@@ -102,7 +102,7 @@ def field_of(task: Task, model: Fitted) -> Field:
 
 
 def linear_flights(
-    task: Task, model: Fitted, directions: Sequence[Direction]
+    task: Task, model: FitResult, directions: Sequence[Direction]
 ) -> list[LinearFlight]:
     """Returns all flights, linear about a model; the curves' columns come last."""
     field, curves = field_of(task, model), task.curves
@@ -121,13 +121,13 @@ def linear_flights(
     return in_parallel(one, task.records)
 
 
-def error_flights(task: Task, model: Fitted) -> list[LinearFlight]:
+def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
     """Returns all flights with one column, their error under a model."""
     return [flight.error_only() for flight in linear_flights(task, model, ())]
 
 
 def beforehand(
-    task: Task, model: Fitted, slots: Sequence[int]
+    task: Task, model: FitResult, slots: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns value, mean beforehand and precision of slots, then of the curves."""
     mean, precision = task.priors(slots, model.theta)
@@ -153,10 +153,10 @@ def with_prior(
 
 def fit_model(
     task: Task,
-    model: Fitted,
+    model: FitResult,
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
-) -> Fitted:
+) -> FitResult:
     """Fits a model's free numbers, its curves and its scales.
 
     Args:
@@ -219,18 +219,18 @@ def fit_model(
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray]:
-    """Returns what each flight knows of its columns, see `Filtered.gram`."""
+    """Returns what each flight knows of its columns, see `WhitenedFlight.gram`."""
     return in_parallel(lambda f: whiten(f, scales).gram, flights)
 
 
 def _moved(
-    model: Fitted,
+    model: FitResult,
     flights: Sequence[LinearFlight],
     index: Sequence[int],
     step: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-) -> Fitted:
+) -> FitResult:
     """Returns a model with its free numbers moved, and the flights' own with them.
 
     Args:
@@ -251,7 +251,7 @@ def _moved(
     )
 
 
-def with_constants(task: Task, model: Fitted) -> Fitted:
+def with_constants(task: Task, model: FitResult) -> FitResult:
     """Returns a model with what is its own of each flight of a task, old and new."""
     constants = _constants(error_flights(task, model), model.scales)
     return dataclasses.replace(model, constants=constants)
@@ -262,7 +262,7 @@ def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Con
     return {f.record.name: own for f, own in zip(flights, found, strict=True)}
 
 
-def fit_strength(task: Task, model: Fitted, rounds: int = 8) -> Fitted:
+def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     """Returns the model with the curves as strong beforehand as the flights say.
 
     MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).

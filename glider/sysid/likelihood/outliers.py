@@ -19,7 +19,7 @@ import numpy as np
 
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     beforehand,
     error_flights,
     start_of,
@@ -114,7 +114,7 @@ LEAST_APART = 0.3
 """... and how far off it is at least, in the coefficient's scale."""
 
 
-def find_apart(task: Task, model: Fitted) -> dict[str, str]:
+def find_apart(task: Task, model: FitResult) -> dict[str, str]:
     """Returns flights that need a wind, trim or pitch zero far from all others', why.
 
     What one flight has of its own may take up that its positions are in another length

@@ -113,7 +113,7 @@ its time."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Filtered:
+class WhitenedFlight:
     """A flight whitened.
 
     Attributes:
@@ -161,7 +161,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
 
 def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
-) -> Filtered:
+) -> WhitenedFlight:
     """Filters a flight.
 
     Args:
@@ -198,7 +198,7 @@ def whiten(
         innovations,
         variances,
     )
-    return Filtered(innovations=innovations, log_variances=np.log(variances))
+    return WhitenedFlight(innovations=innovations, log_variances=np.log(variances))
 
 
 def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
@@ -331,7 +331,7 @@ _STEP_OF_LOG = 1e-3
 
 def _likelihood(
     flights: Sequence[LinearFlight], logs: np.ndarray
-) -> tuple[list[Filtered], float]:
+) -> tuple[list[WhitenedFlight], float]:
     """Returns the flights whitened by scales, and their cost with the prior [nats]."""
     scales = Scales.from_logs(logs)
     found = in_parallel(lambda f: whiten(f, scales), flights)
@@ -340,13 +340,13 @@ def _likelihood(
 
 def _slopes(
     flights: Sequence[LinearFlight],
-    bases: Sequence[Filtered],
+    bases: Sequence[WhitenedFlight],
     logs: np.ndarray,
     index: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the cost's slopes over logarithms of scales, and Fisher's information."""
 
-    def one(pair: tuple[LinearFlight, Filtered]) -> tuple[np.ndarray, np.ndarray]:
+    def one(pair: tuple[LinearFlight, WhitenedFlight]) -> tuple[np.ndarray, np.ndarray]:
         flight, base = pair
         w, v = base.innovations[..., 0], base.log_variances
         by_w, by_v = [], []

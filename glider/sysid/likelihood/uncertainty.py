@@ -10,7 +10,7 @@ from glider.sysid.likelihood.evidence import eliminate
 from glider.sysid.likelihood.information import covariance
 from glider.sysid.likelihood.model_fit import (
     STRENGTH_RANGE,
-    Fitted,
+    FitResult,
     beforehand,
     grams_of,
     linear_flights,
@@ -40,7 +40,7 @@ class Uncertainty:
         return float(np.sqrt(self.covariance[k, k]))
 
 
-def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
+def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     """Returns how well a model's numbers are known.
 
     The larger of what the likelihood says and what leaving out each flight says, see
@@ -51,13 +51,11 @@ def uncertainty_of(task: Task, model: Fitted) -> Uncertainty:
     grams = np.stack(grams_of(flights, model.scales))
     _, _, precision = beforehand(task, model, model.free)
     return Uncertainty(
-        free=model.free,
-        covariance=covariance(grams, 1.0, precision),
-        flights=grams,
+        free=model.free, covariance=covariance(grams, 1.0, precision), flights=grams
     )
 
 
-def with_allowed_curves(task: Task, model: Fitted) -> Fitted:
+def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
     """Returns a model with curves as strong beforehand as its flights allow.
 
     No glider is exactly a formula. What curves over the angle of attack may hide there

@@ -3,21 +3,12 @@
 import numpy as np
 
 from glider.compiled.replay import measure_nodes, with_extras
-from glider.physics.effects import (
-    NO_FIELD,
-    Field,
-)
+from glider.physics.effects import NO_FIELD, Field
 from glider.physics.parameters import NUM_PARAMETERS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.signals import (
-    logged_elevator,
-    pose_signals,
-)
-from glider.sysid.replay.theta import (
-    OFFSET,
-    Layout,
-)
+from glider.sysid.replay.signals import logged_elevator, pose_signals
+from glider.sysid.replay.theta import OFFSET, Layout
 
 
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:

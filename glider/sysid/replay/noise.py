@@ -6,18 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from glider.campaign.checks.masks import Masks
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-)
-from glider.physics.actuator_replay import (
-    command_steps,
-    elevator_path,
-)
-from glider.sysid.replay.smoothing import (
-    Smoothing,
-    estimate_noise,
-)
+from glider.campaign.logs import Campaign, Flight
+from glider.physics.actuator_replay import command_steps, elevator_path
+from glider.sysid.replay.smoothing import Smoothing, estimate_noise
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,14 +12,8 @@ import numpy as np
 from glider.compiled.kernel import check_compiles
 from glider.errors import InputError, show
 from glider.physics.compose import compose
-from glider.physics.effects import (
-    KINDS,
-    STAGES,
-    EffectKind,
-)
-from glider.physics.parameters import (
-    GliderParameters,
-)
+from glider.physics.effects import KINDS, STAGES, EffectKind
+from glider.physics.parameters import GliderParameters
 
 _RESERVED = ("parameters", "rbf_residual", "unexplained")
 

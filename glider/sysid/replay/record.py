@@ -8,19 +8,13 @@ import numpy as np
 from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.rows import pieces_with_commands
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-)
+from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps
 from glider.physics.effects import Replay
 from glider.sysid.replay.attitude import in_plane, planar_pitch
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.smoothing import smoothing_maps
-from glider.sysid.replay.theta import (
-    LIBRARY_LAYOUT,
-    Layout,
-)
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 _GAP = 1.6
 """Time between two rows, over the usual one, from which on nodes are put between."""

@@ -10,11 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.replay import flow_at
-from glider.physics.effects import (
-    FIELD_VARIABLES,
-    NO_FIELD,
-    Field,
-)
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.record import Record

@@ -4,10 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-)
+from glider.campaign.logs import Campaign, Flight
 from glider.physics.effects import ANGLE_SIGN, Effect
 from glider.physics.model import GliderModel
 

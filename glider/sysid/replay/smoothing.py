@@ -55,12 +55,7 @@ def _power(a: np.ndarray, order: int) -> list[np.ndarray]:
 def _polynomial(t: np.ndarray, derivative: int) -> np.ndarray:
     one, zero = np.ones_like(t), np.zeros_like(t)
     return np.stack(
-        [
-            [one, t, 0.5 * t * t],
-            [zero, one, t],
-            [zero, zero, one],
-        ][derivative],
-        axis=1,
+        [[one, t, 0.5 * t * t], [zero, one, t], [zero, zero, one]][derivative], axis=1
     )
 
 

@@ -12,12 +12,7 @@ import functools
 import numpy as np
 
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import (
-    KINDS,
-    LIBRARY,
-    EffectKind,
-    Replay,
-)
+from glider.physics.effects import KINDS, LIBRARY, EffectKind, Replay
 from glider.physics.parameters import (
     NUM_PARAMETERS,
     PARAMETER_NAMES,

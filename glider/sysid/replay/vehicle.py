@@ -11,14 +11,8 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.physics.parameters import (
-    PARAMETER_NAMES,
-    GliderParameters,
-)
-from glider.sysid.replay.theta import (
-    LIBRARY_LAYOUT,
-    Layout,
-)
+from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""

@@ -6,10 +6,7 @@ from glider.compiled import filter_error, replay
 from glider.compiled.ahead import compile_ahead
 from glider.physics.effects import NO_FIELD
 from glider.physics.parameters import GliderParameters
-from glider.sysid.replay.theta import (
-    LIBRARY_LAYOUT,
-    Layout,
-)
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 
 def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     error_flights,
     fit_model,
     start_of,
@@ -24,7 +24,7 @@ from glider.sysid.replay.noise import Noise
 from glider.sysid.search.held_out import HeldOutEvidence
 from glider.sysid.search.sets_in_models import begin, plate_of
 from glider.sysid.search.subsets import Scorer, best_set
-from glider.sysid.search.traced import Traced
+from glider.sysid.search.traced import SearchResult
 from glider.sysid.search.weighing import weigh
 
 ROUNDS = 4
@@ -87,11 +87,8 @@ def price_of_kind(task: Task, kind: str) -> float:
 
 
 def trace_along_attitude(
-    task: Task,
-    noise: Noise,
-    rng: np.random.Generator,
-    progress: Callable[[str], None],
-) -> Traced:
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Callable[[str], None]
+) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show."""
     start = start_of(task, noise, with_curves=False)
     scales = dataclasses.replace(start.scales, **ALONG_ATTITUDE)
@@ -116,7 +113,7 @@ def trace_along_attitude(
         progress("fitting the plate alone")
         plate = fit_model(task, plate_of(task, model), free_scales=())
     progress("fitting the moment")
-    return Traced(
+    return SearchResult(
         model=with_moment(task, model, noise),
         plate=with_moment(task, plate, noise),
         evidence=score.lost(members),
@@ -136,19 +133,19 @@ def scoring(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Sc
     return Scorer(evidence, variants, lambda kind: price_of_kind(task, kind))
 
 
-def refit(task: Task, model: Fitted) -> Fitted:
+def refit(task: Task, model: FitResult) -> FitResult:
     """Returns a model fitted to the forces, and the errors that it leaves there."""
     return with_error_of_forces(task, fit_model(task, model, free_scales=()))
 
 
-def with_error_of_forces(task: Task, model: Fitted) -> Fitted:
+def with_error_of_forces(task: Task, model: FitResult) -> FitResult:
     """Returns a model of forces with the error that it leaves."""
     flights = error_flights(task, model)
     scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
     return dataclasses.replace(model, scales=scales)
 
 
-def with_moment(task: Task, model: Fitted, noise: Noise) -> Fitted:
+def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
     index = task.layout.index
     slots = [index[slot] for slot in _OF_MOMENT]
@@ -170,7 +167,7 @@ OF_FORCES = ("wind", "trim", "pitch_zero")
 rougher, must not turn the flights' axes or their winds."""
 
 
-def forces_alone(task: Task, model: Fitted, forces: Fitted) -> Fitted:
+def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model as a refit of its forces to other flights takes it.
 
     The moment stays as it is.

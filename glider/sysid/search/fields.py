@@ -15,7 +15,7 @@ from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
-    Fitted,
+    FitResult,
     beforehand,
     fit_model,
     grams_of,
@@ -147,7 +147,7 @@ class Survey:
 
 
 def _gain(
-    flights: list[LinearFlight], task: Task, model: Fitted, basis: Basis
+    flights: list[LinearFlight], task: Task, model: FitResult, basis: Basis
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Returns a field's evidence, its weights and their covariance.
 
@@ -177,7 +177,7 @@ def _gain(
     return gained, (inverse @ side)[m:], inverse[m:, m:]
 
 
-def survey(task: Task, model: Fitted) -> Survey:
+def survey(task: Task, model: FitResult) -> Survey:
     """Returns what a field over each variable would explain on top of a model."""
     few = task.thinned(SURVEY_FLIGHTS)
     flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
@@ -201,20 +201,20 @@ class FoundField:
         evidence: gained [nats].
     """
 
-    model: Fitted
+    model: FitResult
     basis: Basis
     covariance: np.ndarray
     depends_on: tuple[str, ...]
     evidence: float
 
 
-def fit_fields(task: Task, model: Fitted, found: Survey) -> list[FoundField]:
+def fit_fields(task: Task, model: FitResult, found: Survey) -> list[FoundField]:
     """Adds each leading field of a survey to a model, apart."""
     return [fit_field(task, model, found, key) for key in found.leading]
 
 
 def fit_field(
-    task: Task, model: Fitted, found: Survey, key: tuple[str, str]
+    task: Task, model: FitResult, found: Survey, key: tuple[str, str]
 ) -> FoundField:
     """Adds a field of a survey to a model and fits both in turn."""
     form, variable = key

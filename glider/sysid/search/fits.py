@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, gather, saturated_scales
-from glider.sysid.likelihood.model_fit import Fitted, fit_model, fit_strength
+from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.sets_in_models import begin
@@ -38,15 +38,15 @@ class Search:
 
     task: Task
     progress: Progress
-    fitted: dict[frozenset[str], Fitted] = dataclasses.field(default_factory=dict)
+    fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: "tuple[Task, Fitted, FirstOrder | None] | None" = None
+    _near: "tuple[Task, FitResult, FirstOrder | None] | None" = None
 
-    def price(self, model: Fitted) -> float:
+    def price(self, model: FitResult) -> float:
         """Returns a model's cost with the price of its effects [nats]."""
         return price_of(self.task, model)
 
-    def fit(self, model: Fitted, iterations: int = 6) -> Fitted:
+    def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model and remembers it."""
         found = fit_model(self.task, model, iterations)
         if found.extra is None:
@@ -55,18 +55,18 @@ class Search:
                 self.fitted[key] = found
         return found
 
-    def fit_with_strength(self, model: Fitted, iterations: int = 6) -> Fitted:
+    def fit_with_strength(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model, and the strength of its curves."""
         return fit_strength(self.task, self.fit(model, iterations))
 
-    def near(self, model: Fitted) -> "FirstOrder | None":
+    def near(self, model: FitResult) -> "FirstOrder | None":
         """Returns `to_first_order` about a model; what was asked last is kept."""
         if not (self._near and self._near[0] is self.task and self._near[1] is model):
             self._near = self.task, model, to_first_order(self.task, model)
         return self._near[2]
 
 
-def price_of(task: Task, model: Fitted) -> float:
+def price_of(task: Task, model: FitResult) -> float:
     """Returns a model's cost with the price of its effects [nats]."""
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
@@ -92,12 +92,12 @@ class FirstOrder:
     scales: Scales
     score: Scorer
 
-    def begin(self, members: Members) -> Fitted:
+    def begin(self, members: Members) -> FitResult:
         """Returns the model with a set of effects, not fitted yet."""
         return begin(self.candidates, self.score.evidence, members, self.scales)
 
 
-def to_first_order(task: Task, model: Fitted, rounds: int = 2) -> FirstOrder | None:
+def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
     """Returns what sets are worth about a model; None where the model blows up.
 
     Args:
@@ -146,7 +146,7 @@ def price_of_kind(flights: int, base: float) -> float:
     return base * max(1.0, flights / FLIGHTS_OF_PRICE)
 
 
-def is_plain(model: Fitted, scales: Scales) -> bool:
+def is_plain(model: FitResult, scales: Scales) -> bool:
     """Whether one effect at most and air explain the flights, and nothing else.
 
     Beside another effect a small one may stand in for what that one's formula gets

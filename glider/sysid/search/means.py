@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.likelihood.model_fit import Fitted, error_flights
+from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import OWN_VALUES, own_values
 from glider.sysid.search.fits import Search
 
 
-def with_means(search: Search, model: Fitted) -> Fitted:
+def with_means(search: Search, model: FitResult) -> FitResult:
     """Returns a model with what flights have of their own, where its mean is not zero.
 
     To first order a spread that took up the mean hides it; both are fitted anew.

@@ -4,15 +4,15 @@ import dataclasses
 import heapq
 from collections.abc import Collection, Iterable, Mapping
 
-from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, Fitted
+from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult
 from glider.sysid.search.fits import FirstOrder, Search
 from glider.sysid.search.pruning import without_needless_curves
 from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import Members, best_set, climb
-from glider.sysid.search.weighing import Weighed, shown_by
+from glider.sysid.search.weighing import EffectSupport, shown_by
 
 
-def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
+def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more with an effect that first order undervalues, or None.
 
     An effect whose size is known and whose shape is not is made linear at a few shapes
@@ -27,7 +27,7 @@ def with_a_shaped_one(search: Search, model: Fitted) -> Fitted | None:
     return with_forced(search, model, shaped)
 
 
-def with_weaker_curves(search: Search, model: Fitted) -> Fitted | None:
+def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more whose effects explain what its curves did, or None.
 
     As strong as they had to be without an effect, curves leave nothing for it.
@@ -39,7 +39,9 @@ def with_weaker_curves(search: Search, model: Fitted) -> Fitted | None:
     return _best_about(search, model, weaker)
 
 
-def with_forced(search: Search, model: Fitted, kinds: Collection[str]) -> Fitted | None:
+def with_forced(
+    search: Search, model: FitResult, kinds: Collection[str]
+) -> FitResult | None:
     """Returns the best model with one of some effects put in, if worth more, or None.
 
     Round each, the best set that a climb finds is fitted.
@@ -64,7 +66,7 @@ UNDERVALUED = 30.0
 """Evidence, to first order, that an effect put in by force may cost [nats]."""
 
 
-def left_of_many(search: Search, model: Fitted) -> Fitted | None:
+def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more that is left when too many effects are thinned out.
 
     What stands in for others hides them: nothing is left for them to explain. Where a
@@ -83,7 +85,7 @@ def left_of_many(search: Search, model: Fitted) -> Fitted | None:
     many = search.fit_with_strength(near.begin(members), iterations=4)
     best = _best_about(search, model, many) or model
     own = set(model.kinds)
-    thinner: Fitted | None = many
+    thinner: FitResult | None = many
     while thinner and thinner.cost + thinner.freedom < model.cost + model.freedom:
         best = min(best, thinner, key=search.price)
         if set(thinner.kinds) <= own:  # Where the search has been.
@@ -97,7 +99,7 @@ FEW_MORE = 4
 """Effects that act beside a model's own until they are thinned out."""
 
 
-def _thinner(search: Search, model: Fitted) -> Fitted | None:
+def _thinner(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more without an effect that seems to do least, or None."""
     shown = shown_by(search.task, model)
     for kind in heapq.nsmallest(MOST_TRIED, shown, key=shown.__getitem__):
@@ -109,8 +111,8 @@ def _thinner(search: Search, model: Fitted) -> Fitted | None:
 
 
 def with_another(
-    search: Search, model: Fitted, dropped: Collection[str]
-) -> Fitted | None:
+    search: Search, model: FitResult, dropped: Collection[str]
+) -> FitResult | None:
     """Returns a model worth more with one effect more, or None.
 
     What stood in for an effect and was dropped makes room for it.
@@ -133,8 +135,8 @@ def with_another(
 
 
 def with_a_rival(
-    search: Search, model: Fitted, weighed: Mapping[str, Weighed]
-) -> Fitted | None:
+    search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
+) -> FitResult | None:
     """Returns a model worth more with a rival in an effect's place, or None.
 
     To first order rivals do as well as an effect; refitted, one may do better. Only
@@ -166,7 +168,7 @@ MOST_TRIED = 3
 """Rivals that are fitted in an effect's place at most, or effects left out in turn."""
 
 
-def _best_about(search: Search, model: Fitted, about: Fitted) -> Fitted | None:
+def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
     """Returns the best set about another model, to first order, if worth more."""
     near = search.near(about)
     if near is None:
@@ -176,8 +178,8 @@ def _best_about(search: Search, model: Fitted, about: Fitted) -> Fitted | None:
 
 
 def _best_fitted(
-    search: Search, model: Fitted, near: FirstOrder, sets: Iterable[Members]
-) -> Fitted | None:
+    search: Search, model: FitResult, near: FirstOrder, sets: Iterable[Members]
+) -> FitResult | None:
     """Returns the best of sets that nobody has fitted yet, if worth more, or None."""
     tried = []
     for members in sets:

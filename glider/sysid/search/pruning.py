@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import Search
@@ -14,7 +14,7 @@ from glider.sysid.search.subsets import best_of_sizes
 from glider.sysid.search.weighing import shown_by
 
 
-def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
+def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
     """Drops the effects that are not worth their price when all else is refitted.
 
     What seems to do least is asked first: what stays need not be asked again then.
@@ -39,7 +39,7 @@ def prune(search: Search, model: Fitted) -> tuple[Fitted, dict[str, float]]:
             model = lighter
 
 
-def with_fewer(search: Search, model: Fitted) -> Fitted | None:
+def with_fewer(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model with fewer effects that is worth more, or None.
 
     To first order about a set that is wrong, several effects may do as well as the few
@@ -85,7 +85,7 @@ SLACK = 0.1
 """Share of the evidence of all that a smaller set may lack, to first order."""
 
 
-def without_a_pair(search: Search, model: Fitted) -> Fitted | None:
+def without_a_pair(search: Search, model: FitResult) -> FitResult | None:
     """Returns the model without two effects that only work against each other.
 
     Where a formula has not quite the right shape, two others may be bought that nearly
@@ -109,7 +109,7 @@ OPPOSED = 0.7
 """Correlation of two effects' coefficients from which on they may cancel."""
 
 
-def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
+def opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
     """Returns pairs of effects whose coefficients are hard to tell apart."""
     known = uncertainty_of(task, model)
     std = np.sqrt(np.diag(known.covariance))
@@ -131,7 +131,7 @@ def opposed_pairs(task: Task, model: Fitted) -> list[tuple[str, str]]:
     return [(a, b) for _, a, b in sorted(found, reverse=True)[:3]]
 
 
-def without_needless_curves(search: Search, model: Fitted) -> Fitted:
+def without_needless_curves(search: Search, model: FitResult) -> FitResult:
     """Returns the model without its curves, unless they are worth their price."""
     if not model.has_curves:
         return model

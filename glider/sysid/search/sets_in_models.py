@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.subsets import Members, SetEvidence
@@ -13,7 +13,7 @@ from glider.sysid.search.subsets import Members, SetEvidence
 
 def begin(
     candidates: Candidates, evidence: SetEvidence, members: Members, scales: Scales
-) -> Fitted:
+) -> FitResult:
     """Returns a set of effects with the coefficients that its evidence gives it."""
     task, model = candidates.task, candidates.model
     kinds = tuple(kind for kind, _ in members)
@@ -42,7 +42,7 @@ def begin(
     )
 
 
-def without(task: Task, model: Fitted, *gone: str) -> Fitted:
+def without(task: Task, model: FitResult, *gone: str) -> FitResult:
     """Returns a model without some of its effects."""
     kinds = tuple(k for k in model.kinds if k not in gone)
     theta = model.theta.copy()
@@ -51,7 +51,7 @@ def without(task: Task, model: Fitted, *gone: str) -> Fitted:
     return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
 
 
-def plate_of(task: Task, model: Fitted) -> Fitted:
+def plate_of(task: Task, model: FitResult) -> FitResult:
     """Returns a model without effects, curves and fields."""
     bare = dataclasses.replace(
         model, extra=None, coordinates=np.zeros(0), cost=np.inf, freedom=0.0

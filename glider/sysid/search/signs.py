@@ -7,15 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.checks.masks import Masks
-from glider.campaign.logs import (
-    Campaign,
-    Flight,
-)
-from glider.sysid.likelihood.model_fit import (
-    error_flights,
-    fit_model,
-    start_of,
-)
+from glider.campaign.logs import Campaign, Flight
+from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
 from glider.sysid.likelihood.outliers import ROUGHLY
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import make_task
@@ -72,9 +65,7 @@ def find_signs(
     if best.are_right or most < LEAST_GAIN:
         return Signs()
     return dataclasses.replace(
-        best,
-        evidence=most * len(few),
-        share=float(1.0 - math.exp(-2.0 * most / rows)),
+        best, evidence=most * len(few), share=float(1.0 - math.exp(-2.0 * most / rows))
     )
 
 

@@ -2,13 +2,13 @@
 
 import dataclasses
 
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.search.fields import FoundField
-from glider.sysid.search.weighing import Weighed
+from glider.sysid.search.weighing import EffectSupport
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Traced:
+class SearchResult:
     """Outcome of a search.
 
     Attributes:
@@ -24,16 +24,16 @@ class Traced:
             judged as it is.
     """
 
-    model: Fitted
-    plate: Fitted
+    model: FitResult
+    plate: FitResult
     evidence: dict[str, float]
-    weighed: dict[str, Weighed]
+    weighed: dict[str, EffectSupport]
     alone: dict[str, float]
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     field: FoundField | None
-    forces: Fitted | None
+    forces: FitResult | None
 
     @property
-    def judged(self) -> Fitted:
+    def judged(self) -> FitResult:
         """The model as its effects were judged."""
         return self.model if self.forces is None else self.forces

@@ -10,16 +10,11 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from glider.sysid.likelihood.model_fit import Fitted, start_of
+from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 from glider.sysid.search.attitude import trace_along_attitude
-from glider.sysid.search.fields import (
-    SURVEY_FLIGHTS,
-    FoundField,
-    fit_fields,
-    survey,
-)
+from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
 from glider.sysid.search.fits import (
     PLAIN_MOMENT,
     Progress,
@@ -44,8 +39,8 @@ from glider.sysid.search.pruning import (
 )
 from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
-from glider.sysid.search.traced import Traced
-from glider.sysid.search.weighing import Weighed, weakest, weigh
+from glider.sysid.search.traced import SearchResult
+from glider.sysid.search.weighing import EffectSupport, weakest, weigh
 
 ROUNDS = 8
 """Rounds at most."""
@@ -53,7 +48,7 @@ ROUNDS = 8
 
 def trace(
     task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
-) -> Traced:
+) -> SearchResult:
     """Finds the effects that the flights show.
 
     Args:
@@ -106,7 +101,7 @@ def trace(
         ),
         key=lambda c: -c[1],
     )
-    return Traced(
+    return SearchResult(
         model=model,
         plate=plate,
         evidence=evidence,
@@ -120,11 +115,11 @@ def trace(
 
 def supported(
     search: Search,
-    model: Fitted,
+    model: FitResult,
     evidence: dict[str, float],
     beside_field: bool,
     rng: np.random.Generator,
-) -> tuple[Fitted, dict[str, float], dict[str, Weighed]]:
+) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and how it is weighed.
 
     What they are not sure of makes room for a rival, what they do not support goes.
@@ -151,17 +146,17 @@ LATE = ("position_scale",)
 lengths are seldom wrong, and to first order they imitate much."""
 
 
-def leaves_something(model: Fitted) -> bool:
+def leaves_something(model: FitResult) -> bool:
     """Whether a model leaves more than the sensors' noise: moving air, own errors."""
     return model.scales.air > 0.02 or leaves_a_form(model)
 
 
-def leaves_a_form(model: Fitted) -> bool:
+def leaves_a_form(model: FitResult) -> bool:
     """Whether a model leaves what air that moves does not: errors of its forms."""
     return model.scales.moment > PLAIN_MOMENT or model.strength > 0.5
 
 
-def beyond_names(search: Search, model: Fitted) -> FoundField | None:
+def beyond_names(search: Search, model: FitResult) -> FoundField | None:
     """Returns a field that is worth its price, on top of the effects or in their place.
 
     A field in the place of effects comes first: effects bend far to be like one.
@@ -189,7 +184,7 @@ def beyond_names(search: Search, model: Fitted) -> FoundField | None:
     return None
 
 
-def named_instead(search: Search, model: Fitted) -> Fitted:
+def named_instead(search: Search, model: FitResult) -> FitResult:
     """Returns a set without curves in the place of curves that are not worth theirs.
 
     Beside a wrong name or none, curves take up what a small effect has a name for: they
@@ -205,9 +200,9 @@ FIELD_PRICE = 40.0
 """Evidence that a field without a name must bring [nats]."""
 
 
-def by_sets(search: Search, model: Fitted) -> Fitted:
+def by_sets(search: Search, model: FitResult) -> FitResult:
     """Returns the best of the sets that a search in closed form proposes."""
-    task, tried = search.task, dict[frozenset[str], Fitted]()
+    task, tried = search.task, dict[frozenset[str], FitResult]()
     for round_ in range(ROUNDS):
         search.progress(f"searching for effects, round {round_ + 1}")
         near = to_first_order(task, model, 2 if round_ else 3)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, gather
-from glider.sysid.likelihood.model_fit import Fitted
+from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import is_plain
@@ -37,7 +37,7 @@ _NEAR = 25.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Weighed:
+class EffectSupport:
     """An effect of the chosen set, and how sure it is.
 
     Attributes:
@@ -59,8 +59,8 @@ Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
 
 
 def weigh(
-    task: Task, model: Fitted, scoring: Scoring, rng: np.random.Generator
-) -> dict[str, Weighed]:
+    task: Task, model: FitResult, scoring: Scoring, rng: np.random.Generator
+) -> dict[str, EffectSupport]:
     """Returns what speaks for each effect of a model."""
     if not model.kinds:
         return {}
@@ -86,7 +86,7 @@ def weigh(
         backers = {kind, *alike}
         if len(alike) > MOST_RIVALS * len(score.variants):
             backers = {kind}
-        found[kind] = Weighed(
+        found[kind] = EffectSupport(
             rivals=tuple(k for k in score.variants if k in alike),
             inclusion=sum(kind in s for s in resampled) / RESAMPLES,
             support=sum(not backers.isdisjoint(s) for s in resampled) / RESAMPLES,
@@ -131,7 +131,7 @@ searches are to first order, and what costs more than this to leave out is there
 
 
 def weakest(
-    weighed: dict[str, Weighed],
+    weighed: dict[str, EffectSupport],
     evidence: dict[str, float],
     beside_field: bool = False,
 ) -> str | None:
@@ -150,7 +150,7 @@ def weakest(
     return kind
 
 
-def shown_by(task: Task, model: Fitted) -> dict[str, float]:
+def shown_by(task: Task, model: FitResult) -> dict[str, float]:
     """Returns what flights show of each effect beside the others (Wald) [nats].
 
     Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.

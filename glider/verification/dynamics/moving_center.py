@@ -15,10 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.error_dynamics import (
-    closed_loop_rates,
-    expand,
-)
+from glider.verification.dynamics.error_dynamics import closed_loop_rates, expand
 from glider.verification.dynamics.gliders import theta_at
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.dynamics.nominal_path import nominal_between

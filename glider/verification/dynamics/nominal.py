@@ -9,11 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.control.policy import (
-    TrackingPolicy,
-    aligned_count,
-    check_plan,
-)
+from glider.control.policy import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate

@@ -17,10 +17,7 @@ import numpy as np
 
 from glider.compiled.kernel import machine_code
 from glider.verification.dynamics.arithmetic import Number
-from glider.verification.dynamics.jets import (
-    SERIES,
-    Monomials,
-)
+from glider.verification.dynamics.jets import SERIES, Monomials
 
 ROUNDING = 1e-13
 """Relative bound of an operation's rounding: a sum of 300 products errs by 7e-14."""

@@ -16,10 +16,7 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.moving_center import (
-    MovingCenter,
-    make_moving_center,
-)
+from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.goal import hook_goal
@@ -30,10 +27,7 @@ from glider.verification.funnel.growth import (
     boundary_forms,
     largest_growth,
 )
-from glider.verification.funnel.limits import (
-    bounds_about,
-    room,
-)
+from glider.verification.funnel.limits import bounds_about, room
 from glider.verification.funnel.remainder import (
     SAMPLES,
     inflate,
@@ -45,16 +39,8 @@ from glider.verification.funnel.scaling import scale_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import ShapeFlow
 from glider.verification.funnel.sizes import size_matrices
-from glider.verification.sos.grams import (
-    least_eigenvalue,
-    nearby_gram,
-    represent,
-)
-from glider.verification.sos.programs import (
-    SOLVERS,
-    first_success,
-    largest_margin,
-)
+from glider.verification.sos.grams import least_eigenvalue, nearby_gram, represent
+from glider.verification.sos.programs import SOLVERS, first_success, largest_margin
 from glider.verification.sos.solving import SolverError
 from glider.verification.sos.sphere import normalized, sphere
 

@@ -9,19 +9,9 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.errors import InputError
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-    model_text,
-)
-from glider.verification.dynamics.confidence import (
-    confidence_of,
-    notes_of,
-)
-from glider.verification.dynamics.moving_center import (
-    MovingCenter,
-    make_moving_center,
-)
+from glider.physics.model import GliderModel, load_model, model_text
+from glider.verification.dynamics.confidence import confidence_of, notes_of
+from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.dynamics.nominal_path import nominal_path
 from glider.verification.funnel.file import FunnelFile, read_file, write_file

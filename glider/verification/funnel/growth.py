@@ -14,11 +14,7 @@ from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.dynamics.nominal_path import nominal_between
 from glider.verification.funnel.ascent import largest_values
 from glider.verification.funnel.remainder import remainder_form
-from glider.verification.sos.forms import (
-    higher_forms,
-    quadratic_form,
-    to_ball,
-)
+from glider.verification.sos.forms import higher_forms, quadratic_form, to_ball
 
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Points of each interval between two times where V̇ is looked at. With three, and again

@@ -33,14 +33,8 @@ from glider.verification.funnel.remainder import (
 )
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.sizes import size_matrices
-from glider.verification.sos.forms import (
-    higher_forms,
-    linear_part,
-)
-from glider.verification.sos.programs import (
-    first_success,
-    least_growth,
-)
+from glider.verification.sos.forms import higher_forms, linear_part
+from glider.verification.sos.programs import first_success, least_growth
 from glider.verification.sos.solving import SolverError
 
 CHANGE_SHARE = 0.3

@@ -11,11 +11,7 @@ import numpy as np
 
 from glider.compiled.kernel import machine_code
 from glider.verification.dynamics.jets import Monomials
-from glider.verification.dynamics.taylor_models import (
-    ROUNDING,
-    WIDER,
-    TaylorModel,
-)
+from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 
 SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those

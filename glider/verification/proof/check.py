@@ -20,19 +20,13 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand, nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import (
-    SHARES,
-    GrowthBetween,
-)
+from glider.verification.funnel.growth import SHARES, GrowthBetween
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     remainder_of,
     split_directions,
 )
-from glider.verification.proof.exact_check import (
-    exact_faults,
-    proven_slack,
-)
+from glider.verification.proof.exact_check import exact_faults, proven_slack
 from glider.verification.proof.gliders_check import gliders_faults
 from glider.verification.proof.purpose import hook_faults, model_faults, problem_faults
 from glider.verification.sos.forms import to_ball

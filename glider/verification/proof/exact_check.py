@@ -15,10 +15,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from glider.verification.dynamics.error_dynamics import (
-    expand,
-    table_of,
-)
+from glider.verification.dynamics.error_dynamics import expand, table_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.limits import servo_bounds
 from glider.verification.sos.exact import (

@@ -9,10 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.verification.dynamics.error_dynamics import (
-    expand_rates,
-    nonlinear_parts,
-)
+from glider.verification.dynamics.error_dynamics import expand_rates, nonlinear_parts
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import Exact, exact

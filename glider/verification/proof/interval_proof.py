@@ -15,15 +15,9 @@ from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import Interval, make_interval
-from glider.verification.proof.interval_gliders import (
-    gliders_defect,
-    unproven_numbers,
-)
+from glider.verification.proof.interval_gliders import gliders_defect, unproven_numbers
 from glider.verification.proof.interval_growth import prove_growth
-from glider.verification.proof.interval_sets import (
-    keeps_servo,
-    stays_definite,
-)
+from glider.verification.proof.interval_sets import keeps_servo, stays_definite
 from glider.verification.proof.remainder_proof import BUDGET, prove_remainder
 from glider.verification.sos.exact import exact
 from glider.verification.sos.exact_time import bernstein

@@ -15,25 +15,16 @@ import numpy as np
 
 from glider.compiled.ekf import filter_flights
 from glider.errors import InputError, show
-from glider.estimation.ekf import (
-    Ekf,
-    make_ekf,
-)
+from glider.estimation.ekf import Ekf, make_ekf
 from glider.estimation.flights import fly_watched
-from glider.estimation.perching import (
-    CAPTURE,
-    PROCESS,
-)
+from glider.estimation.perching import CAPTURE, PROCESS
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.hook import Hook
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import closest_pass
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.flights import (
-    draw_inside,
-    funnel_policy,
-)
+from glider.verification.trials.flights import draw_inside, funnel_policy
 
 NOISES = (0.0001, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02)
 """Standard deviations of a measured position [m]; angles in proportion."""
@@ -128,11 +119,7 @@ def study_estimates(
 
 
 def fly_estimated(
-    funnel: Funnel,
-    starts: np.ndarray,
-    noise: float,
-    unknown: float,
-    draws: np.ndarray,
+    funnel: Funnel, starts: np.ndarray, noise: float, unknown: float, draws: np.ndarray
 ) -> EstimatedFlights:
     """Flies launches with the funnel's feedback on a filter's estimate.
 

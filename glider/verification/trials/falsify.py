@@ -12,10 +12,7 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.sphere import normalized
-from glider.verification.trials.flights import (
-    boundary_states,
-    fly_from,
-)
+from glider.verification.trials.flights import boundary_states, fly_from
 
 ESCAPE_LEVEL = 1.005
 """Level V that a flight passes which has left the funnel. Flights start at 1, and those

@@ -23,10 +23,7 @@ from glider.verification.trials.falsify import (
     Falsification,
     strayed,
 )
-from glider.verification.trials.flights import (
-    boundary_states,
-    fly_from,
-)
+from glider.verification.trials.flights import boundary_states, fly_from
 
 GLIDERS = 24
 """Gliders drawn at each start time, besides the set's corners: half of them within the

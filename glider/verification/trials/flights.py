@@ -81,10 +81,7 @@ def fly_from(
 
 
 def boundary_states(
-    funnel: Funnel,
-    k: int,
-    directions: np.ndarray,
-    deviation: np.ndarray | None = None,
+    funnel: Funnel, k: int, directions: np.ndarray, deviation: np.ndarray | None = None
 ) -> np.ndarray:
     """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
 

@@ -246,9 +246,7 @@ def shift_servo(late):
         at = f.time - late
         row = np.clip(np.searchsorted(f.time, at, side="right") - 1, 0, None)
         return dataclasses.replace(
-            f,
-            command=f.command[row],
-            elevator=np.interp(at, f.time, f.elevator),
+            f, command=f.command[row], elevator=np.interp(at, f.time, f.elevator)
         )
 
     return edit

@@ -68,8 +68,7 @@ def roll_over(first):
 def test_a_throw_ends_where_its_wing_leaves_the_plane(campaign):
     """Also where the glider rolls on and over: it has turned off its course."""
     rolled = dataclasses.replace(
-        campaign,
-        flights=(roll_over(60)(campaign.flights[0]), *campaign.flights[1:]),
+        campaign, flights=(roll_over(60)(campaign.flights[0]), *campaign.flights[1:])
     )
     found = inspect(rolled)
     left = np.flatnonzero(found.masks[campaign.flights[0].name].usable)

@@ -9,7 +9,7 @@ from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.fit.folds import flown_by
 from glider.sysid.fit.prediction import (
-    Flown,
+    RolloutModel,
     beginning_rows,
     measure_errors,
     predict,
@@ -84,5 +84,5 @@ def test_a_flights_own_trim_is_found_on_its_beginning(windy):
     trimmed = fly(WIND, KINDS["elevator_trim"](angle=0.05), flights=2)
     record = task_of(trimmed)[0].records[0]
     scales = dataclasses.replace(model.scales, trim=0.05)
-    own = Flown(theta=model.theta, field=NO_FIELD, scales=scales, own_trims=True)
+    own = RolloutModel(theta=model.theta, field=NO_FIELD, scales=scales, own_trims=True)
     assert predict(own, record).trim == pytest.approx(0.05, abs=0.02)

@@ -7,10 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.sysid.fit import regression
-from glider.sysid.fit.regression import (
-    best_subsets,
-    least_squares,
-)
+from glider.sysid.fit.regression import best_subsets, least_squares
 
 
 def table(seed=0, rows=60, columns=8, targets=3):

@@ -42,9 +42,7 @@ def test_the_planar_force_is_the_shadow_of_the_force_in_space(attitude):
     force = (velocity @ n) * n
     pitch, roll, yaw = attitude
     bank, air = in_plane(
-        np.full(2, pitch),
-        np.tile([roll, yaw], (2, 1)),
-        np.full(2, velocity[1]),
+        np.full(2, pitch), np.tile([roll, yaw], (2, 1)), np.full(2, velocity[1])
     )
     assert bank.shape == (1,) and air.shape == (1, 2)
     theta = np.arctan2(n[0], n[2])

@@ -10,17 +10,9 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
-from glider.physics.model import (
-    GliderModel,
-    load_model,
-    save_model,
-)
-from glider.sysid.fit.prediction import Flown, find_launch
-from glider.sysid.fit.simulate import (
-    CampaignPlan,
-    simulate_campaign,
-    theta_of,
-)
+from glider.physics.model import GliderModel, load_model, save_model
+from glider.sysid.fit.prediction import RolloutModel, find_launch
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign, theta_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
@@ -30,22 +22,10 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.own_effects import check_own_effects
 from glider.sysid.replay.signals import pose_signals, replayed_path
-from glider.sysid.replay.theta import (
-    LIBRARY_LAYOUT,
-    layout_of,
-)
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
-from tests.helpers.own_kinds import (
-    ALL,
-    BLEED,
-    BOOM,
-    FLAP,
-    INFLOW,
-    LEAK,
-    STICKY,
-    TWIST,
-)
+from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST
 from tests.helpers.tasks import begin, task_of
 
 LAYOUT = layout_of(ALL)
@@ -122,7 +102,7 @@ def test_flights_are_those_of_the_plant():
     model, campaign = planted(BOOM, flights=3)
     task, noise = task_of(campaign, LAYOUT)
     record, theta = task.records[0], theta_of(model)
-    known = Flown(
+    known = RolloutModel(
         theta=theta,
         field=model.residual_field,
         scales=start_scales(noise),

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.sysid.replay.smoothing import (
-    estimate_noise,
-    smoothing_maps,
-)
+from glider.sysid.replay.smoothing import estimate_noise, smoothing_maps
 
 
 def wave(t):

@@ -9,10 +9,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import (
-    CampaignPlan,
-    simulate_campaign,
-)
+from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 

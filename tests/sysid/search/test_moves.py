@@ -14,7 +14,7 @@ from glider.sysid.search.moves import (
 )
 from glider.sysid.search.pruning import prune, without_needless_curves
 from glider.sysid.search.tracing import named_instead
-from glider.sysid.search.weighing import Weighed
+from glider.sysid.search.weighing import EffectSupport
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
 
@@ -38,7 +38,9 @@ def test_a_rival_takes_the_place_of_what_was_named_for_it():
 
     def weighed(inclusion):
         rivals = ("servo_lag",)
-        weighed = Weighed(rivals=rivals, inclusion=inclusion, support=1.0, enough=0.85)
+        weighed = EffectSupport(
+            rivals=rivals, inclusion=inclusion, support=1.0, enough=0.85
+        )
         return {"command_delay": weighed}
 
     assert with_a_rival(search, named, weighed(1.0)) is None  # It is sure of itself.

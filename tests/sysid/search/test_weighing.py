@@ -22,7 +22,7 @@ from glider.sysid.search.weighing import (
     DOUBTED,
     LEAST_SUPPORT,
     PLAIN_SUPPORT,
-    Weighed,
+    EffectSupport,
     shown_by,
     weakest,
     weigh,
@@ -133,7 +133,9 @@ def test_without_effects_there_is_nothing_to_weigh():
 
 def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
     def of(support, enough=LEAST_SUPPORT):
-        return Weighed(rivals=(), inclusion=support, support=support, enough=enough)
+        return EffectSupport(
+            rivals=(), inclusion=support, support=support, enough=enough
+        )
 
     both = {"camber": of(0.5), "wind": of(0.8), "mass": of(1.0)}
     assert weakest(both, {"camber": 20.0, "wind": 20.0, "mass": 20.0}) == "camber"

@@ -1,0 +1,233 @@
+"""YAML and JSON files with a schema: read, checked and written by msgspec.
+
+A schema is a dataclass, with annotated fields and defaults. What msgspec has against
+a file becomes one sentence: file, field, what was found, what was expected.
+"""
+
+import dataclasses
+import difflib
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+import numpy as np
+import yaml
+from msgspec import inspect
+
+from glider.errors import InputError, show
+
+T = TypeVar("T")
+
+_WORDS = {
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a mapping of fields",
+    "null": "null",
+}
+"""msgspec's names of types, as our messages have them."""
+
+
+def read_text(path: Path | str, what: str) -> str:
+    """Returns the text of a file; InputError where it cannot be read as UTF-8.
+
+    Args:
+        path: of the file.
+        what: the file is, with its article, for the message.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except UnicodeDecodeError:
+        reason = "it is no UTF-8 text"
+    raise InputError(f"{path}: not {what}: {reason}.")
+
+
+def parse_yaml(text: str, source: str) -> object:
+    """Returns what a YAML text holds; InputError where it is none."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{source}: not readable as YAML: {reason}.") from None
+
+
+def parse_json(text: str, source: str) -> object:
+    """Returns what a JSON text holds; InputError where it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{source}: not readable as JSON: {error}.") from None
+
+
+def load_yaml(schema: type[T], path: Path | str, what: str) -> T:
+    """Returns a schema filled from a YAML file.
+
+    Raises:
+        InputError: the file cannot be read, or its fields are not the schema's.
+    """
+    return convert(parse_yaml(read_text(path, what), str(path)), schema, str(path))
+
+
+def load_json(schema: type[T], path: Path | str, what: str) -> T:
+    """Returns a schema filled from a JSON file; see `load_yaml`."""
+    return convert(parse_json(read_text(path, what), str(path)), schema, str(path))
+
+
+def convert(data: object, schema: type[T], source: str) -> T:
+    """Returns a schema filled from lists, dicts, strings and numbers.
+
+    A whole number does for a float, null in an array of numbers is NaN. InputErrors of
+    a schema's own __post_init__ pass as they are, with the source before them.
+
+    Args:
+        data: as YAML or JSON have it.
+        schema: a dataclass, or a type built of them.
+        source: the file, for the message.
+
+    Raises:
+        InputError: a field is unknown, missing or of another type.
+    """
+    for place, name, known in _unknown_fields(data, inspect.type_info(schema), ""):
+        near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.7)
+        hint = f"; did you mean '{near[0]}'?" if near else "."
+        raise InputError(
+            f"{source}: unknown field {show(name)}{f' of {place}' if place else ''}, "
+            f"expected one of {', '.join(known)}{hint}"
+        )
+    try:
+        return msgspec.convert(data, schema, dec_hook=_decode)
+    except msgspec.ValidationError as error:
+        if isinstance(error.__cause__, InputError):
+            raise InputError(f"{source}: {error.__cause__}") from None
+        raise InputError(_sentence(str(error), data, source)) from None
+
+
+def to_builtins(value: object) -> Any:
+    """Returns a value as JSON has it: no arrays, None for NaN and infinity."""
+    return json.loads(json_text(value))
+
+
+def json_text(value: object, indent: int = 2) -> str:
+    """Returns a value as JSON text; null for NaN and infinity."""
+    packed = msgspec.json.encode(value, enc_hook=_encode)
+    return msgspec.json.format(packed, indent=indent).decode()
+
+
+def yaml_text(value: Any) -> str:
+    """Returns a dataclass as YAML text, without the top fields that are None."""
+    fields = dataclasses.asdict(value)
+    return yaml.dump(
+        {name: field for name, field in fields.items() if field is not None},
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=88,
+    )
+
+
+class _Loader(yaml.SafeLoader):
+    """Takes 1e-3 for a number, as YAML 1.2 does; PyYAML alone reads text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes NumPy's floats as numbers, and repeated lists in full."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+def _represent_list(dumper: _Dumper, values: list) -> yaml.Node:
+    """Writes numbers on one line, and everything else one below the other."""
+    numbers = all(isinstance(value, (int, float)) for value in values)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, numbers)
+
+
+_Dumper.add_representer(list, _represent_list)
+_Dumper.add_multi_representer(float, lambda dumper, x: dumper.represent_float(float(x)))
+
+
+def _encode(value: object) -> object:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return str(value)
+
+
+def _decode(kind: type, value: Any) -> object:
+    if kind is np.ndarray:
+        try:
+            return np.array(value, dtype=float)  # None becomes NaN.
+        except (TypeError, ValueError):
+            raise ValueError("Expected a list of numbers") from None
+    raise TypeError(f"{kind.__name__} cannot be read from a file")
+
+
+def _unknown_fields(
+    data: object, info: inspect.Type, place: str
+) -> Iterator[tuple[str, str, list[str]]]:
+    """Yields place, name and the known names of each field that a schema lacks."""
+    if isinstance(info, inspect.UnionType):
+        # At most one of a union's types has fields: a dataclass, or a list of them.
+        inside = (inspect.DataclassType, inspect.StructType, inspect.CollectionType)
+        for option in info.types:
+            if isinstance(option, (*inside, inspect.DictType)):
+                yield from _unknown_fields(data, option, place)
+    elif isinstance(info, (inspect.DataclassType, inspect.StructType)):
+        if isinstance(data, dict):
+            fields = {field.encode_name: field.type for field in info.fields}
+            for name, value in data.items():
+                if name not in fields:
+                    yield place, name, list(fields)
+                else:
+                    yield from _unknown_fields(value, fields[name], _join(place, name))
+    elif isinstance(info, inspect.CollectionType) and isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from _unknown_fields(value, info.item_type, f"{place}[{i}]")
+    elif isinstance(info, inspect.DictType) and isinstance(data, dict):
+        for name, value in data.items():
+            yield from _unknown_fields(value, info.value_type, _join(place, name))
+
+
+def _join(place: str, name: object) -> str:
+    return f"{place}.{name}" if place else str(name)
+
+
+def _sentence(message: str, data: Any, source: str) -> str:
+    """Returns msgspec's message as ours: field, what was found, what was expected."""
+    message, _, path = message.partition(" - at `$")
+    path = path.rstrip("`").lstrip(".")
+    if missing := re.match(r"Object missing required field `(\w+)`", message):
+        return f"{source}: '{_join(path, missing[1])}' is missing."
+    found = re.sub(r"`([\w| ]+)`", _named, message.partition(", got")[0])
+    expected = found[0].lower() + found[1:]
+    place = f"field '{path}' is " if path else "found "
+    return f"{source}: {place}{show(_at(data, path))}; {expected}."
+
+
+def _named(types: re.Match) -> str:
+    return " or ".join(_WORDS.get(t.strip(), t.strip()) for t in types[1].split("|"))
+
+
+def _at(data: Any, path: str) -> Any:
+    """Returns what stands at a path such as vehicle.limits[0]; mappings as a whole."""
+    for name, index in re.findall(r"([^.\[\]]+)|\[(\d+|\.{3})\]", path):
+        if name and isinstance(data, dict):
+            data = data.get(name)
+        elif index.isdigit() and isinstance(data, list):
+            data = data[int(index)]
+        else:
+            return data
+    return data
