@@ -206,7 +206,7 @@ def test_one_fold_is_refused(exercise):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"flights": "three"}, "not an exercise"),
+        ({"flights": "three"}, "'flights' is 'three'; expected a whole number"),
         ({"flights": 1, "held_out": 0}, "'flights' is missing or 1; 2 or more"),
         ({"held_out": 99}, "a flight from 0 to 14"),
         ({"held_out": -1}, "a flight from 0 to 14"),
@@ -217,9 +217,9 @@ def test_one_fold_is_refused(exercise):
         ({"launch": [0, 5, 0, 0, 7, 0, float("nan")]}, "'launch'"),
         ({"launch_spread": -0.1}, "'launch_spread'"),
         ({"tape_spread": float("nan")}, "'tape_spread'"),
-        ({"tape": "abc"}, "not an exercise"),
+        ({"tape": "abc"}, "'tape' is 'abc'; expected a list"),
         ({"tape": []}, "one finite rate a step"),
-        ({"configurations": [1]}, "not an exercise"),
+        ({"configurations": [1]}, "expected a mapping"),
         ({"configurations": {}}, "'configurations'"),
         ({"configurations": {"a": [[1], [3]]}}, "for each of 3 channels"),
         ({"configurations": {"a": [[1], [], [3]]}}, "for each of 3 channels"),
