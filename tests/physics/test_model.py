@@ -132,7 +132,7 @@ def test_the_arrays_of_a_field():
             "covariance: {names: [mass, wing_area], matrix: [[0, 1], [1, 1]]}",
             "eigenvalue",
         ),
-        ("covariance: {names: mass, matrix: [[1.0]]}", "names' is 'mass'; expected a list"),
+        ("covariance: {names: mass, matrix: [[1.0]]}", "names' is 'mass'; expected a"),
         ("covariance: {names: [mass], matrix: [[one]]}", "'one'; expected a number"),
         ("covariance: 3", "'covariance' is 3; expected a mapping"),
         ("- 1", "found [1]; expected a mapping of fields"),
@@ -141,7 +141,7 @@ def test_the_arrays_of_a_field():
         ("effects: [wind]", "'effects[0]' is 'wind'; expected a mapping"),
         ("parameters: [1]", "'parameters' is [1]; expected a mapping"),
         ("5: 6", "unknown field 5, expected one of parameters"),
-        ("effects: [{kind: wind, coefficients: [1]}]", "coefficients' is [1]; expected a"),
+        ("effects: [{kind: wind, coefficients: [1]}]", "' is [1]; expected a mapping"),
         ("effects: [{kind: wind}, {kind: wind}]", "effect 'wind' is given twice"),
     ],
 )

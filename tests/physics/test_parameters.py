@@ -157,5 +157,5 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
 
 @pytest.mark.parametrize("value", [-0.08, 0.0, float("nan"), "0.08", True, None])
 def test_a_mass_that_cannot_be_is_refused_from_python_too(value):
-    with pytest.raises(InputError, match="^field 'mass' is "):
+    with pytest.raises(InputError, match=r"^field 'mass' is "):
         GliderParameters(mass=value)
