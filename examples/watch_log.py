@@ -25,7 +25,7 @@ from glider.sysid.pipeline import close_the_loop
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result:
-    """A flight "measured", "as drawn" where that model is known, and "corrected"."""
+    """A flight "measured", "nominal" where that model is known, and "corrected"."""
 
     flight: Flight
     motions: dict[str, refly.Motion]
@@ -44,7 +44,7 @@ def fly(
 ) -> Result:
     """Flies a logged flight again, with the nominal and with a corrected model."""
     flight, nominal = refly.find_flight(campaign, name), refly.nominal_model(campaign)
-    models = {} if nominal is None else {"as drawn": nominal}
+    models = {} if nominal is None else {"nominal": nominal}
     if model:
         models["corrected"] = load_model(model)
     else:
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         told[model.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
         print(f"{model}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
     showing.write_json(args, told)
-    colors = {"as drawn": RED, "corrected": GREEN}
+    colors = {"nominal": RED, "corrected": GREEN}
     tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
     title, parameters = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)
     showing.show(args, tracks, title, parameters=parameters, has_wire=False)

@@ -17,7 +17,7 @@ FLIGHTS = tuple(f"flight_{k:03d}.csv" for k in range(10))
 SUSPECTS = ("attached_lift", "wind", "servo_lag", "profile_drag")
 """Effects that are tried: the tutorial tries the whole library on all flights."""
 
-SHOWN = ("as_drawn", "corrected")
+SHOWN = ("nominal", "corrected")
 
 
 def draw_front() -> Figure:

@@ -118,7 +118,7 @@ def draw(signature: Signature) -> Figure:
             name,
             [table.variables[name] for table in tables],
             [table.residual[:, column] for table in tables],
-            ["as_drawn", "corrected"],
+            ["nominal", "corrected"],
         )
         ax.set_title(f"{label} [{unit.name}]")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="upper center", ncols=2)

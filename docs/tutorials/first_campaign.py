@@ -70,7 +70,7 @@ print_summary(result, Console(width=88, force_jupyter=False, force_terminal=Fals
 # *Noise* is what the cameras alone would leave.
 
 # %%
-corrected, drawn = result.errors["corrected"], result.errors["as_drawn"]
+corrected, drawn = result.errors["corrected"], result.errors["nominal"]
 assert result.verdict == "effect_found"
 assert [effect.kind for effect in result.effects] == ["attached_lift"]
 gain = drawn.position_rms_m / corrected.position_rms_m

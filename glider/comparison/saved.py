@@ -81,7 +81,7 @@ def load_report(path: Path) -> SavedReport:
         held_out_flights=tuple(map(str, flights.items("held_out"))),
         effects=tuple(_effect(e) for e in fields.children("effects")),
         errors={
-            model: _errors(fields.child("errors").child(model))
+            _RENAMED.get(model, model): _errors(fields.child("errors").child(model))
             for model, value in fields.child("errors").data.items()
             if value is not None
         },
@@ -197,6 +197,10 @@ def _estimates(named: list[tuple[str, _Fields]]) -> dict[str, Estimate]:
         )
         for name, fields in named
     }
+
+
+_RENAMED = {"as_drawn": "nominal"}
+"""Models that older reports call otherwise."""
 
 
 def _errors(model: _Fields) -> dict[str, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from glider.report.numbers import DEGREE, Unit, format_gain, length_unit
 from glider.sysid.result import CALIBRATED, Result
 
-COLUMNS = ("as_drawn", "refitted", CALIBRATED, "corrected")
+COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""
 
 
@@ -82,7 +82,7 @@ def columns_of(result: Result) -> list[str]:
 
 def baseline(result: Result) -> str:
     """Returns the model that the correction is compared with."""
-    return "as_drawn" if result.errors.get("as_drawn") is not None else "refitted"
+    return "nominal" if result.errors.get("nominal") is not None else "refitted"
 
 
 def noise_floor(result: Result, field: str) -> float:

@@ -54,7 +54,7 @@ def headline(result: Result) -> str:
 
 def _nothing_found(result: Result) -> str:
     before = baseline(result)
-    model = "nominal model" if before == "as_drawn" else "refitted flat plate"
+    model = "nominal model" if before == "nominal" else "refitted flat plate"
     text = f"The flights show no effect that the {model} lacks"
     errors = result.errors.get(before)
     if errors is None or not math.isfinite(errors.position_rms_m):

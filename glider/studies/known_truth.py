@@ -118,7 +118,7 @@ def line_of(row: Row) -> str:
     errors = row.result.errors
     drawn, corrected = (
         1e3 * e.position_rms_m if (e := errors[model]) is not None else float("nan")
-        for model in ("as_drawn", "corrected")
+        for model in ("nominal", "corrected")
     )
     floor = "-" if row.floor is None else f"{1e3 * row.floor:.2f}"
     lines = [

@@ -160,7 +160,7 @@ class Analysis:
                 seen = [r for r in seen if r.name in names[1]]
                 errors[name], predictions[name] = measure_errors(pilot, seen)
             if not vehicle.is_known:
-                errors["as_drawn"] = None
+                errors["nominal"] = None
             held_out = None
             if signs.are_right:
                 both = plate, model
@@ -174,7 +174,7 @@ class Analysis:
                 if traced.forces is not None or not vehicle.is_known:
                     drawn = None
                 held_out = hold_out(everything, *both, model.scales, rng, drawn)
-            first = "as_drawn" if vehicle.is_known else "refitted"
+            first = "nominal" if vehicle.is_known else "refitted"
             before_table = _table(flown[first], before)
             after_table = _table(flown["corrected"], records)
             named_table = after_table
@@ -272,7 +272,7 @@ class Analysis:
         drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
         own = traced.model.scales
         return {
-            "as_drawn": flown_by(task, drawn, own),
+            "nominal": flown_by(task, drawn, own),
             "refitted": flown_by(task, plate, own),
             CALIBRATED: flown_by(task, calibrated, own),
             "corrected": flown_by(task, traced.model, own),
@@ -403,7 +403,7 @@ def _flights(
                 flown={
                     name: predictions[name][i].pose * as_logged.get(name, 1.0)
                     for name in MODELS
-                    if name != "as_drawn" or vehicle.is_known
+                    if name != "nominal" or vehicle.is_known
                 },
                 fitted_until=float(record.time[rows - 1]),
             )

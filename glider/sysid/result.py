@@ -20,7 +20,7 @@ VERDICTS = (
 """Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
 was found does not hold on flights that were held out."""
 
-MODELS = ("as_drawn", "refitted", "corrected")
+MODELS = ("nominal", "refitted", "corrected")
 """Nominal model; flat plate with its own parameters refitted; with the effects."""
 
 CALIBRATED = "calibrated"
@@ -243,7 +243,7 @@ class Result:
         verdict: one of VERDICTS.
         reason: a sentence that says why.
         effects: strongest first.
-        errors: model name (of MODELS, and CALIBRATED) to its errors; as_drawn is None
+        errors: model name (of MODELS, and CALIBRATED) to its errors; nominal is None
             where the vehicle is not known.
         folds: errors over all flights, each held out once.
         left: what the corrected model leaves.

@@ -51,8 +51,11 @@ def judge(
     if doubt is not None:
         return "not_trusted", f"What is left to chance is too much: {doubt}."
     doubt, as_plate = _over_plate(held_out, errors), False
-    if doubt and held_out is not None and held_out.t_over_drawn is not None:
-        doubt, as_plate = _over_drawn(held_out.t_over_drawn, held_out.t, errors), True
+    if doubt and held_out is not None and held_out.t_over_nominal is not None:
+        doubt, as_plate = (
+            _over_nominal(held_out.t_over_nominal, held_out.t, errors),
+            True,
+        )
     if doubt is not None:
         return "not_trusted", doubt
     unnamed = [e for e in effects if e.kind == "unexplained"]
@@ -77,7 +80,7 @@ def is_of_the_plate(model: FitResult) -> bool:
     """Whether all that a model names is another value of the plate's own numbers.
 
     The refitted plate has it too and may leave it nothing to gain: then it is held
-    against the glider as drawn.
+    against the nominal model.
     """
     bare = model.extra is None and not model.has_curves
     return bool(model.kinds) and bare and set(model.kinds) <= set(OWN_KINDS)
@@ -94,20 +97,20 @@ def _over_plate(held_out: HeldOut | None, errors: AllErrors) -> str | None:
     return _worse(list(np.max(ratios, axis=0)), "refitted plate")
 
 
-def _over_drawn(t: float, t_over_plate: float, errors: AllErrors) -> str | None:
+def _over_nominal(t: float, t_over_plate: float, errors: AllErrors) -> str | None:
     """Returns why the plate's own numbers do not hold as they were found, or None.
 
     Args:
-        t: of the gain over the glider as drawn.
+        t: of the gain over the nominal model.
         t_over_plate: of the gain over the plate with all of its numbers refitted.
         errors: of unseen flights, by model.
     """
     if t < LEAST_T:
-        return _NO_GAIN.format(over="glider as drawn", t=t)
+        return _NO_GAIN.format(over="nominal model", t=t)
     if t_over_plate < -LEAST_T:
         return _NO_GAIN.format(over="refitted plate: it loses", t=t_over_plate)
-    free, _ = _ratios(errors, "as_drawn")  # Along the pitch, turning tells nothing.
-    return _worse([free], "glider as drawn")
+    free, _ = _ratios(errors, "nominal")  # Along the pitch, turning tells nothing.
+    return _worse([free], "nominal model")
 
 
 _NO_GAIN = (

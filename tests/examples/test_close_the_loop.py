@@ -31,7 +31,7 @@ def test_the_effect_is_found_and_worth_something(found):
     assert found.verdict == "effect_found"
     assert [effect.kind for effect in found.effects] == ["attached_lift"]
     errors = {name: error.position_rms_m for name, error in found.errors.items()}
-    assert errors["corrected"] < 0.05 * errors["as_drawn"]
+    assert errors["corrected"] < 0.05 * errors["nominal"]
 
 
 def test_it_is_told_as_it_is(found, folder, tmp_path):

@@ -33,12 +33,12 @@ def told(flown, model, tmp_path_factory):
 
 def test_the_corrected_model_flies_as_the_glider_did(flown):
     assert flown.flight.name == "flight_003.csv"
-    assert list(flown.motions) == ["measured", "as drawn", "corrected"]
+    assert list(flown.motions) == ["measured", "nominal", "corrected"]
     time = flown.motions["measured"].time
     assert len(time) == 103
     assert time[-1] == pytest.approx(0.85, abs=0.01)
     assert flown.errors["corrected"][0] < 0.005
-    assert flown.errors["as drawn"][0] > 0.1
+    assert flown.errors["nominal"][0] > 0.1
     assert flown.motions["measured"].forces.shape == (103, 2)
 
 
@@ -47,15 +47,15 @@ def test_it_is_told_as_it_is(told, flown):
     assert figures.pop("flight") == "flight_003.csv"
     assert figures.pop("rows") == 103
     assert figures.pop("duration_s") == flown.motions["measured"].time[-1]
-    assert figures.keys() == {"as_drawn", "corrected"}
+    assert figures.keys() == {"nominal", "corrected"}
     for name, (rms, end) in flown.errors.items():
         errors = figures[name.replace(" ", "_")]
         assert errors == {"position_rms_m": rms, "position_end_m": end}
-    assert "as drawn: 2" in told.words
+    assert "nominal: 2" in told.words
 
 
 def test_a_flight_is_shown_with_both_models(told):
-    for words in ("attached_lift, flight_003.csv", "measured", "as drawn", "corrected"):
+    for words in ("attached_lift, flight_003.csv", "measured", "nominal", "corrected"):
         assert f">{words}<" in told.page
 
 

@@ -77,7 +77,7 @@ def make_flight(name, miss):
         time=time,
         measured=pose,
         flown={
-            "as_drawn": pose + drift,
+            "nominal": pose + drift,
             "refitted": pose + 0.5 * drift,
             "corrected": pose + miss * drift,
         },
@@ -134,7 +134,7 @@ def make_result(**changes):
         reason="With the wind the held-out flights are flown to the noise.",
         effects=(WIND,),
         errors={
-            "as_drawn": make_errors(1.0),
+            "nominal": make_errors(1.0),
             "refitted": make_errors(0.5),
             "corrected": make_errors(0.001),
         },
@@ -192,7 +192,7 @@ def diverged():
     """Returns a result with numbers that are missing, infinite or enormous."""
     flight = make_flight("flight_100.csv", 0.0)
     flown = {
-        "as_drawn": 1e300 ** np.linspace(0.0, 1.0, 50)[:, None] * np.ones((1, 3)),
+        "nominal": 1e300 ** np.linspace(0.0, 1.0, 50)[:, None] * np.ones((1, 3)),
         "refitted": np.full((50, 3), np.nan),
         "corrected": flight.measured,
     }
@@ -202,7 +202,7 @@ def diverged():
     fields = [f.name for f in dataclasses.fields(Errors)]
     return make_result(
         errors={
-            "as_drawn": Errors(**dict.fromkeys(fields, math.inf)),
+            "nominal": Errors(**dict.fromkeys(fields, math.inf)),
             "refitted": Errors(**dict.fromkeys(fields, 1e300)),
             "corrected": dataclasses.replace(make_errors(1e-3), pitch=math.nan),
         },
@@ -254,7 +254,7 @@ VARIANTS = {
     "not trusted": make_result(
         verdict="not_trusted",
         errors={
-            "as_drawn": None,
+            "nominal": None,
             "refitted": make_errors(0.5),
             CALIBRATED: make_errors(0.4),
             "corrected": make_errors(0.6),
@@ -277,7 +277,7 @@ VARIANTS = {
     ),
     "unknown vehicle": make_result(
         errors={
-            "as_drawn": None,
+            "nominal": None,
             "refitted": make_errors(0.5),
             "corrected": make_errors(0.01),
         },

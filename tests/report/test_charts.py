@@ -43,7 +43,7 @@ def test_bars_are_the_errors_and_their_noise():
     result = make_result()
     chart = CHARTS["errors"](result)
     place = chart.panels[2]
-    (bars,) = keyed(place, "as_drawn")
+    (bars,) = keyed(place, "nominal")
     assert bars["y"] == [413.0, 900.0, 220.0]
     (noise,) = keyed(place, "noise")
     floor = [noise_floor(result, f) for f in ("position_rms_m", "position_end_m")]
@@ -91,8 +91,8 @@ def test_points_tell_their_flight_and_time():
     chart = CHARTS["residual"](result)
     table = result.residual_before
     assert chart.flights == table.names
-    np.testing.assert_array_equal(chart.columns["as_drawn flight"], table.flight)
-    time = np.array(chart.columns["as_drawn t"])
+    np.testing.assert_array_equal(chart.columns["nominal flight"], table.flight)
+    time = np.array(chart.columns["nominal t"])
     np.testing.assert_allclose(time, table.variables["t"], rtol=1e-4)
     for panel in chart.panels:
         for trace in panel.traces:
@@ -135,7 +135,7 @@ def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
                 make_flight(f"flight_{i:03d}.csv", 0.1),
                 time=time,
                 measured=pose,
-                flown=flown | {"as_drawn": pose + rng.normal(size=(480, 3))},
+                flown=flown | {"nominal": pose + rng.normal(size=(480, 3))},
             )
         )
     table = make_result().residual_before

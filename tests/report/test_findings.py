@@ -62,7 +62,7 @@ def flat(text):
 
 ALL_MODELS = make_result(
     errors={
-        "as_drawn": make_errors(1.0),
+        "nominal": make_errors(1.0),
         "refitted": make_errors(0.5),
         CALIBRATED: make_errors(0.41),
         "corrected": make_errors(0.001),
@@ -92,7 +92,7 @@ def test_every_cell_of_a_row_is_in_its_unit():
     row = next(r for r in error_rows(ALL_MODELS) if r.name == "position, RMS")
     assert row.unit == "mm"
     assert row.cells == {
-        "as_drawn": "413",
+        "nominal": "413",
         "refitted": "206",
         CALIBRATED: "169",
         "corrected": "0.413",

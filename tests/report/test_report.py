@@ -155,7 +155,7 @@ def test_json_has_the_schema_and_si_numbers():
         ],
         "errors": {
             name: errors_json(scale)
-            for name, scale in (("as_drawn", 1), ("refitted", 0.5), ("corrected", 1e-3))
+            for name, scale in (("nominal", 1), ("refitted", 0.5), ("corrected", 1e-3))
         },
         "folds": [
             {
@@ -232,14 +232,14 @@ def test_json_file_is_strict_whatever_the_numbers(written):
     text = (folder / "report.json").read_text(encoding="utf-8")
     data = json.loads(text, parse_constant=refuse)
     assert data == to_json(variant)
-    assert data["errors"].keys() == {"as_drawn", "refitted", "corrected"}
+    assert data["errors"].keys() == {"nominal", "refitted", "corrected"}
     for leaf in leaves(to_json(variant)):
         assert leaf is None or type(leaf) in (str, float, int)
 
 
 def test_numbers_that_are_none_become_null():
     data = to_json(VARIANTS["diverged"])
-    assert data["errors"]["as_drawn"]["rollout"]["position_rms_m"] is None
+    assert data["errors"]["nominal"]["rollout"]["position_rms_m"] is None
     assert data["errors"]["corrected"]["equation"]["pitch"] is None
     assert data["effects"][0]["evidence"] is None
     assert data["effects"][0]["coefficients"]["x"]["std"] is None
@@ -259,7 +259,7 @@ def test_json_has_the_calibrated_plate_only_where_there_is_one():
     assert CALIBRATED not in to_json(make_result())["errors"]
     errors = to_json(VARIANTS["not trusted"])["errors"]
     assert errors[CALIBRATED] == errors_json(0.4)
-    assert errors["as_drawn"] is None
+    assert errors["nominal"] is None
 
 
 def test_json_tells_a_shape_that_is_not_the_librarys():
@@ -271,13 +271,13 @@ def test_numpy_numbers_become_plain_ones():
     fields = [f.name for f in dataclasses.fields(Errors)]
     errors = Errors(**dict.fromkeys(fields, np.float32(0.5)))
     result = make_result(
-        errors={"as_drawn": None, "refitted": errors, "corrected": errors},
+        errors={"nominal": None, "refitted": errors, "corrected": errors},
         settings={"seed": np.int64(7), "flag": np.bool_(True), "path": Path("a/b")},
     )
     data = json.loads(json.dumps(to_json(result)))
     assert data["seed"] == 7
     assert data["settings"] == {"seed": 7, "flag": True, "path": "a/b"}
-    assert data["errors"]["as_drawn"] is None
+    assert data["errors"]["nominal"] is None
     assert data["errors"]["refitted"]["equation"]["normal"] == 0.5
 
 

@@ -73,7 +73,7 @@ def test_coefficients_are_within_their_standard_errors(name):
 @pytest.mark.parametrize("name", NAMED)
 def test_unseen_flights_get_better(name):
     result = closed(name)
-    pairs = [(result.errors["as_drawn"], result.errors["corrected"])]
+    pairs = [(result.errors["nominal"], result.errors["corrected"])]
     pairs += [(fold.refitted, fold.corrected) for fold in result.folds]
     for before, after in pairs:
         assert after.position_rms_m < 0.5 * before.position_rms_m

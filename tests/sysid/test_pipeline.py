@@ -16,7 +16,7 @@ def kinds_of(result):
 
 def errors_fall(result, share=0.25):
     """Whether held-out flights get better, in folds too."""
-    nominal, plate = result.errors["as_drawn"], result.errors["refitted"]
+    nominal, plate = result.errors["nominal"], result.errors["refitted"]
     corrected = result.errors["corrected"]
     pairs = [(nominal, corrected), (plate, corrected)]
     pairs += [(fold.refitted, fold.corrected) for fold in result.folds]
@@ -68,7 +68,7 @@ def test_the_covariance_is_of_the_standard_errors_and_their_correlations(few):
 
 def test_errors_fall_on_held_out_flights(few):
     assert errors_fall(few)
-    nominal, corrected = few.errors["as_drawn"], few.errors["corrected"]
+    nominal, corrected = few.errors["nominal"], few.errors["corrected"]
     assert corrected.normal < nominal.normal
     assert not set(few.fit_flights) & set(few.held_out_flights)
     assert [flight.name for flight in few.held_out] == list(few.held_out_flights)
@@ -116,7 +116,7 @@ def test_nothing_is_found_in_still_air():
     assert result.effects == ()
     assert result.left.depends_on == ()
     assert result.air.std_m_s < 0.01
-    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    nominal, corrected = result.errors["nominal"], result.errors["corrected"]
     assert corrected.position_rms_m < 1.2 * nominal.position_rms_m
 
 
@@ -153,7 +153,7 @@ def test_wrong_signs_are_found(signs):
     found = result.effects[0].coefficients
     for name in ("pitch", "elevator", "command"):
         assert found[name].value == signs.get(name, 1.0)
-    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    nominal, corrected = result.errors["nominal"], result.errors["corrected"]
     assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 

@@ -43,7 +43,7 @@ def flight(campaign):
 
 @pytest.fixture(scope="module")
 def motions(campaign, flight):
-    models = {"as drawn": nominal_model(campaign), "corrected": CORRECTED}
+    models = {"nominal": nominal_model(campaign), "corrected": CORRECTED}
     return refly(campaign, flight, models)
 
 
@@ -56,7 +56,7 @@ def test_the_measured_motion_is_the_log(motions, flight):
 
 def test_the_right_model_flies_as_the_glider_did(motions):
     measured = motions["measured"]
-    nominal, _ = position_error(measured, motions["as drawn"])
+    nominal, _ = position_error(measured, motions["nominal"])
     corrected, end = position_error(measured, motions["corrected"])
     assert nominal > 0.1
     assert corrected < 0.005 and end < 0.01
@@ -80,7 +80,7 @@ def test_the_last_models_forces_explain_the_measured_accelerations(
     (record,) = prepare((flight,), campaign, measure_noise(campaign))
     acceleration = record.acceleration[:, :2]
     error = force_error(motions["measured"], acceleration)
-    nominal = refly(campaign, flight, {"as drawn": nominal_model(campaign)})
+    nominal = refly(campaign, flight, {"nominal": nominal_model(campaign)})
     assert error < 0.1  # The glider weighs 0.78 N.
     assert force_error(nominal["measured"], acceleration) > 3.0 * error
 
@@ -97,13 +97,13 @@ def test_a_held_out_flight_is_flown_as_closing_the_loop_did(campaign):
     result = close_the_loop(campaign, effects=["attached_lift"])
     held_out = result.held_out[0]
     nominal = nominal_model(campaign)
-    models = {"as_drawn": nominal, "corrected": result.model}
+    models = {"nominal": nominal, "corrected": result.model}
     flown = refly(campaign, find_flight(campaign, held_out.name), models)
-    for name, tolerance in (("as_drawn", 5e-3), ("corrected", 1e-3)):
+    for name, tolerance in (("nominal", 5e-3), ("corrected", 1e-3)):
         # Held-out flights, too, are asked here how much differs between flights.
         error = flown[name].poses[:, :3] - held_out.flown[name]
         assert np.abs(error).max() < tolerance
-    nominal = held_out.flown["as_drawn"] - held_out.measured
+    nominal = held_out.flown["nominal"] - held_out.measured
     assert np.abs(nominal).max() > 0.1
 
 
@@ -111,13 +111,13 @@ def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
     turned = turn_campaign(campaign, Signs(pitch=-1, elevator=-1))
     effect = KINDS["angle_sign"](pitch=-1.0, elevator=-1.0, command=1.0)
     model = dataclasses.replace(CORRECTED, effects=(effect, *CORRECTED.effects))
-    models = {"as drawn": nominal_model(campaign), "corrected": model}
+    models = {"nominal": nominal_model(campaign), "corrected": model}
     seen = refly(turned, find_flight(turned, "flight_003"), models)
     for name in ("measured", "corrected"):
         assert np.allclose(seen[name].poses, motions[name].poses)
     # The nominal model met the log as it was written, and could not fly that.
-    lost, _ = position_error(seen["measured"], seen["as drawn"])
-    assert lost > 2.0 * position_error(motions["measured"], motions["as drawn"])[0]
+    lost, _ = position_error(seen["measured"], seen["nominal"])
+    assert lost > 2.0 * position_error(motions["measured"], motions["nominal"])[0]
 
 
 def test_a_model_that_blows_up_is_shown_until_then(campaign, flight):

@@ -47,7 +47,7 @@ def verdict(
     unnamed=None,
     left_over=None,
     doubt=None,
-    t_over_drawn=None,
+    t_over_nominal=None,
     drawn=(1.0, 1.0),
 ):
     """Judges a trace that found kinds, and a field or curves without a name."""
@@ -66,9 +66,11 @@ def verdict(
     left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=left_over or ())
     held_out = None
     if signs.are_right:
-        held_out = types.SimpleNamespace(t=t, ratios=ratios, t_over_drawn=t_over_drawn)
+        held_out = types.SimpleNamespace(
+            t=t, ratios=ratios, t_over_nominal=t_over_nominal
+        )
     errors = {
-        "as_drawn": errors_with(*drawn),
+        "nominal": errors_with(*drawn),
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(*split),
     }
@@ -153,13 +155,13 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     )
     left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
-    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9), t_over_drawn=None)
+    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9), t_over_nominal=None)
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
     assert word == "unexplained"
 
 
-def test_what_is_of_the_plate_is_held_against_the_glider_as_drawn():
+def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     """Refitted, the plate has it too: there is nothing to gain over that."""
     alike = {
         "t": 0.1,
@@ -168,20 +170,20 @@ def test_what_is_of_the_plate_is_held_against_the_glider_as_drawn():
         "drawn": (2.0, 1.0),
     }
     assert verdict(("mass",), **alike)[0] == "not_trusted"
-    word, reason = verdict(("mass",), t_over_drawn=9.0, **alike)
+    word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
     assert word == "effect_found"
     assert "plate, refitted, does about as well" in reason
-    by_chance = verdict(("mass",), t_over_drawn=LEAST_T - 0.1, **alike)
+    by_chance = verdict(("mass",), t_over_nominal=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
-    assert "over the glider as drawn" in by_chance[1]
+    assert "over the nominal model" in by_chance[1]
     worse = alike | {"drawn": (1.0, 1.0)}
-    assert verdict(("mass",), t_over_drawn=9.0, **worse)[0] == "not_trusted"
+    assert verdict(("mass",), t_over_nominal=9.0, **worse)[0] == "not_trusted"
     gains = alike | {"t": LEAST_T + 0.1, "ratios": (0.5, 0.5), "split": (0.5, 0.5)}
-    word, reason = verdict(("center_of_pressure",), t_over_drawn=0.0, **gains)
+    word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
     assert word == "effect_found"  # It travels: the plate does not.
     assert "refitted" not in reason
     lost = alike | {"t": -LEAST_T - 0.1}
-    assert verdict(("mass",), t_over_drawn=9.0, **lost)[0] == "not_trusted"
+    assert verdict(("mass",), t_over_nominal=9.0, **lost)[0] == "not_trusted"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ PURPLE, GREY = "#CC79A7", "#8A8A8A"
 
 COLORS = {
     "measured": "#000000",
-    "as_drawn": GREY,
+    "nominal": GREY,
     "refitted": ORANGE,
     "calibrated": PURPLE,
     "corrected": BLUE,
@@ -21,7 +21,7 @@ COLORS = {
 
 DARK = {
     "measured": "#F2F4F6",
-    "as_drawn": "#9AA3AC",
+    "nominal": "#9AA3AC",
     "refitted": "#F0A72E",
     "calibrated": "#E39CC2",
     "corrected": "#56B4E9",
@@ -30,7 +30,7 @@ DARK = {
 
 LABELS = {
     "measured": "measured",
-    "as_drawn": "as drawn",
+    "nominal": "nominal",
     "refitted": "refitted",
     "calibrated": "pitch zero",
     "corrected": "corrected",
@@ -38,7 +38,7 @@ LABELS = {
 """Model to its name for people."""
 
 DASHES = {
-    "as_drawn": (0, (4, 1.5)),
+    "nominal": (0, (4, 1.5)),
     "refitted": (0, (4, 1.2, 1, 1.2)),
     "calibrated": (0, (1, 1)),
 }
@@ -93,7 +93,7 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
-WIDTHS = {"as_drawn": 2.4, "refitted": 2.4, "calibrated": 2.0}
+WIDTHS = {"nominal": 2.4, "refitted": 2.4, "calibrated": 2.0}
 """Widths of lines; those not named here are thinner, and show what lies below."""
 
 

@@ -12,7 +12,7 @@ from glider.report.plots.axes import few_ticks, limit, thin
 from glider.report.plots.residuals import binned_quantiles
 from glider.report.plots.style import COLORS, STYLE, VARIABLES
 
-_SHADES = (COLORS["as_drawn"], COLORS["refitted"], COLORS["corrected"])
+_SHADES = (COLORS["nominal"], COLORS["refitted"], COLORS["corrected"])
 _LABELS = ("C_L", "C_D", "C_M [m]")
 
 

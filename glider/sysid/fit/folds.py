@@ -54,7 +54,7 @@ class HeldOut:
     Attributes:
         folds: their errors.
         gain: (flights,) log-likelihood that the corrected model gains [nats].
-        over_drawn: the same over the glider as drawn; None where it was not asked.
+        over_nominal: the same over the nominal model; None where it was not asked.
         free: (flights, 2) position RMS of free rollouts, plate and corrected [m].
         along: (flights, 2) the same along the measured pitch.
     """
@@ -63,7 +63,7 @@ class HeldOut:
     gain: np.ndarray
     free: np.ndarray
     along: np.ndarray
-    over_drawn: np.ndarray | None = None
+    over_nominal: np.ndarray | None = None
 
     @property
     def t(self) -> float:
@@ -71,9 +71,9 @@ class HeldOut:
         return robust_t(self.gain)
 
     @property
-    def t_over_drawn(self) -> float | None:
-        """The same of their gains over the glider as drawn."""
-        return None if self.over_drawn is None else robust_t(self.over_drawn)
+    def t_over_nominal(self) -> float | None:
+        """The same of their gains over the nominal model."""
+        return None if self.over_nominal is None else robust_t(self.over_nominal)
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -137,7 +137,7 @@ def hold_out(
         corrected: the model after.
         scales: of sensors, and of what differs from flight to flight, of rollouts.
         rng: that deals the flights to folds.
-        drawn: the glider as drawn, where the gain over it is asked too.
+        drawn: the nominal model, where the gain over it is asked too.
     """
     count = len(task.records)
     order = rng.permutation(count)
@@ -145,7 +145,7 @@ def hold_out(
     refits = [_Refits(task, model) for model in (plate, corrected)]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
     nominal = None if drawn is None else _Refits(task, drawn)
-    over_drawn = None if drawn is None else np.zeros(count)
+    over_nominal = None if drawn is None else np.zeros(count)
     folds = []
     for part in parts:
         unseen = [task.records[i] for i in part]
@@ -158,8 +158,8 @@ def hold_out(
             for i, record, predicted in zip(part, unseen, predictions, strict=True):
                 free[i, j], along[i, j] = flight_errors(record, predicted)
         gain[part] = costs[0] - costs[1]
-        if nominal is not None and over_drawn is not None:
-            over_drawn[part] = nominal.without(part)[1] - costs[1]
+        if nominal is not None and over_nominal is not None:
+            over_nominal[part] = nominal.without(part)[1] - costs[1]
         folds.append(
             Fold(
                 held_out=tuple(record.name for record in unseen),
@@ -168,7 +168,7 @@ def hold_out(
             )
         )
     return HeldOut(
-        folds=tuple(folds), gain=gain, free=free, along=along, over_drawn=over_drawn
+        folds=tuple(folds), gain=gain, free=free, along=along, over_nominal=over_nominal
     )
 
 

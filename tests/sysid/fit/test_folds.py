@@ -65,7 +65,7 @@ def test_a_planted_effect_holds():
         assert fold.corrected.position_rms_m < 0.5 * fold.refitted.position_rms_m
 
 
-def test_what_the_plates_own_numbers_do_holds_against_the_glider_as_drawn_alone():
+def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():
     campaign = fly(KINDS["mass"](change=0.1), flights=7)
     task, noise = task_of(campaign)
     drawn = fit_model(task, begin(task, noise))
@@ -73,10 +73,10 @@ def test_what_the_plates_own_numbers_do_holds_against_the_glider_as_drawn_alone(
     model = fit_model(task, begin(task, noise, ("mass",)))
     rng = np.random.default_rng(0)
     held = hold_out(task, plate, model, model.scales, rng, drawn)
-    assert held.t_over_drawn > 5.0
+    assert held.t_over_nominal > 5.0
     assert held.t > -LEAST_T  # Of four numbers it needs one.
-    assert held.over_drawn.mean() > 10.0 * held.gain.mean()
-    assert hold_out(task, plate, model, model.scales, rng).t_over_drawn is None
+    assert held.over_nominal.mean() > 10.0 * held.gain.mean()
+    assert hold_out(task, plate, model, model.scales, rng).t_over_nominal is None
 
 
 def test_an_idle_effect_does_not():

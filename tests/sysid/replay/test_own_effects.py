@@ -58,7 +58,7 @@ def test_an_own_effect_is_named(closed):
     found = result.effects[0].coefficients["gain"]
     assert abs(found.value - kind.coefficients[0].scale) < 5.0 * found.std
     assert found.std < 0.02 * found.value
-    nominal, corrected = result.errors["as_drawn"], result.errors["corrected"]
+    nominal, corrected = result.errors["nominal"], result.errors["corrected"]
     assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
 
 

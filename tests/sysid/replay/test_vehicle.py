@@ -64,7 +64,7 @@ def test_drag_is_found_whatever_is_known(campaign, missing):
     assert [e.kind for e in result.effects] == ["profile_drag"]
     found = result.effects[0].coefficients["cd0"]
     assert found.value == pytest.approx(0.06, rel=0.1)
-    assert result.errors["as_drawn"] is None
+    assert result.errors["nominal"] is None
     corrected, plate = result.errors["corrected"], result.errors["refitted"]
     assert corrected.position_rms_m < 0.25 * plate.position_rms_m
 
