@@ -73,6 +73,12 @@ def _choose(
     chosen = found = {file.name for file in folder.glob("flight_*.csv")}
     if not found:
         raise InputError(f"{folder}: no flight_*.csv in it; at least one is needed.")
+    for name in sorted(found):
+        if set(name) & set('<>&"') or not name.isprintable():
+            raise InputError(
+                f'{folder}: file name {show(name)} has one of < > & " or a control '
+                "character; expected a name without."
+            )
     if flights is not None:
         chosen = _with_suffix(flights)
         if unknown := chosen - found:

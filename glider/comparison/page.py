@@ -12,7 +12,7 @@ from glider.comparison.wording import (
     rows,
     unit_of,
 )
-from glider.report.chart import Axis, Chart, Panel, html_of, level, numbers, points
+from glider.report.chart import Axis, Chart, Panel, level, numbers, points
 from glider.report.charts import render_page
 from glider.report.flight_errors import bounded
 from glider.report.model_charts import WIDE, lack_traces
@@ -147,7 +147,7 @@ def curves_chart(comparison: Comparison) -> Chart | None:
         keys=_keys(comparison),
         panels=[
             Panel(
-                title=html_of(TERMS.get(term, term.replace("_", " "))),
+                title=TERMS.get(term, term.replace("_", " ")),
                 traces=[
                     trace
                     for key, curves in both.items()

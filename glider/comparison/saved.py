@@ -218,7 +218,10 @@ def _curve(fields: _Fields) -> Curve:
             f"{fields.file}: '{fields.place}' has columns of different lengths; "
             "alpha, lack, std and named of one length are needed."
         )
-    return Curve(term=fields.text("term"), **columns)
+    try:
+        return Curve(term=fields.text("term"), **columns)
+    except InputError as error:
+        raise InputError(f"{fields.file}: '{fields.place}': {error}") from None
 
 
 def _given(path: Path, fitted: list[tuple[str, _Fields]]) -> GliderParameters | None:

@@ -8,7 +8,6 @@ chart, so that what several panels show is written once.
 
 import dataclasses
 import math
-import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -43,7 +42,7 @@ class Panel:
     """One pair of axes.
 
     Attributes:
-        title: above it; HTML.
+        title: above it, plain text; "$C_n$" is a symbol with a subscript.
         traces: what it shows.
         x: axis across.
         y: axis up.
@@ -189,11 +188,6 @@ def shade(start: float, end: float) -> dict[str, Any]:
         "fillcolor": "@soft/0.14",
         "layer": "below",
     }
-
-
-def html_of(label: str) -> str:
-    """Returns "C<sub>n</sub> [m]" for "$C_n$ [m]"."""
-    return re.sub(r"_(\w)", r"<sub>\1</sub>", label.replace("$", ""))
 
 
 def symlog(value: float, linear: float = 10.0, share: float = 0.6) -> float:

@@ -11,7 +11,6 @@ from glider.report.chart import (
     Trace,
     band,
     dash_of,
-    html_of,
     level,
     line,
     log_range,
@@ -182,7 +181,7 @@ def curves_chart(result: Result) -> Chart | None:
         rest = {"width": 2, "color": "@rest", "dash": dashes["rest"]}
         panels.append(
             Panel(
-                title=html_of(TERMS.get(curve.term, curve.term.replace("_", " "))),
+                title=TERMS.get(curve.term, curve.term.replace("_", " ")),
                 traces=[
                     *lack_traces("lack", curve),
                     line("named", alpha, numbers(curve.named), _AT, line=style),
@@ -232,7 +231,7 @@ def carried_chart(result: Result) -> Chart | None:
         label, factor = VARIABLES[curve.variable]
         panels.append(
             Panel(
-                title=html_of(TERMS[curve.term]),
+                title=TERMS[curve.term],
                 traces=[
                     line(
                         "rest",
@@ -267,7 +266,7 @@ def coefficients_chart(result: Result) -> Chart | None:
             unit = " [m]" if name == "c_moment" else ""
             panels.append(
                 Panel(
-                    title=f"{html_of(letter)}{unit}, {LABELS[model]}",
+                    title=f"${letter}${unit}, {LABELS[model]}",
                     traces=_coefficient_traces(table, name, model),
                     x=Axis(title=VARIABLES["alpha"][0], link="alpha"),
                     y=Axis(range=bounds(np.concatenate(both)), link=name),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
+from glider.errors import InputError, show
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
@@ -84,12 +85,16 @@ class Spread:
     values: dict[str, float]
 
 
+CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
+"""Terms of a curve; the third in metres."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
     """What a plate lacks in one term, over the angle of attack, with a band.
 
     Attributes:
-        term: "c_normal", "c_axial", "c_moment" [m] or "elevator_factor".
+        term: one of CURVE_TERMS.
         alpha: (n,) [rad].
         lack: (n,) all that the plate lacks there: named effects and what is carried.
         std: (n,) standard error of it.
@@ -101,6 +106,13 @@ class Curve:
     lack: np.ndarray
     std: np.ndarray
     named: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.term not in CURVE_TERMS:
+            raise InputError(
+                f"field 'term' is {show(self.term)}; expected one of "
+                f"{', '.join(CURVE_TERMS)}."
+            )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

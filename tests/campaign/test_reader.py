@@ -285,6 +285,13 @@ def test_folder_without_flights_is_refused(folder, tmp_path):
     assert f"{folder / NAMES[0]}: cannot be read" in refusal(folder)
 
 
+@pytest.mark.parametrize("part", ["<img src=x onerror=alert(1)>", "a&b", 'a"b', "\x07"])
+def test_a_file_name_that_could_be_markup_is_refused(folder, part):
+    (folder / "flight_001.csv").rename(folder / f"flight_{part}.csv")
+    with pytest.raises(InputError, match=r"file name .*flight_.* has one of < > &"):
+        load_campaign(folder)
+
+
 def test_choice_of_flights(folder):
     """By name, by grade and by both; what is not chosen is not even read."""
 

@@ -159,6 +159,10 @@ def test_any_two_reports_can_be_compared(tmp_path, name, encoding):
             lambda d: d["curves"][0]["std"].pop(),
             r"'curves\[0\]' has columns of different lengths",
         ),
+        (
+            lambda d: d["curves"][0].update(term="<img src=x onerror=alert(1)>"),
+            r"'curves\[0\]'.* 'term' is .*img.*; expected one of c_normal",
+        ),
     ],
 )
 def test_a_fault_of_a_report_is_named(tmp_path, change, message):

@@ -6,7 +6,7 @@ import pytest
 
 from glider.report.page import to_html
 from tests.helpers.browser import open_browser, visit, why_not
-from tests.report.results import VARIANTS, make_result
+from tests.report.results import VARIANTS, make_flight, make_result
 
 pytest.importorskip("playwright.sync_api", reason="no Playwright to work a page with")
 pytestmark = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
@@ -66,6 +66,25 @@ def test_every_chart_is_drawn_and_nothing_is_complained_of(browser, tmp_path, na
         assert faults == []
         assert seen.faults == []
         assert seen.requests == [path.as_uri()]
+
+
+def test_names_of_files_are_no_html(browser, tmp_path):
+    """A campaign may be somebody else's, and a page is sent to others."""
+    evil = "flight_<img src=x onerror=window.broken=1>.csv"
+    path = tmp_path / "report.html"
+    flights = (make_flight(evil, 0.1), *make_result().held_out[:2])
+    result = make_result(held_out=flights, held_out_flights=(evil,))
+    path.write_text(to_html(result), encoding="utf-8")
+    with visit(browser, path.as_uri()) as seen:
+        titles = seen.page.locator("#held_out .panel h4").all_inner_texts()
+        assert evil.removesuffix(".csv") in titles
+        assert seen.page.evaluate("window.broken") is None
+        assert seen.requests == [path.as_uri()]
+
+
+def test_symbols_have_subscripts(desk):
+    title = desk.page.locator("#coefficients .panel h4").first
+    assert title.inner_html().startswith("C<sub>L</sub>, ")
 
 
 def test_the_legend_shows_and_hides_a_model_in_all_panels(desk):

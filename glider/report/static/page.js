@@ -37,6 +37,14 @@
     return made;
   }
 
+  // Titles may hold names of files: never HTML. "$C_n$" is a C with a subscript.
+  function writeTitle(node, title) {
+    title.split(/\$(C_\w)\$/).forEach((part, i) => {
+      node.append(i % 2 ? part[0] : part);
+      if (i % 2) element("sub", "", node, part[2]);
+    });
+  }
+
   function toggle(parent, className, isOn, onChange) {
     const button = element("button", className, parent);
     button.type = "button";
@@ -74,7 +82,7 @@
         button.dataset.key = key;
         const dash = this.chart.dashes[key];
         const dashes = dash && dash !== "solid" ? ` stroke-dasharray="${dash.replaceAll("px", "")}"` : "";
-        button.innerHTML = `<svg aria-hidden="true"><line x1="0" y1="5" x2="26" y2="5" stroke-width="4" style="stroke:var(--c-${key})"${dashes}/></svg>`;
+        button.innerHTML = `<svg aria-hidden="true"><line x1="0" y1="5" x2="26" y2="5" stroke-width="4" style="stroke:var(--c-${key})"${dashes}/></svg>`;  // No data.
         element("span", "", button, label);
       }
     }
@@ -127,7 +135,7 @@
       const panels = [...this.chart.panels, ...shown.flatMap((choice) => choice.panels)];
       this.plots = panels.map((panel) => {
         const box = element("div", "panel", this.place);
-        element("h4", "", box).innerHTML = panel.title;
+        writeTitle(element("h4", "", box), panel.title);
         const node = element("div", "plot", box);
         node.style.height = `${panel.height}px`;
         return { node, panel };
