@@ -3,9 +3,9 @@
 A `Family` is a few functions of one module that loop over the chain of
 `glider.physics.chain`. Asked for a glider's effects, it writes the text of the chain,
 of the effects' sums and of its own functions as one module into the user's cache
-folder and imports it. The file's name holds a digest of every source that it depends
-on, so that an edit never meets an old binary; numba keeps the machine code beside it.
-An edit of one family leaves the others' machine code valid.
+folder and imports it. The file's name holds a digest of all that it depends on, helpers
+in other modules included, so that an edit never meets an old binary; numba keeps the
+machine code beside it. An edit of one family leaves the others' machine code valid.
 """
 
 import functools
@@ -17,39 +17,28 @@ import threading
 import types
 from collections.abc import Callable
 from importlib.machinery import SourceFileLoader
+from types import FunctionType
 from typing import Any
 
+import llvmlite
 import numba
 import numpy as np
 from numba.extending import register_jitable
 
-from glider.compiled import constants, runge_kutta, trigonometry
+from glider.compiled import runge_kutta, trigonometry
+from glider.compiled.fingerprint import fingerprint
 from glider.errors import InputError
 from glider.paths import cache_folder
-from glider.physics import aerodynamics, chain, numbers, parameters, servo
+from glider.physics import chain
 from glider.physics.compose import formulas, source
-from glider.physics.effects import EffectKind, effect, field
+from glider.physics.effects import EffectKind, Field
 from glider.physics.formulas import tell_compiler
+from glider.physics.numbers import Theta
+from glider.physics.parameters import Parameters
+from glider.physics.servo import Servo
 
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 """Liberties that the compiler may take with rounding; NaN and infinity stay."""
-
-_SOURCES = {
-    module.__name__.rpartition(".")[2]: inspect.getsource(module)
-    for module in (
-        sys.modules[__name__],
-        aerodynamics,
-        chain,
-        constants,
-        effect,
-        field,
-        numbers,
-        parameters,
-        servo,
-        trigonometry,
-    )
-}
-"""Sources, read now: the files may be edited while this process runs."""
 
 _STEP = inspect.getsource(runge_kutta)
 
@@ -58,6 +47,12 @@ import numpy as np
 from glider.compiled.constants import BLOCK, DIFFERENCE, TINY
 from glider.physics.servo import limited_rate, rate_bounds
 """
+
+_KERNEL = inspect.getsource(sys.modules[__name__])
+"""Read now: the file may be edited while this process runs."""
+
+_TYPES = (Theta, Parameters, Field, Servo)
+"""What is kept on disk names the classes of arguments, and their fields."""
 
 INLINED = ("advance", "slope")
 """Prefixes of the names of functions whose text takes the place of their call: the
@@ -74,7 +69,7 @@ _INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _BORROWING = {
     name
     for name, value in vars(chain).items()
-    if isinstance(value, types.FunctionType) and value.__module__ == chain.__name__
+    if isinstance(value, FunctionType) and value.__module__ == chain.__name__
 } - {"theta_of"} | {runge_kutta.put.__name__}
 """Functions, of the chain but for one, that return scalars or nothing: compiled without
 counting references to the arrays that they are handed, which took a third of a glider's
@@ -86,7 +81,10 @@ tell_compiler(register_jitable)
 
 
 machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
-"""Compiles a function of arrays that has no physics in it, and keeps it on disk."""
+"""Compiles a function of arrays that has no physics in it, and keeps it on disk.
+
+Numba compiles it again where its file has changed, and no other: it may use only its
+own module and NumPy."""
 
 called_code = numba.njit(nogil=True, error_model="numpy", **_INNER)
 """Compiles what only functions of `machine_code` of the same module call."""
@@ -172,14 +170,16 @@ class Family:
         return types.SimpleNamespace(**{name: names[name] for name in self.entries})
 
     def _digest(self, text: str, kinds: tuple[EffectKind, ...]) -> str:
-        modules = {inspect.getmodule(f) for f in formulas(kinds).values()}
-        files = sorted(inspect.getsource(m) for m in modules if m is not None)
-        called = [family.text + family._module for family in self.uses]
-        versions = [numba.__version__, np.__version__, sys.version]
-        seed = "\n".join(
-            [text, self._module, *called, *files, *_SOURCES.values(), *versions]
-        )
-        return hashlib.sha256(seed.encode()).hexdigest()[:16]
+        head: dict[str, object] = {}
+        exec(_HEAD, head)
+        physics = [f for f in vars(chain).values() if isinstance(f, FunctionType)]
+        called = [*head.values(), *physics, *formulas(kinds).values()]
+        hidden = trigonometry.OVERLOADS  # Of sin, cos and sqrt, under no name.
+        texts = [text, _KERNEL, self._module]
+        texts += [family.text + family._module for family in self.uses]
+        texts += [numba.__version__, llvmlite.__version__, np.__version__, sys.version]
+        texts.append(fingerprint([*called, *hidden, *_TYPES]))
+        return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
 
 
 def check_compiles(formula: Callable, arguments: tuple) -> object:
@@ -212,10 +212,7 @@ def _wrap(
     for name in formulas(kinds):
         names[name] = numba.njit(names[name], **_INNER)
     for name, value in list(names.items()):
-        if (
-            isinstance(value, types.FunctionType)
-            and value.__module__ == names["__name__"]
-        ):
+        if isinstance(value, FunctionType) and value.__module__ == names["__name__"]:
             own: dict[str, Any] = {} if name in entries else dict(_INNER)
             own["_nrt"] = name not in _BORROWING  # Unsaid, a callee has its caller's.
             names[name] = numba.njit(

@@ -1,6 +1,6 @@
-"""Work over flights, side by side.
+"""Work over flights in parallel.
 
-By threads: the compiled loops release Python's lock. Whoever calls may choose other
+By threads: the compiled loops release Python's lock. The caller may choose other
 workers through joblib, up to a cluster of processes. With Dask (the extra `cluster`):
 
     with Client(address), joblib.parallel_config(backend="dask"):
@@ -8,7 +8,6 @@ workers through joblib, up to a cluster of processes. With Dask (the extra `clus
 """
 
 import itertools
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -17,15 +16,15 @@ import joblib
 from joblib.parallel import get_active_backend
 from threadpoolctl import threadpool_limits
 
-_THREADS = ThreadPoolExecutor(max_workers=os.cpu_count())
-"""joblib's own threads are for long tasks: it asks every 10 ms whether they are done,
-and a flight takes less."""
+_THREADS = ThreadPoolExecutor(max_workers=joblib.cpu_count())
+"""One for each core that this process may use, by affinity and cgroup. joblib's own
+threads are for long tasks: it polls every 10 ms, and a flight takes less."""
 
 _PARTS = 4
 """Parts of the work for each worker of joblib, so that none waits long for the last."""
 
 _UNSET = type(get_active_backend()[0])
-"""The backend that joblib has where nobody has chosen one."""
+"""joblib's backend where the caller has not chosen one."""
 
 
 def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:

@@ -85,3 +85,7 @@ def _compiled_sqrt(square):
         return np.sqrt(square)
 
     return of_complex if isinstance(square, numba.types.Complex) else of_real
+
+
+OVERLOADS = (_compiled_sin, _compiled_cos, _compiled_sqrt)
+"""What compiled code has in the place of functions of glider.physics.trigonometry."""

@@ -1,21 +1,38 @@
 """What is compiled is kept, and an edit never meets an old binary."""
 
 import importlib.util
+import inspect
 import linecache
+import math
+import os
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from glider.compiled import jacobian, kernel, riccati, rollouts
+from glider.compiled import (
+    barrier,
+    collocation,
+    constants,
+    filter_error,
+    jacobian,
+    kernel,
+    riccati,
+    rollouts,
+    stages,
+    trigonometry,
+)
 from glider.compiled.constants import BLOCK
+from glider.compiled.fingerprint import reached
 from glider.compiled.kernel import Family
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
 from glider.estimation.perching import launch_prior, perching_ekf
 from glider.estimation.running import run_ekf
 from glider.paths import cache_folder
+from glider.physics import aerodynamics, chain, servo
 from glider.physics.effects import (
     NO_FIELD,
     PROFILE_DRAG,
@@ -28,6 +45,33 @@ from glider.planning.problem import PerchingProblem
 from tests.helpers.physics import PARAMETERS, random_states
 
 FORMULA = "def pull(flow, force):\n    return {factor} * force\n"
+HELPED = """
+from users_helper import gain
+def pull(flow, force):
+    return {factor} * gain(force)
+"""
+SCALAR = "from glider.physics.formulas import scalar\n"
+SESSION = """
+import numpy as np
+from glider.compiled.rollouts import fly_tapes
+from glider.physics.effects import Coefficient, EffectKind
+from glider.physics.model import GliderModel
+from users_helper import gain
+
+def pull(flow, force):
+    return gain(force)
+
+def fly():
+    force = Coefficient(name="force", unit="N")
+    kind = EffectKind(
+        kind="pull", stage="wrench", adds_to=("force_x",), coefficients=(force,),
+        formula=pull, words="a horizontal pull", depends_on=("x",),
+    )
+    model, launch = GliderModel(effects=(kind(force=0.1),)), np.zeros((1, 7))
+    launch[0, 4] = 7.0
+    states = fly_tapes(model, launch, np.zeros((1, 10)), 0.01, only_last=True)
+    print(states[0, 0, 4])
+"""
 
 
 @pytest.fixture
@@ -39,17 +83,22 @@ def fresh_cache(monkeypatch, tmp_path):
 
 @pytest.fixture
 def module_of(tmp_path, monkeypatch):
-    """Writes a module with a formula and imports it, as often as it is edited."""
+    """Writes and imports a formula and its helpers, as often as they are edited."""
 
-    def write(factor):
-        path = tmp_path / "users_effect.py"
-        path.write_text(FORMULA.format(factor=factor))
-        importlib.invalidate_caches()
-        spec = importlib.util.spec_from_file_location("users_effect", path)
-        module = importlib.util.module_from_spec(spec)
-        monkeypatch.setitem(sys.modules, "users_effect", module)
-        spec.loader.exec_module(module)
-        linecache.checkcache(str(path))
+    def write(factor, helpers=None):
+        formula = HELPED if helpers else FORMULA
+        for name, text in {
+            **(helpers or {}),
+            "users_effect": formula.format(factor=factor),
+        }.items():
+            path = tmp_path / f"{name}.py"
+            path.write_text(text)
+            importlib.invalidate_caches()
+            spec = importlib.util.spec_from_file_location(name, path)
+            module = importlib.util.module_from_spec(spec)
+            monkeypatch.setitem(sys.modules, name, module)
+            exec(compile(text, str(path), "exec"), vars(module))  # No bytecode kept.
+            linecache.checkcache(str(path))
         return kind_of(module.pull)
 
     return write
@@ -111,15 +160,65 @@ def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
 
 
 @pytest.mark.parametrize(
-    "module",
-    ["aerodynamics", "chain", "trigonometry", "field", "constants", "numbers", "servo"],
+    ("module", "name", "edited"),
+    [
+        (aerodynamics, "SPEED_SMOOTHING", 2e-8),
+        (chain, "NUM_INPUTS", 6),
+        (servo, "STOPPING_TIME", 0.01),
+        (constants, "TINY", 1e-40),
+        (trigonometry, "_PI", (math.pi, 0.0, 0.0)),
+    ],
 )
-def test_an_edit_of_the_physics_gets_another_file(fresh_cache, module, monkeypatch):
+def test_an_edit_of_the_physics_gets_another_file(
+    fresh_cache, module, name, edited, monkeypatch
+):
     load()
-    text = kernel._SOURCES[module] + "# edited\n"
-    monkeypatch.setitem(kernel._SOURCES, module, text)
+    assert hasattr(module, name)
+    monkeypatch.setattr(module, name, edited)
     load()
     assert len(files_in(fresh_cache)) == 2
+
+
+def test_an_edit_of_what_a_formula_calls_gets_another_file(fresh_cache, module_of):
+    """A helper of a helper, a constant and a closure, each in another module."""
+
+    def edited(**changes):
+        return module_of(
+            "2.0",
+            {
+                "users_number": f"SIZE = {changes.get('size', 1.0)}\n",
+                "users_inner": "def make(k):\n    return scalar(lambda x: k * x)\n"
+                f"{SCALAR}inner = make({changes.get('closure', 1.0)})\n",
+                "users_helper": f"{SCALAR}import users_number\n"
+                "from users_inner import inner\n@scalar\ndef gain(x):\n    return "
+                f"{changes.get('gain', 1.0)} * inner(x) * users_number.SIZE\n",
+            },
+        )
+
+    load((edited(),))
+    load((edited(),))
+    assert len(files_in(fresh_cache)) == 1
+    for count, name in enumerate(("gain", "size", "closure"), start=2):
+        load((edited(**{name: 3.0}),))
+        assert len(files_in(fresh_cache)) == count
+
+
+@pytest.mark.slow
+def test_a_new_session_flies_the_edited_helper(fresh_cache, tmp_path):
+    """Formula and helper in two modules, the helper edited between two sessions."""
+    (tmp_path / "users_effect.py").write_text(SESSION)
+
+    def speed(gain):
+        text = f"{SCALAR}@scalar\ndef gain(x):\n    return {gain} * x\n"
+        (tmp_path / "users_helper.py").write_text(text)
+        paths = os.pathsep.join([str(tmp_path), *sys.path])
+        command = [sys.executable, "-B", "-c", "import users_effect as e; e.fly()"]
+        environment = os.environ | {"PYTHONPATH": paths}
+        return float(subprocess.check_output(command, env=environment, text=True))
+
+    pull = 0.1 / GliderModel().parameters.mass  # Along x, for a tenth of a second.
+    once, ten_times = speed(1.0), speed(10.0)
+    assert ten_times - once == pytest.approx(9.0 * 0.1 * pull, rel=0.05)
 
 
 def test_an_edit_of_the_runge_kutta_step_gets_another_file(fresh_cache, monkeypatch):
@@ -151,6 +250,18 @@ def test_an_edit_of_the_tuples_that_a_loop_takes_gets_another_file(fresh_cache):
     edited._module += "# edited"
     edited.over()
     assert len(files_in(fresh_cache)) == 2
+
+
+def test_what_is_kept_beside_its_own_file_reaches_no_other_file():
+    """Numba looks at the outermost function's file alone, see `machine_code`."""
+    for module in (barrier, collocation, filter_error, stages):
+        for name, function in vars(module).items():
+            if not hasattr(function, "py_func"):
+                continue
+            for what, value in reached(function.py_func):
+                defined = f"\n{what} = " in inspect.getsource(module)
+                here = getattr(value, "__module__", None) == module.__name__
+                assert here or defined or what == "defaults", (name, what)
 
 
 def test_a_loop_that_is_not_there_is_no_attribute():

@@ -1,7 +1,10 @@
 """Work over flights gives the same by any workers."""
 
 import dataclasses
+import os
 import pickle
+import subprocess
+import sys
 import threading
 import warnings
 
@@ -28,6 +31,17 @@ def test_order_and_number_are_kept(count):
         assert in_parallel(lambda k: k * k, range(count)) == expected
 
 
+def test_there_is_a_thread_for_each_core_that_the_process_may_use():
+    """Not for each of the machine: a container or a batch job has fewer."""
+    script = (
+        "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))});"
+        "from glider.compiled.parallel import _THREADS; print(_THREADS._max_workers)"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", script]
+    assert int(subprocess.check_output(command, env=environment)) == 1
+
+
 def test_the_callers_choice_of_workers_is_kept():
     me = threading.get_ident()
     assert me not in in_parallel(lambda _: threading.get_ident(), range(5))
@@ -37,13 +51,13 @@ def test_the_callers_choice_of_workers_is_kept():
 
 def test_an_error_comes_out_as_it_is():
     def fail(_):
-        raise ValueError("a flight blows up")
+        raise ValueError("a flight diverges")
 
-    with pytest.raises(ValueError, match="blows up"):
+    with pytest.raises(ValueError, match="diverges"):
         in_parallel(fail, range(3))
     with (
         joblib.parallel_config(backend="threading", n_jobs=2),
-        pytest.raises(ValueError, match="blows up"),
+        pytest.raises(ValueError, match="diverges"),
     ):
         in_parallel(fail, range(3))
 
