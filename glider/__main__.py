@@ -2,6 +2,7 @@
 
 import argparse
 import importlib.metadata
+import os
 import sys
 from collections.abc import Sequence
 
@@ -33,7 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     args = parser.parse_args(arguments)
     try:
-        return args.run(args)
+        code = args.run(args)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # The reader of our output has enough of it: `| head -1`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -51,11 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _not_installed(module: str) -> str:
-    """Returns what to do where a library is missing: mostly, take another Python."""
+    """Advice where a library is missing: mostly, take another Python."""
     return (
         f"{module} is not installed for {sys.executable}; use the Python of the "
         "environment that drake-glider is installed in (.venv/bin/python after make "
-        "setup), or install it here with pip install . (python -m glider doctor tells "
+        "setup), or install it here with pip install . (python -m glider doctor lists "
         "what is missing)."
     )
 

@@ -37,7 +37,6 @@ FLOORS = [
     "glider.report.plots",
     "glider.report",
     "glider.comparison",
-    "glider.doctor",
     "glider.studies.plots",
     "glider.studies.basis",
     "glider.studies",

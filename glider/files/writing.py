@@ -1,26 +1,31 @@
 """Writes files so that a half-written one never stands in the place of a whole one.
 
-What is new is written beside its place first; then names change, which takes no space
-and no time to speak of.
+New files are written beside their place first; then they are renamed, which takes
+neither disk space nor time to speak of.
 """
 
+import contextlib
 import functools
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from glider.errors import InputError
 
 _PREFIX = ".half-written-"
 
+_DAY = 86_400.0
+"""Age at which half-written files are of a run that was killed, not of another [s]."""
+
 
 def make_folder(folder: Path) -> None:
     """Makes a folder with its parents; raises InputError if a file is in its way."""
     for target in (*reversed(folder.parents), folder):
         if target.exists() and not target.is_dir():
-            raise InputError(f"{target}: is a file; a folder is needed.")
+            raise InputError(f"{target}: is a file; expected a folder.")
     folder.mkdir(parents=True, exist_ok=True)
 
 
@@ -28,14 +33,14 @@ def check_writable(folder: Path) -> None:
     """Raises InputError where a folder cannot be made or written: before the work."""
     place = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     if not place.is_dir():
-        raise InputError(f"{place}: is a file; a folder is needed.")
+        raise InputError(f"{place}: is a file; expected a folder.")
     try:
         with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=place):
             pass
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}); "
-            "a folder that you may write is needed."
+            "expected a folder that you may write."
         ) from None
 
 
@@ -46,13 +51,12 @@ def write_text(path: Path, text: str) -> None:
 
 def replace_file(path: Path, write: Callable[[Path], object]) -> None:
     """Writes a file beside its place, then moves it there: all of it or nothing."""
-    # Its suffix stays: some writers tell the format by it.
+    # The suffix stays: some writers take the format from it.
     temporary = path.with_name(f"{_PREFIX}{os.getpid()}-{path.name}")
     try:
-        write(temporary)
-        temporary.replace(path)
-    except OSError as error:
-        raise _about(error, path) from None
+        with _errors_about(path):
+            write(temporary)
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -62,15 +66,14 @@ def replace_files(
 ) -> None:
     """Writes files of a folder: all of them, or it stays as it was.
 
-    They are written into a folder within it. Then the old ones move out and the new
-    ones in; where that is cut short by an exception, the old ones move back. Where the
-    process is killed meanwhile, the file `last` is not there. Other files stay.
+    Everything is written into a temporary folder within it and then moved. Where the
+    moving is cut short, the file `last` is not there. Other files stay.
 
     Args:
         folder: made where it is not there.
-        files: path within the folder to content; None for a file that is to be gone.
-        last: of these files: it goes first and comes last, so that where it is, the
-            others are too.
+        files: path within the folder to content; None for a file to remove.
+        last: of these files: it is removed first and comes last, so that where it is,
+            the others are too.
 
     Raises:
         InputError: if the folder is a file.
@@ -78,54 +81,44 @@ def replace_files(
     """
     was_there = folder.is_dir()
     make_folder(folder)
-    for left in folder.glob(f"{_PREFIX}*"):  # By a run that was killed.
-        shutil.rmtree(left, ignore_errors=True)
-    order = sorted(files, key=lambda name: name != last)
+    _remove_old_leftovers(folder)
     try:
-        with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder) as part:
-            new, old = Path(part) / "new", Path(part) / "old"
+        with (
+            _errors_about(folder),
+            tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder) as part,
+        ):
             for name, content in files.items():
                 if content is not None:
-                    _put(new / name, content)
-            before = {name for name in files if (folder / name).exists()}
-            try:
-                for name in order:
-                    _move(folder / name, old / name)
-                for name in reversed(order):
-                    _move(new / name, folder / name)
-            except BaseException:
-                for name in order:
-                    if (old / name).exists() or name not in before:
-                        _move(folder / name, new / name)
-                    _move(old / name, folder / name)
-                raise
-    except OSError as error:
+                    new = Path(part, name)
+                    new.parent.mkdir(parents=True, exist_ok=True)
+                    new.write_bytes(content)
+            (folder / last).unlink(missing_ok=True)
+            for name in sorted(files, key=lambda name: name == last):
+                if files[name] is None:
+                    (folder / name).unlink(missing_ok=True)
+                else:
+                    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                    Path(part, name).replace(folder / name)
+    except OSError:
         if not was_there:
-            _remove_empty(folder)
-        raise _about(error, folder) from None
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
-def _put(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+def _remove_old_leftovers(folder: Path) -> None:
+    """Removes what killed runs left; a run that is writing now keeps its files."""
+    for left in folder.glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if time.time() - left.stat().st_mtime > _DAY:
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
-def _move(source: Path, target: Path) -> None:
-    """Moves a file to where none is; what is not there need not be moved."""
-    if source.exists() and not target.exists():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        source.replace(target)
-
-
-def _remove_empty(folder: Path) -> None:
-    """Removes a folder in which nothing is but empty folders."""
-    for path in (*sorted(folder.rglob("*"), reverse=True), folder):
-        if not path.is_dir() or any(path.iterdir()):
-            return
-        path.rmdir()
-
-
-def _about(error: OSError, path: Path) -> OSError:
-    """Returns an error that names what was to be written, not where it was begun."""
-    strerror = error.strerror or str(error)
-    return OSError(error.errno, strerror, str(path))
+@contextlib.contextmanager
+def _errors_about(path: Path) -> Iterator[None]:
+    """Lets OSErrors name what was to be written, not the temporary file."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OSError(error.errno, reason, str(path)) from None

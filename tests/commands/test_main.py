@@ -129,6 +129,24 @@ def test_what_was_found_is_told_even_where_it_cannot_be_kept(
     assert "cannot be found" in words
 
 
+@pytest.mark.parametrize("lines", [0, 1])
+def test_output_that_is_read_no_further_is_no_error(lines):
+    """As by `| head -1`."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "glider", "samples"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "PYTHONUNBUFFERED": "1" if lines else ""},
+    )
+    for _ in range(lines):
+        process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() in (0, 1)
+
+
 def test_an_interrupt_is_one_sentence_and_130(tmp_path):
     """By Ctrl-C while the campaign is read or traced."""
     out = tmp_path / "out"

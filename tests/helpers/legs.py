@@ -9,7 +9,7 @@ import pytest
 _TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
-    *("campaign", "commands", "comparison", "compiled", "design", "docs", "doctor"),
+    *("campaign", "commands", "comparison", "compiled", "design", "docs"),
     *("files", "helpers", "report", "sysid"),
 )
 """Of tests in which Drake has no part, reading, tracing, reports, commands; and of the

@@ -44,7 +44,6 @@ from typing import Any
 import numpy as np
 
 from glider.errors import InputError
-from glider.files.recognition import describe_file
 from glider.files.writing import replace_file
 
 _FORMAT = "drake-glider funnel 1"
@@ -120,12 +119,12 @@ def write_file(path: Path | str, file: FunnelFile) -> None:
 
 
 def read_file(path: Path | str) -> FunnelFile:
-    """Reads a file; one that is no funnel's is an InputError, which says what it is."""
+    """Reads a file; InputError where it holds no funnel."""
     try:
         if not _may_be_a_funnel(path):
             raise InputError(
-                f"{path}: is {describe_file(path)}, not a funnel; a file that "
-                "examples/perching_funnel.py --save wrote (.npz) is needed."
+                f"{path}: is not a funnel; expected a file that "
+                "examples/perching_funnel.py --save wrote (.npz)."
             )
         content = Path(path).read_bytes()
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
