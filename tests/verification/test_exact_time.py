@@ -1,23 +1,13 @@
-"""Polynomials in time in whole numbers are what they say, without rounding."""
+"""Polynomials in time in exact arithmetic are what they say, without rounding."""
 
-import functools
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.verification.sos.exact import Exact, exact
-from glider.verification.sos.exact_time import (
-    at_share,
-    bernstein,
-    halves,
-    hermite,
-    mapped,
-    product,
-    raised,
-    total,
-)
+from glider.verification.sos.exact import exact
+from glider.verification.sos.exact_time import hermite
 
 STEP = 0.3
 SHARES = [Fraction(k, 8) for k in range(9)]
@@ -34,37 +24,37 @@ def test_a_cubic_has_its_values_and_slopes(curves):
     cubic, rise, curve = curves
     for share in SHARES:
         time = float(share) * STEP
-        assert at_share(cubic, share).to_float() == pytest.approx(curve(time))
-        found = at_share(rise, share).to_float()
+        assert cubic.at(share).to_float() == pytest.approx(curve(time))
+        found = rise.at(share).to_float()
         assert found == pytest.approx(STEP * curve(time, 1))
 
 
 def test_operations_are_those_of_the_values(curves):
     cubic, rise, _ = curves
-    both = product(cubic, rise, Exact.__matmul__)
-    added = total(both, mapped(cubic, functools.partial(Exact.scaled, factor=3)))
-    high = raised(cubic, 7)
-    assert (len(both), len(added), len(high)) == (6, 6, 8)
+    both = cubic @ rise
+    added = both + cubic * 3
+    high = cubic.raised(7)
+    assert (both.degree, added.degree, high.degree) == (5, 5, 7)
     for share in SHARES:
-        p, q = (at_share(one, share).to_float() for one in (cubic, rise))
-        assert at_share(both, share).to_float() == pytest.approx(p @ q)
-        assert at_share(added, share).to_float() == pytest.approx(p @ q + 3.0 * p)
-        assert np.array_equal(at_share(high, share).to_float(), p)  # Exactly.
+        p, q = (one.at(share).to_float() for one in (cubic, rise))
+        assert both.at(share).to_float() == pytest.approx(p @ q)
+        assert added.at(share).to_float() == pytest.approx(p @ q + 3.0 * p)
+        assert np.array_equal(high.at(share).to_float(), p)  # Exactly.
 
 
 def test_halves_are_the_same_polynomial_exactly(curves):
     cubic = curves[0]
-    for side, half in enumerate(halves(cubic)):
+    for side, half in enumerate(cubic.halves()):
         for share in SHARES:
-            whole = at_share(cubic, (share + side) / 2)
-            part = at_share(half, share)
+            whole = cubic.at((share + side) / 2)
+            part = half.at(share)
             assert not np.any((whole - part).numbers)
 
 
 def test_bernsteins_coefficients_hold_the_values(curves):
     cubic = curves[0]
-    coefficients = bernstein(cubic)
-    values = np.array([at_share(cubic, share).to_float() for share in SHARES])
+    coefficients = cubic.bernstein()
+    values = np.array([cubic.at(share).to_float() for share in SHARES])
     assert np.all(values >= coefficients.min(axis=0) - 1e-12)
     assert np.all(values <= coefficients.max(axis=0) + 1e-12)
     assert coefficients[[0, -1]] == pytest.approx(values[[0, -1]])

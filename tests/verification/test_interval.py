@@ -18,7 +18,7 @@ from glider.verification.proof.interval_sets import (
     tight_cover,
 )
 from glider.verification.sos.exact import exact, rounded
-from glider.verification.sos.exact_time import at_share, line
+from glider.verification.sos.exact_time import InTime, line
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points
@@ -38,7 +38,7 @@ def interval(piece):
 
 
 def at(polynomial, share):
-    return at_share(polynomial, Fraction(share)).to_float()
+    return polynomial.at(Fraction(share)).to_float()
 
 
 def sets_at(piece, share):
@@ -117,11 +117,11 @@ def test_an_interval_that_is_halved_is_proven_too(proven):
 
 def test_a_matrix_that_is_indefinite_between_is_seen():
     one = exact(np.eye(2))
-    dip = (one, one.scaled(-1), one)  # 1 - 3 τ (1 - τ): 0.25 at least.
+    dip = InTime((one, -one, one))  # 1 - 3 τ (1 - τ): 0.25 at least.
     assert stays_definite(dip)
-    deep = (one, one.scaled(-3), one)  # 1 - 5 τ (1 - τ): -0.25 at least.
+    deep = InTime((one, one * -3, one))  # 1 - 5 τ (1 - τ): -0.25 at least.
     assert not stays_definite(deep)
-    touching = (one, one.scaled(-2), one)  # Zero in the middle.
+    touching = InTime((one, one * -2, one))  # Zero in the middle.
     assert not stays_definite(touching)
 
 

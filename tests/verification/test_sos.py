@@ -179,7 +179,7 @@ def test_definiteness_is_told_where_floating_point_cannot(shift):
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
     whole = rounded(rotation, 40)
     eigenvalues = exact(np.diag([1e8, 1.0, 1.0, 1.0, 1.0, shift]))
-    matrix = whole @ eigenvalues @ whole.transposed()
+    matrix = whole @ eigenvalues @ whole.T
     assert is_positive_definite(matrix) == (shift > 0.0)
 
 

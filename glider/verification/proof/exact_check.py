@@ -185,21 +185,21 @@ def growth_polynomial(
     """
     table = table_of(len(coefficients))
     F1, F2, F3 = (exact(coefficients[:, table.of_degree(d)]) for d in (1, 2, 3))
-    L_inv = L_inv_T.transposed()
+    L_inv = L_inv_T.T
     L_T = L_inv @ S
     metric = L_T @ L_inv_T
     product = L_T @ F1 @ L_inv_T
-    quadratic = L_inv @ slope @ L_inv_T + product + product.transposed()
-    for b, w, column in zip(beta, weights, L_T.numbers.T, strict=True):
+    quadratic = L_inv @ slope @ L_inv_T + product + product.T
+    for k, (b, w) in enumerate(zip(beta, weights, strict=True)):
         if w > 0.0:
-            across = Exact(np.multiply.outer(column, column), 2 * L_T.exponent)
-            quadratic = quadratic + across.times(exact(w))
+            across = L_T[:, k : k + 1] @ L_T[:, k : k + 1].T
+            quadratic = quadratic + across * exact(w)
             ball = at_least(Fraction(b) ** 2 / Fraction(w))
-            quadratic = quadratic + metric.times(ball)
-    quadratic = quadratic + metric.times(slack)
+            quadratic = quadratic + metric * ball
+    quadratic = quadratic + metric * slack
     cubic = substituted(L_T @ F2, L_inv_T, 2)
     quartic = substituted(L_T @ F3, L_inv_T, 3) + quadratic_product(quadratic, metric)
-    return odd_then_even(cubic, quartic).scaled(-1), metric
+    return -odd_then_even(cubic, quartic), metric
 
 
 def _keeps_bounds(S, directions, bounds):
@@ -214,7 +214,7 @@ def _keeps_bounds(S, directions, bounds):
         if not bound > 0:
             return False
         across = dyadic(np.multiply.outer(a, a))
-        if not is_positive_definite(exact(S).times(dyadic(bound**2)) - across):
+        if not is_positive_definite(exact(S) * dyadic(bound**2) - across):
             return False
     return True
 

@@ -6,7 +6,6 @@ the gains K, the weights λ and β² / λ, and the open loop's Taylor polynomial
 """
 
 import dataclasses
-import functools
 from fractions import Fraction
 from typing import Any
 
@@ -21,16 +20,9 @@ from glider.verification.dynamics.error_dynamics import (
 )
 from glider.verification.dynamics.nominal_path import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.interval_gliders import lessened, servo_reach
+from glider.verification.proof.interval_gliders import servo_reach
 from glider.verification.sos.exact import Exact, at_least, exact
-from glider.verification.sos.exact_time import (
-    InTime,
-    halves,
-    hermite,
-    line,
-    mapped,
-    total,
-)
+from glider.verification.sos.exact_time import InTime, hermite, line
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,8 +69,8 @@ class Interval:
         """Returns the first half and the second."""
         fixed = ("step", "rows", "which", "limits")
         names = [f.name for f in dataclasses.fields(self) if f.name not in fixed]
-        parts = {name: halves(getattr(self, name)) for name in names}
-        limits = [(halves(a), halves(b)) for a, b in self.limits]
+        parts = {name: getattr(self, name).halves() for name in names}
+        limits = [(a.halves(), b.halves()) for a, b in self.limits]
 
         def side(which: int) -> Interval:
             changes: dict[str, Any] = {name: p[which] for name, p in parts.items()}
@@ -112,7 +104,7 @@ def make_interval(piece: Funnel) -> Interval:
         quadratic=part(2),
         cubic=part(3),
         weights=line(*piece.weights),
-        bearing=tuple(map(_bearing, piece.beta, piece.weights)),
+        bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
         limits=_limits(piece, step),
     )
 
@@ -124,7 +116,7 @@ def _bearing(beta, weights):
         for b, w in zip(beta, weights, strict=True)
     ]
     low = min(part.exponent for part in parts)
-    return Exact(np.array([part.at(low) for part in parts], dtype=object), low)
+    return Exact([part.at(low) for part in parts], low)
 
 
 def _limits(piece, step):
@@ -138,18 +130,12 @@ def _limits(piece, step):
     command, gains = line(*nominal.inputs), line(*nominal.gains)
     slopes = nominal_slopes(nominal)[:, ELEVATOR]
     angle, _ = hermite(nominal.states[:, ELEVATOR], slopes, step)
-    soon = functools.partial(Exact.times, ahead_by)
-    ahead = total(angle, mapped(command, soon))
-    elevator = exact(np.eye(gains[0].numbers.size)[ELEVATOR])
-    travel = total((elevator,), _minus(mapped(gains, soon)))
+    ahead = angle + ahead_by * command
+    travel = exact(np.eye(piece.num_states)[ELEVATOR]) - ahead_by * gains
     limits = (
-        (_minus(gains), total((rate,), _minus(command))),
-        (gains, total((rate,), command)),
-        (travel, total((high,), _minus(ahead))),
-        (_minus(travel), total(ahead, _minus((low,)))),
+        (-gains, rate - command),
+        (gains, rate + command),
+        (travel, high - ahead),
+        (-travel, ahead - low),
     )
-    return tuple((a, lessened(b, servo_reach(piece, a, step))) for a, b in limits)
-
-
-def _minus(polynomial):
-    return mapped(polynomial, lambda part: part.scaled(-1))
+    return tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits)

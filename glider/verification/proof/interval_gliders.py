@@ -13,13 +13,7 @@ from glider.verification.dynamics.error_dynamics import expand_rates, nonlinear_
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import Exact, exact
-from glider.verification.sos.exact_time import (
-    InTime,
-    bernstein,
-    hermite,
-    product,
-    total,
-)
+from glider.verification.sos.exact_time import InTime, hermite
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,15 +82,10 @@ def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
         return 0.0
     allowed = piece.gliders.confidence
     X, _ = hermite(piece.gliders.shifts, piece.gliders.slopes, step)
-    along = product(a, X, lambda a, part: a @ part @ exact(allowed.factor))
-    sizes = np.abs(bernstein(along)).max(axis=0)
+    along = a @ X @ exact(allowed.factor)
+    sizes = np.abs(along.bernstein()).max(axis=0)
     norm = np.linalg.norm(sizes) if allowed.shape == "ellipsoid" else sizes.sum()
     return float(norm * WIDER)
-
-
-def lessened(bound: InTime, reach: float) -> InTime:
-    """Returns a bound in time less a number."""
-    return total(bound, (exact(-reach),)) if reach else bound
 
 
 def gliders_defect(piece: Funnel) -> np.ndarray:

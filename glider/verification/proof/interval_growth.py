@@ -29,14 +29,7 @@ from glider.verification.sos.exact_forms import (
     quadratic_product,
     sparse_gram,
 )
-from glider.verification.sos.exact_time import (
-    InTime,
-    at_share,
-    mapped,
-    product,
-    raised,
-    total,
-)
+from glider.verification.sos.exact_time import InTime
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.grams import nearby_gram, represent, represent_rest
 from glider.verification.sos.sphere import Sphere, sphere
@@ -117,39 +110,27 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
         basis: (n, n) B.
         slack: a number [1/s].
     """
-    n, m, h = len(basis.numbers), len(interval.which), interval.step
-    turned = basis.transposed()
-    H = mapped(interval.S, lambda S: turned @ S)
-    G = mapped(H, lambda H: H @ basis)
-    y = mapped(interval.outputs, lambda C: C @ basis)
-    half = product(H, product(interval.linear, y, Exact.__matmul__), Exact.__matmul__)
-    disturbance = product(
-        product(H, interval.weights, Exact.times),
-        mapped(H, Exact.transposed),
-        Exact.__matmul__,
-    )
-    share = total(mapped(interval.bearing, Exact.summed), (slack,))
-    growth = total(
-        half,
-        mapped(half, Exact.transposed),
-        disturbance,
-        product(share, G, Exact.times),
-    )
-    rise = mapped(interval.rise, lambda rise: turned @ rise @ basis)
-    A = total(rise, mapped(growth, h.times))
+    n, m, h = len(basis), len(interval.which), interval.step
+    H = basis.T @ interval.S
+    G = H @ basis
+    y = interval.outputs @ basis
+    half = H @ (interval.linear @ y)
+    disturbance = (H * interval.weights) @ H.T
+    share = interval.bearing.map(Exact.sum) + slack
+    growth = half + half.T + disturbance + share * G
+    A = basis.T @ interval.rise @ basis + h * growth
     # Of the rates that are not linear, and what they depend on.
-    pull = mapped(H, lambda H: H.transposed().of(interval.rows).times(h))
-    own = mapped(y, lambda y: y.of(interval.which))
+    pull = h * H.T[interval.rows]
+    own = y[interval.which]
     forms = []
     for degree, part in ((2, interval.quadratic), (3, interval.cubic)):
-        tensor = mapped(part, functools.partial(form_tensor, n=m, degree=degree))
+        tensor = part.map(functools.partial(form_tensor, n=m, degree=degree))
         for _ in range(degree):
-            tensor = product(tensor, own, contracted)
-        tensor = product(tensor, pull, functools.partial(contracted, axis=0))
+            tensor = tensor.product(own, contracted)
+        tensor = tensor.product(pull, functools.partial(contracted, axis=0))
         gather = functools.partial(gathered, n=n, degree=degree + 1)
-        forms.append(mapped(tensor, gather))
-    cubic, quartic = (mapped(form, lambda c: c.scaled(-2)) for form in forms)
-    return GrowthForms(mapped(A, lambda a: a.scaled(-1)), cubic, quartic, G)
+        forms.append(tensor.map(gather) * -2)
+    return GrowthForms(-A, *forms, G)
 
 
 def _prove_whole(interval, slack, grams):
@@ -157,7 +138,7 @@ def _prove_whole(interval, slack, grams):
 
     It is None where there is none.
     """
-    S = at_share(interval.S, Fraction(1, 2)).to_float()
+    S = interval.S.at(Fraction(1, 2)).to_float()
     tables = sphere(len(S))
     basis = rounded(to_ball(S)[1], BALL_BITS)
     forms = growth_forms(interval, basis, slack)
@@ -169,7 +150,7 @@ def _prove_whole(interval, slack, grams):
         return None, False
     guesses = first, middle, last
     N = _multiplier(forms.A, [gram[: tables.n, : tables.n] for gram in guesses])
-    raised_guesses = _raised(guesses, max(map(len, forms)))
+    raised_guesses = _raised(guesses, 1 + max(form.degree for form in forms))
     proven = _is_definite(tables, forms, N, raised_guesses, h)
     back = tables.substitution(np.linalg.inv(basis.to_float()))
     return back.T @ middle @ back / h, proven
@@ -178,7 +159,7 @@ def _prove_whole(interval, slack, grams):
 def _middle_gram(tables, forms, guess, h):
     """Returns a Gram matrix in the middle, where G is all but the identity."""
     polynomials = (forms.A, forms.cubic, forms.quartic)
-    here = [at_share(p, Fraction(1, 2)).to_float() for p in polynomials]
+    here = [p.at(Fraction(1, 2)).to_float() for p in polynomials]
     closest = functools.partial(
         represent, tables, coefficients=tables.coefficients(*here)
     )
@@ -195,11 +176,11 @@ def _search(tables, guess, closest, h):
 def _multiplier(A, blocks):
     """Returns N: A less the blocks of z, at both ends and in the middle."""
     first, middle, last = (
-        at_share(A, Fraction(share, 2)).to_float() - block
+        A.at(Fraction(share, 2)).to_float() - block
         for share, block in enumerate(blocks)
     )
     parts = first, 4.0 * middle - first - last, last
-    return tuple(rounded(0.5 * (part + part.T), GRAM_BITS) for part in parts)
+    return InTime(tuple(rounded(0.5 * (p + p.T), GRAM_BITS) for p in parts))
 
 
 def _raised(guesses, count):
@@ -221,10 +202,10 @@ def _is_definite(
 ) -> bool:
     """Returns whether all parts of a Q with this N are positive definite, for sure."""
     n = tables.n
-    block = total(forms.A, mapped(N, lambda part: part.scaled(-1)))
-    even = total(forms.quartic, product(N, forms.G, quadratic_product))
+    even = forms.quartic + N.product(forms.G, quadratic_product)
     degree = len(guesses) - 1
-    parts = zip(*(raised(p, degree) for p in (block, forms.cubic, even)), strict=True)
+    columns = (p.raised(degree).parts for p in (forms.A - N, forms.cubic, even))
+    parts = zip(*columns, strict=True)
     scales = np.multiply.outer(tables.scales, tables.scales)
     for j, (corner, cubic, quartic) in enumerate(parts):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
@@ -240,8 +221,7 @@ def _is_definite(
             return False
         whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
         left_over = rest - odd_then_even(*mixed_forms(tables, whole))
-        of_corner = corner - whole.of(np.s_[:n, :n])
-        change = sparse_gram(tables, left_over) + of_corner.padded(tables.size)
+        change = sparse_gram(tables, left_over, corner - whole[:n, :n])
         if not leaves_definite(whole, change)[0]:
             return False
     return True

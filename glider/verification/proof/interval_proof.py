@@ -20,7 +20,6 @@ from glider.verification.proof.interval_growth import prove_growth
 from glider.verification.proof.interval_sets import keeps_servo, stays_definite
 from glider.verification.proof.remainder_proof import BUDGET, prove_remainder
 from glider.verification.sos.exact import exact
-from glider.verification.sos.exact_time import bernstein
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
 
@@ -103,7 +102,7 @@ def linear_defect(piece: Funnel, interval: Interval) -> float:
     """
     delta = defect_bounds(piece.nominal)[0] + gliders_defect(piece)
     delta[nonlinear_parts(piece.nominal.model, piece.num_states)[1]] = 0.0
-    largest = np.abs(bernstein(interval.S)).max(axis=0)
+    largest = np.abs(interval.S.bernstein()).max(axis=0)
     return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
 
 

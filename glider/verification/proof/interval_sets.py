@@ -6,15 +6,7 @@ import numpy as np
 
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, exact, is_positive_definite
-from glider.verification.sos.exact_time import (
-    InTime,
-    at_share,
-    halves,
-    mapped,
-    product,
-    raised,
-    total,
-)
+from glider.verification.sos.exact_time import InTime
 
 HALVINGS = 3
 """Times that an interval is halved where a form is not seen to be definite."""
@@ -32,11 +24,11 @@ COVER_SAMPLES = 9
 
 def stays_definite(matrix: InTime, halvings: int = HALVINGS) -> bool:
     """Returns whether a symmetric matrix is positive definite throughout, for sure."""
-    if all(map(is_positive_definite, matrix)):
+    if all(map(is_positive_definite, matrix.parts)):
         return True
-    if not (halvings and is_positive_definite(matrix[0])):
+    if not (halvings and is_positive_definite(matrix.parts[0])):
         return False
-    return all(stays_definite(half, halvings - 1) for half in halves(matrix))
+    return all(stays_definite(half, halvings - 1) for half in matrix.halves())
 
 
 def keeps_servo(interval: Interval) -> bool:
@@ -45,10 +37,8 @@ def keeps_servo(interval: Interval) -> bool:
     aᵀ e < b on the ellipsoid where b > 0 and b² S - a aᵀ is positive definite.
     """
     for a, b in interval.limits:
-        room = product(product(b, b, Exact.times), interval.S, Exact.times)
-        across = mapped(product(a, a, _outer), lambda part: part.scaled(-1))
-        positive = mapped(b, lambda part: part.of(np.s_[None, None]))
-        if not (stays_definite(positive) and stays_definite(total(room, across))):
+        left = b * b * interval.S - a[:, None] @ a[None]
+        if not (stays_definite(b[None, None]) and stays_definite(left)):
             return False
     return True
 
@@ -61,11 +51,10 @@ def covers(interval: Interval, basis: np.ndarray) -> bool:
         C   basis basisᵀ
     is positive definite.
     """
-    B, degree = exact(basis), len(interval.S) - 1
-    own = mapped(interval.outputs, lambda C: C.of(interval.which))
-    ball = (B @ B.transposed(),)
-    parts = zip(interval.S, raised(own, degree), raised(ball, degree), strict=True)
-    return stays_definite(tuple(_joined(*part) for part in parts))
+    B, degree = exact(basis), interval.S.degree
+    blocks = interval.S, interval.outputs[interval.which], InTime((B @ B.T,))
+    parts = zip(*(block.raised(degree).parts for block in blocks), strict=True)
+    return stays_definite(InTime(tuple(_joined(*part) for part in parts)))
 
 
 def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
@@ -76,8 +65,8 @@ def tight_cover(interval: Interval) -> tuple[np.ndarray, float]:
     shadows = []
     for k in range(COVER_SAMPLES):
         share = Fraction(k, COVER_SAMPLES - 1)
-        S = at_share(interval.S, share).to_float()
-        C = at_share(interval.outputs, share).to_float()[interval.which]
+        S = interval.S.at(share).to_float()
+        C = interval.outputs.at(share).to_float()[interval.which]
         shadows.append(C @ np.linalg.solve(S, C.T))
     middle = np.diagonal(shadows[COVER_SAMPLES // 2])
     turned = np.array(shadows) + FLOOR**2 * np.diag(middle)
@@ -98,8 +87,3 @@ def _joined(S, C, ball):
     low = min(S.exponent, C.exponent, ball.exponent)
     rows = [[S.at(low), C.at(low).T], [C.at(low), ball.at(low)]]
     return Exact(np.block(rows), low)
-
-
-def _outer(first, second):
-    outer = np.multiply.outer(first.numbers, second.numbers)
-    return Exact(outer, first.exponent + second.exponent)

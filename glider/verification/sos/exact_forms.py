@@ -1,4 +1,4 @@
-"""Forms and Gram matrices in whole numbers, as forms and sphere have them in doubles.
+"""Exact forms and Gram matrices; forms and sphere have them in doubles.
 
 Coefficients are in the order of `Sphere`; its basis is without the scales √2 here.
 """
@@ -21,17 +21,17 @@ def substituted(forms: Exact, matrix: Exact, degree: int) -> Exact:
         matrix: (n, n).
         degree: of the forms.
     """
-    n = len(forms.numbers)
+    n = len(forms)
     tensor = form_tensor(forms, n, degree)
     for _ in range(degree):
         tensor = contracted(tensor, matrix)
-    return gathered(tensor, n, degree + 1).scaled(2)
+    return gathered(tensor, n, degree + 1) * 2
 
 
 def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
     """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
     rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
-    tensor = np.zeros((len(forms.numbers), *(n,) * degree), dtype=object)
+    tensor = np.zeros((len(forms), *(n,) * degree), dtype=object)
     for column, row in enumerate(rows):
         tensor[(slice(None), *row)] = forms.numbers[:, column]
     return Exact(tensor, forms.exponent)
@@ -53,7 +53,7 @@ def gathered(tensor: Exact, n: int, degree: int) -> Exact:
 
 def quadratic_product(first: Exact, second: Exact) -> Exact:
     """Returns the coefficients (C₄,) of (zᵀ A z)(zᵀ B z), A and B (n, n)."""
-    n = len(first.numbers)
+    n = len(first)
     tensor = np.multiply.outer(first.numbers, second.numbers)
     return gathered(Exact(tensor, first.exponent + second.exponent), n, 4)
 
@@ -73,7 +73,7 @@ def gram_polynomial(tables: Sphere, gram: Exact, metric: Exact) -> Exact:
         metric: (n, n) G, nearly the identity.
     """
     n = tables.n
-    lifted = quadratic_product(Exact(gram.numbers[:n, :n], gram.exponent), metric)
+    lifted = quadratic_product(gram[:n, :n], metric)
     cubic, quartic = mixed_forms(tables, gram)
     return odd_then_even(cubic, lifted + quartic)
 
@@ -88,10 +88,17 @@ def mixed_forms(tables: Sphere, gram: Exact) -> tuple[Exact, Exact]:
     return Exact(cubic, gram.exponent), Exact(quartic, gram.exponent)
 
 
-def sparse_gram(tables: Sphere, coefficients: Exact) -> Exact:
+def sparse_gram(
+    tables: Sphere, coefficients: Exact, block: Exact | None = None
+) -> Exact:
     """Returns a symmetric matrix (s, s) whose polynomial has coefficients (C,).
 
     Each coefficient goes to the first place that has its monomial.
+
+    Args:
+        tables: those of the dimension.
+        coefficients: (C,), odd then even.
+        block: (n, n) of z, which represents nothing; zero if None.
     """
     n, size = tables.n, tables.size
     numbers = np.zeros((size, size), dtype=object)
@@ -106,7 +113,12 @@ def sparse_gram(tables: Sphere, coefficients: Exact) -> Exact:
     rows, columns = np.unravel_index(even, (size - n, size - n))
     numbers[n + rows, n + columns] += halves[count:]
     numbers[n + columns, n + rows] += halves[count:]
-    return Exact(numbers, coefficients.exponent - 1)
+    gram = Exact(numbers, coefficients.exponent - 1)
+    if block is None:
+        return gram
+    corner = np.zeros((size, size), dtype=object)
+    corner[:n, :n] = block.numbers
+    return gram + Exact(corner, block.exponent)
 
 
 @functools.lru_cache(maxsize=8)

@@ -1,28 +1,122 @@
-"""Polynomials in time over an interval, in whole numbers and without a division.
+"""Polynomials in time over an interval, in exact arithmetic and without a division.
 
 With τ from 0 to 1,
     p(τ) = Σ_j p_j τʲ (1 - τ)^(d - j),
-the p_j being arrays: Bernstein's form but for his factor, binomial(d, j). Products are
+the p_j being arrays: Bernstein's form without its factor, binomial(d, j). Products are
 convolutions, and where all p_j are positive definite, so is p at every τ.
 """
 
+import dataclasses
 import functools
 import math
 import operator
 from collections.abc import Callable
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from glider.verification.sos.exact import Exact, dyadic, exact
 
-InTime = tuple[Exact, ...]
-"""A polynomial in time, its p_j."""
+
+@dataclasses.dataclass(frozen=True)
+class InTime:
+    """A polynomial in time, with NumPy's operators + - * @ and [].
+
+    An Exact joins in as a constant.
+    """
+
+    parts: tuple[Exact, ...]
+    """Its p_j."""
+
+    @property
+    def degree(self) -> int:
+        """Degree d."""
+        return len(self.parts) - 1
+
+    def map(self, function: Callable[[Exact], Exact]) -> "InTime":
+        """Returns a linear function of the polynomial."""
+        return InTime(tuple(map(function, self.parts)))
+
+    def product(self, other: "InTime | Exact", multiply: Callable) -> "InTime":
+        """Returns a product, given that of two arrays."""
+        mine, theirs = self.parts, _in_time(other).parts
+        return InTime(
+            tuple(
+                _sum(
+                    multiply(mine[i], theirs[k - i])
+                    for i in range(max(0, k - len(theirs) + 1), min(k + 1, len(mine)))
+                )
+                for k in range(len(mine) + len(theirs) - 1)
+            )
+        )
+
+    def __mul__(self, other: "InTime | Exact | int") -> "InTime":
+        """Multiplies entry by entry."""
+        if isinstance(other, int):
+            return self.map(lambda part: part * other)
+        return self.product(other, operator.mul)
+
+    __rmul__ = __mul__
+
+    def __matmul__(self, other: "InTime | Exact") -> "InTime":
+        return self.product(other, operator.matmul)
+
+    def __rmatmul__(self, other: Exact) -> "InTime":
+        return _in_time(other) @ self
+
+    def __add__(self, other: "InTime | Exact") -> "InTime":
+        other = _in_time(other)
+        degree = max(self.degree, other.degree)
+        pairs = zip(self.raised(degree).parts, other.raised(degree).parts, strict=True)
+        return InTime(tuple(a + b for a, b in pairs))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "InTime":
+        return self.map(operator.neg)
+
+    def __sub__(self, other: "InTime | Exact") -> "InTime":
+        return self + -other
+
+    def __getitem__(self, index: Any) -> "InTime":
+        return self.map(lambda part: part[index])
+
+    @property
+    def T(self) -> "InTime":
+        """Transpose."""
+        return self.map(lambda part: part.T)
+
+    def raised(self, degree: int) -> "InTime":
+        """Returns the same polynomial as one of a higher degree."""
+        more = degree - self.degree
+        if not more:
+            return self
+        ones = tuple(Exact(math.comb(more, j), 0) for j in range(more + 1))
+        return self * InTime(ones)
+
+    def halves(self) -> tuple["InTime", "InTime"]:
+        """Returns the polynomial over the first half of its time, and the second."""
+        second = _first_half(self.parts[::-1])[::-1]
+        return InTime(_first_half(self.parts)), InTime(second)
+
+    def at(self, share: Fraction) -> Exact:
+        """Returns the value at a time τ whose denominator is a power of 2."""
+        return _sum(
+            part * dyadic(share**j * (1 - share) ** (self.degree - j))
+            for j, part in enumerate(self.parts)
+        )
+
+    def bernstein(self) -> np.ndarray:
+        """Returns Bernstein's coefficients (d + 1, ...), the nearest doubles."""
+        return np.array(
+            [p.to_float() / math.comb(self.degree, j) for j, p in enumerate(self.parts)]
+        )
 
 
-def line(first: np.ndarray, last: np.ndarray) -> InTime:
+def line(first: np.ndarray | float, last: np.ndarray | float) -> InTime:
     """Returns the straight line between doubles."""
-    return exact(first), exact(last)
+    return InTime((exact(first), exact(last)))
 
 
 def hermite(
@@ -36,84 +130,24 @@ def hermite(
         step: duration of the interval.
     """
     a, b = map(exact, values)
-    rise_a, rise_b = (exact(slope).times(step) for slope in slopes)
-    cubic = (a, a.scaled(3) + rise_a, b.scaled(3) - rise_b, b)
-    middle = (b - a).scaled(6) - (rise_a + rise_b).scaled(2)
-    return cubic, (rise_a, middle, rise_b)
+    rise_a, rise_b = (exact(slope) * step for slope in slopes)
+    middle = (b - a) * 6 - (rise_a + rise_b) * 2
+    cubic = InTime((a, a * 3 + rise_a, b * 3 - rise_b, b))
+    return cubic, InTime((rise_a, middle, rise_b))
 
 
-def product(first: InTime, second: InTime, multiply: Callable) -> InTime:
-    """Returns a product of two, given that of two arrays."""
-    degree = len(first) + len(second) - 2
-    return tuple(
-        _sum(
-            multiply(first[i], second[k - i])
-            for i in range(max(0, k - len(second) + 1), min(k + 1, len(first)))
-        )
-        for k in range(degree + 1)
-    )
+def _in_time(value):
+    return InTime((value,)) if isinstance(value, Exact) else value
 
 
-def raised(polynomial: InTime, degree: int) -> InTime:
-    """Returns the same polynomial as one of a higher degree."""
-    more = degree - len(polynomial) + 1
-    ones = tuple(
-        Exact(np.array(math.comb(more, j), dtype=object), 0) for j in range(more + 1)
-    )
-    return product(polynomial, ones, Exact.times)
-
-
-def total(*polynomials: InTime) -> InTime:
-    """Returns the sum of polynomials of any degrees."""
-    degree = max(map(len, polynomials)) - 1
-    parts = zip(*(raised(p, degree) for p in polynomials), strict=True)
-    return tuple(_sum(part) for part in parts)
-
-
-def mapped(polynomial: InTime, function: Callable[[Exact], Exact]) -> InTime:
-    """Returns a linear function of a polynomial."""
-    return tuple(function(part) for part in polynomial)
-
-
-def halves(polynomial: InTime) -> tuple[InTime, InTime]:
-    """Returns a polynomial over the first half of its time, and over the second."""
-    second = _first_half(polynomial[::-1])[::-1]
-    return _first_half(polynomial), second
-
-
-def at_share(polynomial: InTime, share: Fraction) -> Exact:
-    """Returns the value at a time τ whose denominator is a power of 2."""
-    tau, degree = dyadic(np.array(share)), len(polynomial) - 1
-    rest = dyadic(np.array(1 - share))
-    return _sum(
-        part.times(_power(tau, j)).times(_power(rest, degree - j))
-        for j, part in enumerate(polynomial)
-    )
-
-
-def bernstein(polynomial: InTime) -> np.ndarray:
-    """Returns Bernstein's coefficients, the nearest doubles."""
-    degree = len(polynomial) - 1
-    return np.array(
-        [p.to_float() / math.comb(degree, j) for j, p in enumerate(polynomial)]
-    )
-
-
-def _first_half(polynomial):
+def _first_half(parts):
     """With τ = σ / 2 and 1 - τ = (1 - σ) + σ / 2."""
-    degree = len(polynomial) - 1
-    parts = []
+    degree = len(parts) - 1
+    found = []
     for i in range(degree + 1):
-        terms = (
-            polynomial[j].scaled(math.comb(degree - j, i - j)) for j in range(i + 1)
-        )
-        part = _sum(terms)
-        parts.append(Exact(part.numbers, part.exponent - i))
-    return tuple(parts)
-
-
-def _power(number, exponent):
-    return Exact(number.numbers**exponent, number.exponent * exponent)
+        part = _sum(parts[j] * math.comb(degree - j, i - j) for j in range(i + 1))
+        found.append(Exact(part.numbers, part.exponent - i))
+    return tuple(found)
 
 
 def _sum(terms):
