@@ -7,7 +7,7 @@ from pathlib import Path
 
 from glider.sysid import plausibility
 from glider.sysid.fit import folds
-from glider.sysid.likelihood import curves, outliers, uncertainty
+from glider.sysid.likelihood import curves, outliers, task, uncertainty
 from glider.sysid.search import fits, pruning, signs, subsets, tracing, weighing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -49,6 +49,7 @@ myst_substitutions = {
     "curves": f"{curves.COUNT}",
     "doubted": f"{weighing.DOUBTED:.0f}",
     "field_price": f"{tracing.FIELD_PRICE:.0f}",
+    "flights_of_price": f"{fits.FLIGHTS_OF_PRICE}",
     "folds": f"{folds.FOLDS}",
     "gain_error": f"{plausibility.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
@@ -63,9 +64,12 @@ myst_substitutions = {
     "plain_support": f"{weighing.PLAIN_SUPPORT:.0%}",
     "price": f"{fits.PRICE:.0f}",
     "price_of_more": f"{fits.PRICE_OF_MORE:.0f}",
+    "prior_scales": f"{task.PRIOR_SCALES:g}",
     "resamples": f"{weighing.RESAMPLES}",
     "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
+    "shape_scales": f"{task.SHAPE_SCALES:g}",
     "stand_in": f"{weighing.LEAST_STAND_IN:.0%}",
+    "tie": f"{folds.WORSE[0] - 1.0:.1%}",
     "worse": f"{folds.WORSE[1] - 1.0:.0%}",
     "z_apart": f"{outliers.Z_APART:.0f}",
 }
