@@ -1,10 +1,12 @@
 # make demo        sets up .venv and runs the main command on a sample campaign
-# make test        sets up .venv and runs all tests
+# make test        sets up .venv and runs the tests, in about four minutes
+# make browser     the tests of pages, in a browser
+# make docs        builds the docs into out/docs, every warning an error; tests them
+# make nightly     the tests that take longest: more campaigns and more effects
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
 # make tables      the README's tables, from what ships; takes half an hour
 # make proofs      proves of the shipped funnels that no flight leaves; half an hour
-# make docs        builds the docs into out/docs, every warning an error
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
 # make distclean   ... and every environment that make or .ci/run has set up
@@ -13,6 +15,8 @@
 
 VENV ?= .venv
 BIN := $(VENV)/bin
+# What marks an environment that runs the program, and one that runs its tests too.
+RUNS := $(VENV)/.runs
 READY := $(VENV)/.ready
 
 # Arguments for pytest; `make test PYTEST_ARGS="tests/test_paths.py -x"`.
@@ -26,20 +30,36 @@ PYTHON := $(shell for p in python3.12 python3.11 python3 python; do \
 	if $$p -c $(IS_GOOD) >/dev/null 2>&1; then echo $$p; break; fi; done)
 else ifneq ($(shell $(PYTHON) -V 2>&1),$(shell $(BIN)/python -V 2>&1))
 # An interpreter was asked for, and the environment is of another version.
-$(READY): FORCE
+$(RUNS) $(READY): FORCE
 endif
 
-.PHONY: demo test quick lint tables proofs docs benchmark setup clean distclean FORCE
+.PHONY: demo test browser docs nightly quick lint tables proofs benchmark setup clean \
+	distclean FORCE
 
-demo: setup
+demo: $(or $(wildcard $(READY)),$(RUNS))
 	$(BIN)/python -m glider close-the-loop attached_lift --out out/demo
 
+PYTEST := $(BIN)/python -m pytest
+PARALLEL := -n auto --maxprocesses 4 --dist worksteal
+
+# The machine code that many tests share is compiled once, before there are workers.
 test: setup
-	$(BIN)/python -m pytest -m '' -n auto --maxprocesses 4 --dist loadfile \
-		--no-loadscope-reorder $(PYTEST_ARGS)
+	$(BIN)/python -m tests.warm_up
+	$(PYTEST) -m 'not (nightly or browser or docs)' $(PARALLEL) $(PYTEST_ARGS)
+
+browser: setup
+	$(PYTEST) -m browser $(PYTEST_ARGS)
+
+docs: setup
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
+	SITE=out/docs $(PYTEST) -m docs $(PYTEST_ARGS)
+	@echo "The docs are in out/docs/index.html."
+
+nightly: setup
+	$(PYTEST) -m nightly $(PARALLEL) $(PYTEST_ARGS)
 
 quick: setup
-	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 $$($(BIN)/python tests/changed.py) $(PYTEST_ARGS)
+	$(PYTEST) -q $(PARALLEL) $$($(BIN)/python tests/changed.py) $(PYTEST_ARGS)
 
 lint: setup
 	$(BIN)/ruff check .
@@ -63,10 +83,6 @@ proofs: setup
 	for funnel in models/funnels/*_hook.npz; do \
 		$(BIN)/python -m glider check-funnel $$funnel --hook --prove || exit 1; done
 
-docs: setup
-	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs
-	@echo "The docs are in out/docs/index.html."
-
 benchmark: setup
 	@for script in tests/benchmarks/bench_*.py; do \
 		if [ ! -e "$$script" ]; then echo "There are no benchmarks yet."; break; fi; \
@@ -75,20 +91,23 @@ benchmark: setup
 
 setup: $(READY)
 
-$(READY): pyproject.toml
+$(READY): EXTRAS := [test]
+$(RUNS) $(READY): pyproject.toml
 	@test -n "$(PYTHON)" && $(PYTHON) -c $(IS_GOOD) >/dev/null 2>&1 || { \
-		echo "Python 3.11 or later with its venv module is needed;" \
-			"$(if $(PYTHON),$(PYTHON) will not do,none was found)" \
+		echo "Expected Python 3.11 or later with its venv module," \
+			"$(if $(PYTHON),but $(PYTHON) will not do,found none)" \
 			"here: install it (on Debian and Ubuntu python3-venv too)" \
 			"or name one with make PYTHON=/path/to/python." >&2; exit 1; }
 	@echo "Setting up $(VENV) (about a minute the first time) ..."
 	@test "$$($(BIN)/python -V 2>&1)" = "$$($(PYTHON) -V 2>&1)" \
 		&& $(BIN)/python -m pip --version >/dev/null 2>&1 \
 		|| $(PYTHON) -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-input \
-		--editable '.[test]' || { \
+	@{ command -v uv >/dev/null \
+		&& uv pip install -q --python $(BIN)/python --editable '.$(EXTRAS)'; } \
+		|| $(BIN)/python -m pip install -qq --disable-pip-version-check --no-input \
+			--no-compile --editable '.$(EXTRAS)' || { \
 		echo "Setting up $(VENV) failed: pip's message is above;" \
-			"once that is mended, make goes on from here." >&2; exit 1; }
+			"once that is fixed, make goes on from here." >&2; exit 1; }
 	@touch $@
 
 FORCE:

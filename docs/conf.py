@@ -1,7 +1,6 @@
 """Settings of the docs: `make docs` builds them, every warning an error."""
 
 import importlib.metadata
-import os
 import sys
 from pathlib import Path
 
@@ -34,7 +33,6 @@ default_role = "literal"  # As Markdown has it: our docstrings are no reST.
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_excludepatterns = os.environ.get("NOTEBOOKS_LEFT_OUT", "").split()
 nb_execution_timeout = 300
 nb_execution_show_tb = True
 nb_merge_streams = True

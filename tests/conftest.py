@@ -15,7 +15,6 @@ from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from tests.helpers.legs import WITHOUT_DRAKE, is_without_drake
-from tests.helpers.order import place_of
 
 matplotlib.use("Agg")  # Tests open no window.
 
@@ -34,14 +33,15 @@ def article_plan() -> Plan:
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
-    """Runs the quick tests first; in several processes, the longest files.
+    """Runs the quick tests first; in several processes, files with slow tests.
 
     What Drake has no part in runs with one of the two.
     """
     for item in items:
         if is_without_drake(item.path):
             item.add_marker(WITHOUT_DRAKE)
-    if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: place_of(item.path))
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    if hasattr(config, "workerinput"):  # A worker that is idle steals from the end.
+        items.sort(key=lambda item: item.path not in slow)
     else:
         items.sort(key=lambda item: item.get_closest_marker("slow") is not None)

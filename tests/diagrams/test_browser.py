@@ -17,7 +17,10 @@ from diagrams.playback import Track, legend_of, play
 from diagrams.scene import AddScene, Stage, camera_of
 from tests.helpers.browser import opened, visit, why_not
 
-pytestmark = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(why_not() is not None, reason=str(why_not())),
+]
 
 STAGE = Stage()
 BLUE, GREEN, RED = 0.6, 0.33, 0.0

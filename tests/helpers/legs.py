@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-_TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
     *("campaign", "commands", "comparison", "compiled", "design", "docs"),
@@ -48,5 +48,5 @@ WITHOUT_DRAKE = pytest.mark.skipif(
 
 def is_without_drake(path: Path) -> bool:
     """Whether a file's tests have nothing to do with Drake."""
-    inside = path.relative_to(_TESTS)
+    inside = path.relative_to(TESTS)
     return inside.parts[0] in FOLDERS or inside.as_posix() in FILES
