@@ -33,7 +33,7 @@ FLOORS = [
     "glider.verification.proof",
     "glider.verification.trials",
     "glider.verification",
-    "glider.design",
+    "glider.experiments",
     "glider.report.plots",
     "glider.report",
     "glider.comparison",

@@ -101,10 +101,10 @@ def run(args: argparse.Namespace) -> int:
         def follow(text: str) -> None:
             status.update(f"{text} ...")
 
-        from glider.design.findings import findings_of, load_findings
-        from glider.design.known_funnel import checked, known_funnel
-        from glider.design.limits import load_limits
-        from glider.design.proposal import check_servo, next_throw
+        from glider.experiments.findings import findings_of, load_findings
+        from glider.experiments.known_funnel import checked, known_funnel
+        from glider.experiments.proposal import check_servo, next_throw
+        from glider.experiments.throw_limits import load_limits
 
         limits = load_limits(args.limits) if args.limits else None
         funnel = None

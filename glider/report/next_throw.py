@@ -14,8 +14,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from glider.design.proposal import Proposal
-from glider.design.throws import Throw
+from glider.experiments.proposal import Proposal
+from glider.experiments.throws import Throw
 from glider.files.writing import replace_files
 from glider.report.json_report import plain
 from glider.report.next_throw_words import (

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from glider.design.alike import MOST_THROWS
-from glider.design.known_funnel import KnownFunnel
-from glider.design.proposal import Proposal
-from glider.design.throws import Throw
+from glider.experiments.alike import MOST_THROWS
+from glider.experiments.known_funnel import KnownFunnel
+from glider.experiments.proposal import Proposal
+from glider.experiments.throws import Throw
 from glider.report.numbers import format_length
 
 SURE = 0.99

@@ -9,11 +9,11 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
-from glider.design.explanations import explain
-from glider.design.findings import Findings
-from glider.design.proposal import Proposal, propose, read_task
-from glider.design.throws import Range, Throw, log_of, missed
 from glider.errors import InputError
+from glider.experiments.explanations import explain
+from glider.experiments.findings import Findings
+from glider.experiments.proposal import Proposal, propose, read_task
+from glider.experiments.throws import Range, Throw, log_of, missed
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.sysid.fit.simulate import (

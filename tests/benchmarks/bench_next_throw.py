@@ -27,8 +27,8 @@ from typing import Any
 import joblib
 import numpy as np
 
-from glider.design.limits import ThrowLimits
-from glider.design.proposal import propose
+from glider.experiments.proposal import propose
+from glider.experiments.throw_limits import ThrowLimits
 from tests.helpers.hidden import RIVALS, Thrower, perch_throw, probability, weigh
 
 ENOUGH = 0.95

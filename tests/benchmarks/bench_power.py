@@ -5,9 +5,9 @@
         [--limits-only | --power-only]
 
 The first table has, for every size of the library's effects, the smallest that so many
-flights show to an oracle, and the smallest that it tells from its rivals
-(`glider.design.power`), the median of DRAWS campaigns of `tests.helpers.hidden` without
-an effect: moving air of 0.1 m/s, trims that differ by 0.01 rad.
+flights show to an oracle, and the smallest that it distinguishes from its rivals
+(`tests.benchmarks.power`), the median of DRAWS campaigns of `tests.helpers.hidden`
+without an effect: moving air of 0.1 m/s, trims that differ by 0.01 rad.
 
 The second plants effects of some times the size that the oracle needs with the very
 same launches, commands and air, and counts how often the tracer finds them: by name,
@@ -28,11 +28,11 @@ from typing import Any
 import joblib
 import numpy as np
 
-from glider.design.power import Limit, limits_of
 from glider.errors import InputError
 from glider.studies.known_truth import begin, task_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
+from tests.benchmarks.power import Limit, limits_of
 from tests.helpers.hidden import Thrower, campaign
 from tests.helpers.one_effect import ONE_SIGN, PLANTED
 

@@ -188,7 +188,7 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
 
 def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
     """Of the glider as drawn, which the one of the campaign is not."""
-    monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
+    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS_IN_FUNNEL", 1)
     out, limits = tmp_path / "next", tmp_path / "limits.yaml"
     limits.write_text("{missed_speed: 0.05, missed_height: 0.01, missed_pitch: 0.01}")
     funnel = str(models_path("funnels", "drawn_hook.npz"))

@@ -12,11 +12,11 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.control.policy import sample_plan
-from glider.design.explanations import Explanation, explain, with_probabilities
-from glider.design.findings import Findings
-from glider.design.limits import ThrowLimits
-from glider.design.proposal import read_task
-from glider.design.throws import Throw
+from glider.experiments.explanations import Explanation, explain, with_probabilities
+from glider.experiments.findings import Findings
+from glider.experiments.proposal import read_task
+from glider.experiments.throw_limits import ThrowLimits
+from glider.experiments.throws import Throw
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters

@@ -5,9 +5,9 @@ import functools
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.design.explanations import Explanation, explain
-from glider.design.findings import Findings
-from glider.design.proposal import Proposal, propose, read_task
+from glider.experiments.explanations import Explanation, explain
+from glider.experiments.findings import Findings
+from glider.experiments.proposal import Proposal, propose, read_task
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign

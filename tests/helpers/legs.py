@@ -9,7 +9,7 @@ import pytest
 TESTS = Path(__file__).parents[1]
 
 FOLDERS = (
-    *("campaign", "commands", "comparison", "compiled", "design", "docs"),
+    *("campaign", "commands", "comparison", "compiled", "docs", "experiments"),
     *("files", "helpers", "report", "sysid"),
 )
 """Of tests in which Drake has no part, reading, tracing, reports, commands; and of the
@@ -17,6 +17,7 @@ docs, which are the same with any. The main job with either Drake is closing the
 example."""
 
 FILES = (
+    "benchmarks/test_power.py",
     "diagrams/test_browser.py",
     "examples/test_next_throw.py",
     "studies/test_basis_model.py",

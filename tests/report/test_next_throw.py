@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from glider.design.known_funnel import known_funnel
 from glider.errors import InputError
+from glider.experiments.known_funnel import known_funnel
 from glider.paths import models_path
 from glider.report.next_throw import draw_proposal, to_json, write_proposal
 from glider.report.next_throw_words import keeping_words, sentences

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glider.design.limits import ThrowLimits
-from glider.design.throws import GENES, Range, throw_of
+from glider.experiments.throw_limits import ThrowLimits
+from glider.experiments.throws import GENES, Range, throw_of
 from glider.physics.state import STATE_NAMES
 
 LIMITS = ThrowLimits(

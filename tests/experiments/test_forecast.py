@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from glider.design.explanations import Explanation
-from glider.design.foresight import Foresight, added, times
-from glider.design.limits import limits_flown
-from glider.design.throws import flown_throw, log_of, range_of
+from glider.experiments.explanations import Explanation
+from glider.experiments.forecast import Foresight, added, times
+from glider.experiments.throw_limits import limits_flown
+from glider.experiments.throws import flown_throw, log_of, range_of
 from glider.physics.effects import NO_FIELD
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import whiten

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
-from glider.design.funnel_throws import FUNNEL_GENES, shortest, throw_in_funnel
-from glider.design.known_funnel import KnownFunnel
-from glider.design.limits import ThrowLimits
-from glider.design.throws import Range, Throw, launches
 from glider.errors import InputError
+from glider.experiments.funnel_throws import FUNNEL_GENES, shortest, throw_in_funnel
+from glider.experiments.known_funnel import KnownFunnel
+from glider.experiments.throw_limits import ThrowLimits
+from glider.experiments.throws import Range, Throw, launches
 from glider.physics.state import STATE_NAMES
 
 _X, _Z = STATE_NAMES.index("x"), STATE_NAMES.index("z")

@@ -22,9 +22,9 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
-from glider.design.explanations import Explanation
-from glider.design.funnel_throws import Kept, keep
-from glider.design.throws import Range, Throw, is_safe, log_of, missed
+from glider.experiments.explanations import Explanation
+from glider.experiments.funnel_throws import Kept, keep
+from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
 from glider.physics.effects import Field
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.linear_flight import linearize

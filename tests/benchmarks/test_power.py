@@ -1,4 +1,4 @@
-"""The oracle's limits: rivals count, and strengths of noise that nobody knows."""
+"""The oracle's limits: rivals count, and unknown strengths of noise."""
 
 import dataclasses
 
@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from glider.design.power import MOST_SIGMAS, limits_of
 from glider.studies.known_truth import begin, task_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
 from glider.sysid.likelihood.scales import fit_scales
+from tests.benchmarks.power import MOST_SIGMAS, limits_of
 from tests.helpers.tasks import fly
+
+pytestmark = pytest.mark.nightly  # Of a benchmark.
 
 ASKED = ("servo_lag", "command_delay", "mass", "camber", "pitch_offset", "tail_wake")
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.design.findings import Findings
-from glider.design.shapes import choice_of_shapes
+from glider.experiments.findings import Findings
+from glider.experiments.shapes import choice_of_shapes
 from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from glider.compiled.rollouts import fly_tapes
-from glider.design.explanations import UNKNOWN, explain
-from glider.design.findings import Findings, load_findings
-from glider.design.limits import ThrowLimits
-from glider.design.proposal import next_throw, propose, read_task
 from glider.errors import InputError
+from glider.experiments.explanations import UNKNOWN, explain
+from glider.experiments.findings import Findings, load_findings
+from glider.experiments.proposal import next_throw, propose, read_task
+from glider.experiments.throw_limits import ThrowLimits
 from glider.physics.effects import ANGLE_SIGN, KINDS
 from glider.physics.model import GliderModel
 from glider.physics.state import VELOCITY
@@ -59,7 +59,7 @@ def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
 
 
 def test_the_same_seed_proposes_the_same(late, monkeypatch):
-    monkeypatch.setattr("glider.design.search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     first, again = (propose(*late, launches=1) for _ in range(2))
     for one, other in zip(first.throws, again.throws, strict=True):
         assert np.array_equal(one.commands, other.commands)
@@ -83,7 +83,7 @@ def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
 
 
 def test_a_floor_above_the_launch_leaves_no_throw(late, monkeypatch):
-    monkeypatch.setattr("glider.design.search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     with pytest.raises(InputError, match="floor"):
         propose(*late, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))
 
@@ -95,7 +95,7 @@ def test_throws_differ(proposal):
 
 def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     """A slow servo, known to a thousandth."""
-    monkeypatch.setattr("glider.design.search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
     findings = Findings(
         model=GliderModel(effects=(typical("servo_lag"),)),

@@ -1,6 +1,6 @@
 """Proposes the next throws: those that tell rival explanations apart, then the numbers.
 
-`glider.design.search` finds them; here it is said what is expected of them.
+`glider.experiments.throw_search` finds them; here it is said what is expected of them.
 """
 
 import dataclasses
@@ -14,18 +14,23 @@ from threadpoolctl import threadpool_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
-from glider.design.alike import count_alike, present_kind
-from glider.design.ending import ending_of
-from glider.design.explanations import Explanation, explain
-from glider.design.findings import Findings
-from glider.design.foresight import Foresight, added, times
-from glider.design.funnel_checks import check_frame, check_launch
-from glider.design.funnel_throws import SHORTEST
-from glider.design.known_funnel import KnownFunnel, check_vehicle, checked, known_funnel
-from glider.design.limits import ThrowLimits, limits_flown
-from glider.design.search import Progress, search
-from glider.design.throws import Range, Throw, range_of
 from glider.errors import InputError
+from glider.experiments.alike import count_alike, present_kind
+from glider.experiments.ending import ending_of
+from glider.experiments.explanations import Explanation, explain
+from glider.experiments.findings import Findings
+from glider.experiments.forecast import Foresight, added, times
+from glider.experiments.funnel_checks import check_frame, check_launch
+from glider.experiments.funnel_throws import SHORTEST
+from glider.experiments.known_funnel import (
+    KnownFunnel,
+    check_vehicle,
+    checked,
+    known_funnel,
+)
+from glider.experiments.throw_limits import ThrowLimits, limits_flown
+from glider.experiments.throw_search import Progress, search
+from glider.experiments.throws import Range, Throw, range_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import prepare

@@ -1,8 +1,8 @@
 """Throws of the present kind: what they would tell, and how many would do the same."""
 
-from glider.design.foresight import Foresight, Grams, added, is_finite, times
-from glider.design.throws import flown_throw
 from glider.errors import InputError
+from glider.experiments.forecast import Foresight, Grams, added, is_finite, times
+from glider.experiments.throws import flown_throw
 from glider.sysid.likelihood.task import Task
 
 MOST_THROWS = 1000

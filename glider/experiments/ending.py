@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
-from glider.design.explanations import Explanation
+from glider.experiments.explanations import Explanation
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import field_of

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
-from glider.design.known_funnel import KnownFunnel
-from glider.design.limits import LAUNCH, ThrowLimits
+from glider.experiments.known_funnel import KnownFunnel
+from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.fit.simulate import fly_commands, fly_path

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from glider.design.limits import ThrowLimits, limits_flown, load_limits
 from glider.errors import InputError
+from glider.experiments.throw_limits import ThrowLimits, limits_flown, load_limits
 
 
 def test_what_is_not_given_is_as_it_was_flown(late):

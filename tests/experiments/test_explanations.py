@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.design.explanations import UNKNOWN, explain, with_probabilities
-from glider.design.findings import Findings
+from glider.experiments.explanations import UNKNOWN, explain, with_probabilities
+from glider.experiments.findings import Findings
 from tests.helpers.late import LATE
 
 
@@ -30,8 +30,8 @@ def test_small_probabilities_are_kept_and_hopeless_ones_are_not(late):
 def test_sets_that_were_not_fitted_count_as_missing(late, monkeypatch):
     """By what a closed form says of them."""
     _, task, noise, _ = late
-    monkeypatch.setattr("glider.design.explanations._NEAR", 30.0)
-    monkeypatch.setattr("glider.design.explanations.MOST", 1)
+    monkeypatch.setattr("glider.experiments.explanations._NEAR", 30.0)
+    monkeypatch.setattr("glider.experiments.explanations.MOST", 1)
     findings = Findings(model=LATE, kinds=("servo_lag",), rivals={}, combinations=())
     [alone] = explain(task, noise, findings)
     assert 0.5 < alone.probability < 1.0 - UNKNOWN - 1e-3

@@ -9,13 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glider.compiled.rollouts import fly_tapes
-from glider.design.funnel_checks import check_frame, check_launch
-from glider.design.funnel_throws import FUNNEL_GENES, SHORTEST, keep, throw_in_funnel
-from glider.design.known_funnel import check_vehicle, known_funnel
-from glider.design.limits import ThrowLimits
-from glider.design.proposal import next_throw, propose
-from glider.design.throws import Throw, launches, range_of
 from glider.errors import InputError
+from glider.experiments.funnel_checks import check_frame, check_launch
+from glider.experiments.funnel_throws import (
+    FUNNEL_GENES,
+    SHORTEST,
+    keep,
+    throw_in_funnel,
+)
+from glider.experiments.known_funnel import check_vehicle, known_funnel
+from glider.experiments.proposal import next_throw, propose
+from glider.experiments.throw_limits import ThrowLimits
+from glider.experiments.throws import Throw, launches, range_of
 from glider.paths import models_path
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
@@ -24,8 +29,8 @@ from glider.report.next_throw_words import keeping_words, sentences
 from glider.simulation.fly import fly
 from glider.sysid.fit.simulate import layout_for, theta_of
 from glider.verification.funnel.funnel import save_funnel
-from tests.design.test_proposal import FINDINGS
-from tests.design.test_throws import PLACE
+from tests.experiments.test_proposal import FINDINGS
+from tests.experiments.test_throws import PLACE
 from tests.helpers.late import late_posterior
 
 HOOK = known_funnel(models_path("funnels", "drawn_hook.npz"))
@@ -307,7 +312,7 @@ def test_sets_that_a_file_calls_a_funnel_s_are_checked(late, tmp_path):
 def proposal():
     """Two throws for the late servo, in the funnel for the hook."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 2)
+        patch.setattr("glider.experiments.throw_search.ROUNDS_IN_FUNNEL", 2)
         limits = ThrowLimits(**LAUNCHER)
         return propose(*late_posterior(), launches=2, limits=limits, funnel=HOOK)
 
@@ -386,7 +391,7 @@ def test_the_feedback_takes_over_wherever_a_tape_is_broken_off(proposal, kind):
     ],
 )
 def test_where_no_throw_keeps_inside_it_is_told(late, monkeypatch, rate, limits, until):
-    monkeypatch.setattr("glider.design.search.ROUNDS_IN_FUNNEL", 1)
+    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS_IN_FUNNEL", 1)
     campaign = dataclasses.replace(late[0], command_rate=rate)
     words = rf"for {until} s, the best comes to level [1-9]\.\d+, where 1 is"
     with pytest.raises(InputError, match=words):

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.design.limits import LAUNCH, ThrowLimits
 from glider.errors import InputError
+from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.sysid.replay.vehicle import Vehicle

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.design.known_funnel import KnownFunnel
-from glider.design.limits import LAUNCH
-from glider.design.throws import (
+from glider.experiments.known_funnel import KnownFunnel
+from glider.experiments.throw_limits import LAUNCH
+from glider.experiments.throws import (
     GENES,
     MARGIN,
     MOVES,

@@ -1,8 +1,8 @@
 """The search for throws that together leave least open.
 
 Throws are drawn within the limits, foreseen, and drawn again about the best
-(cross-entropy method). How they are drawn, and which throw some numbers mean, is for
-`glider.design.throws` and, inside a funnel, for `glider.design.funnel_throws`.
+(cross-entropy method). `glider.experiments.throws` and, inside a funnel,
+`glider.experiments.funnel_throws` draw them.
 """
 
 import dataclasses
@@ -11,13 +11,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
-from glider.design.ending import Ending
-from glider.design.explanations import with_probabilities
-from glider.design.foresight import Foresight, Grams, added
-from glider.design.funnel_checks import check_frame
-from glider.design.funnel_throws import draw_genes_in_funnel, shortest, throw_in_funnel
-from glider.design.throws import Range, Throw, draw_genes, throw_of
 from glider.errors import InputError
+from glider.experiments.ending import Ending
+from glider.experiments.explanations import with_probabilities
+from glider.experiments.forecast import Foresight, Grams, added
+from glider.experiments.funnel_checks import check_frame
+from glider.experiments.funnel_throws import (
+    draw_genes_in_funnel,
+    shortest,
+    throw_in_funnel,
+)
+from glider.experiments.throws import Range, Throw, draw_genes, throw_of
 
 Progress = Callable[[str], None]
 
