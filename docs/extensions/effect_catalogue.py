@@ -1,8 +1,8 @@
 """Sphinx extension: pages of the library's effects, made from the library itself.
 
-For each effect it writes the text that stands below it in its module, its formula as it
-is computed, its coefficients, and a picture of its signature: what it leaves in the
-residual of flights of a glider that has it, by the model without and with it.
+For each effect it writes the docstring from its module, its formula as it is computed,
+its coefficients, and a picture of its signature: the residual of flights of a glider
+that has the effect, under the model without it and with it.
 """
 
 import importlib
@@ -22,48 +22,48 @@ from glider.report.figure_data import RESIDUALS
 from glider.report.plots.style import STYLE, VARIABLES
 
 WORDS = {
-    "actuator": "What the servo makes of a commanded rate.",
+    "actuator": "How the servo follows a commanded rate.",
     "air": "How the air moves.",
-    "geometry": "Angles and places of the plates.",
-    "surface": "Coefficients of the plates' forces.",
+    "geometry": "Angles and positions of the plates.",
+    "surface": "Force coefficients of the plates.",
     "wrench": "Forces and moments on the whole body.",
     "inertia": "Mass and inertia.",
-    "sensor": "What motion capture shows of the true pose.",
-    "log": "Faults of the log, undone before anything else looks at it.",
+    "sensor": "How the measured pose differs from the true pose.",
+    "log": "Errors of the log, corrected before any other step.",
 }
-"""Stage to what its effects change."""
+"""Maps a stage to what its effects change."""
 
 
 _INTRODUCTION = """\
 # Effect catalogue
 
-What a flat-plate glider may lack: {count} effects, each a formula that adds to one link
-of the chain
+These are the {count} effects that a flat-plate model may lack. Each is a formula that
+adds to one link of the chain
 
     command -> [actuator] -> [air] -> [geometry] -> [surface] -> forces -> [wrench]
             -> [inertia] -> acceleration -> state -> [sensor] -> log
 
-These pages are made from the library when the docs are built: the text below each
-effect, its formula as it is computed, and flights that were simulated with it. SI units
-and radians; pitch is positive nose **down**, the elevator positive trailing edge
-**up**, z up.
+These pages are generated from the library when the docs are built: the description of
+each effect, its formula as it is computed, and flights simulated with it. Quantities
+are in SI units and radians. Pitch is positive nose **down**, the elevator positive
+trailing edge **up**, and z points up.
 
-A formula gets the flow, its own states if it has any, and its coefficients: the fields
-of the flow are those of [`Flow`](#glider.physics.effects.effect.Flow). The *typical
-size* is that of step sizes, of priors and of the pictures. A coefficient without such a
-size only gives an effect its shape, and several starting values are tried.
+The arguments of a formula are the flow (see
+[`Flow`](#glider.physics.effects.effect.Flow) for its fields), the states of the effect,
+if it has any, and its coefficients. The *typical size* of a coefficient sets step
+sizes, the prior and the pictures. A coefficient whose neutral value is *any* only sets
+the shape of the effect; several starting values are tried for it.
 
-The pictures are those of the report's *residual*: measured minus modelled acceleration
-of eight flights, along the wing, normal to it and in pitch (positive nose down). Grey
-is the model without the effect, blue the model with it. *0*, *+*, *−* and *±* say what
-the effect at its typical size adds: nothing that shows through the noise, mostly
-positive, mostly negative, or both. What the tracer compares are whole flights, so that
-an effect may be found though its picture shows little.
+The pictures show the *residual* as in the report: measured minus modelled acceleration
+of eight flights, along the wing, normal to it, and in pitch (positive nose down). Grey
+is the model without the effect, blue the model with it. The signs give the contribution
+of the effect at its typical size: *0* for nothing visible above the noise, *+* for
+mostly positive, *−* for mostly negative, *±* for both. The tracer compares whole
+flights and may therefore find an effect whose picture shows little.
 
-What has no formula is found as a curve or a field, see [how it
+What no formula describes is found as a curve or a field, see [how it
 works](../how_it_works.md). [Your own effect](../tutorials/own_effect.py) needs a
-formula of a few lines.
-"""
+formula of a few lines. """
 
 
 def page_of(stage: str, signatures: list[Signature], texts: dict[str, str]) -> str:
@@ -88,10 +88,10 @@ def page_of(stage: str, signatures: list[Signature], texts: dict[str, str]) -> s
             f"{_coefficient_table(kind)}\n\n"
             f"```{{figure}} pictures/{kind.kind}.png\n"
             f":alt: residuals of flights with {kind.kind}\n\n"
-            f"Flights of a glider with {size}: what the model without it (grey) and "
-            f"with it (blue) leaves, over {over}.\n"
+            f"Flights of a glider with {size}: residual of the model without it (grey) "
+            f"and with it (blue), over {over}.\n"
             f"```\n\n"
-            f"What that adds to the residual: {directions}."
+            f"Contribution to the residual: {directions}."
             f" It varies with {', '.join(kind.depends_on)}.\n"
         )
     return "\n".join(parts)
@@ -111,7 +111,7 @@ def _sources(kind: EffectKind) -> Iterator[str]:
 
 
 def _coefficient_table(kind: EffectKind) -> str:
-    rows = ["| coefficient | unit | does nothing at | typical size | may lie in |"]
+    rows = ["| coefficient | unit | neutral value | typical size | range |"]
     rows.append("|---|---|---|---|---|")
     for c in kind.coefficients:
         rows.append(
@@ -133,7 +133,7 @@ def _short(value: float) -> str:
 def index_page(texts: dict[str, str]) -> str:
     """Returns the first page of the catalogue, in Markdown."""
     rows = [
-        "| effect | stage | what it is | unit | typical size |",
+        "| effect | stage | description | unit | typical size |",
         "|---|---|---|---|---|",
     ]
     for kind in LIBRARY:
@@ -174,7 +174,7 @@ def write_catalogue(app: Sphinx) -> None:
 
 
 def texts_of_library() -> dict[str, str]:
-    """Returns each effect's kind and the text below it in its module."""
+    """Maps each effect to its docstring in its module."""
     found = {}
     for module in pkgutil.iter_modules(effects.__path__, f"{effects.__name__}."):
         documented = ModuleAnalyzer.for_module(module.name).find_attr_docs()

@@ -1,4 +1,4 @@
-"""Sphinx extension: the figure of the front page, a loop that closes."""
+"""Sphinx extension: the figure of the front page, before and after a correction."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from glider.sysid.pipeline import close_the_loop
 
 FLIGHTS = tuple(f"flight_{k:03d}.csv" for k in range(10))
 SUSPECTS = ("attached_lift", "wind", "servo_lag", "profile_drag")
-"""Effects that are tried: the tutorial tries the whole library on all flights."""
+"""Effects that are tried here; the tutorial tries the whole library."""
 
 SHOWN = ("nominal", "corrected")
 

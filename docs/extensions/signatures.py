@@ -1,4 +1,4 @@
-"""What an effect leaves in the residual of flights, drawn as a report draws it."""
+"""The residual that an effect leaves in flights, drawn as in a report."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -24,21 +24,20 @@ FLIGHTS = CampaignPlan(flights=8)
 """Flights of each picture."""
 
 HIDDEN = 0.1
-"""Part of the noise's RMS below which what an effect adds does not show."""
+"""Share of the RMS of the noise below which a contribution is not visible."""
 
 CLEAR = 0.25
-"""Part of its own RMS that the mean of what an effect adds must reach for its sign to
-be told: what goes both ways has none."""
+"""Share of its own RMS that the mean of a contribution must reach to have a sign."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Signature:
-    """What an effect leaves in the residual of flights.
+    """The residual that an effect leaves in flights.
 
     Attributes:
         effect: of the glider that flew.
-        without: residual of the model that does not know it.
-        known: residual of the model that does.
+        without: residual of the model that lacks it.
+        known: residual of the model that has it.
     """
 
     effect: Effect
@@ -52,7 +51,7 @@ class Signature:
         return there[0]
 
     def direction(self, column: int) -> str:
-        """Returns the sign of what the effect adds to a residual, or what else."""
+        """Sign of the contribution to a residual: "+", "−", "±" or "0"."""
         added = self.without.residual[:, column] - self.known.residual[:, column]
         rms = np.sqrt(np.mean(added**2))
         if rms < HIDDEN * np.sqrt(np.mean(self.known.residual[:, column] ** 2)):
@@ -62,7 +61,7 @@ class Signature:
 
 
 def typical(kind: EffectKind) -> Effect:
-    """Returns an effect at its typical size, its shape as it comes."""
+    """Returns an effect at its typical size, with its default shape."""
     if kind.stage == "log":
         return kind(pitch=-1.0)
     sizes = sizes_of(kind)
@@ -70,13 +69,13 @@ def typical(kind: EffectKind) -> Effect:
 
 
 def sizes_of(kind: EffectKind) -> tuple[Coefficient, ...]:
-    """Returns the coefficients that tell how large an effect is, not of what shape."""
+    """Returns the coefficients that set the size of an effect, not its shape."""
     sizes = tuple(c for c in kind.coefficients if not c.is_shape)
     return sizes or kind.coefficients
 
 
 def signatures() -> Iterator[Signature]:
-    """Flies a glider with each effect, and looks at the logs as a report does."""
+    """Flies a glider with each effect and evaluates the logs as a report does."""
     noise = measure_noise(_flown(GliderModel()))
     for kind in LIBRARY:
         effect = typical(kind)

@@ -6,13 +6,13 @@
 # %% [markdown]
 # # Your first campaign
 #
-# A *campaign* is a folder of flight logs of one glider. Six ship with the project; this
-# one has forty launches of a glider whose wing flies better than the flat plate of its
-# model, because below stall the flow stays attached. The tool is not told. Let us see
-# whether it finds out.
+# A *campaign* is a folder of flight logs of one glider. Six ship with the project. This
+# one has forty launches of a glider whose wing generates more lift than the flat plate
+# of the model, because the flow stays attached below stall. The tool does not know
+# this. Let us see whether it finds out.
 #
 # Everything on this page was computed when the page was built. Download it as a
-# {nb-download}`notebook <first_campaign.ipynb>`, or run the same from a shell:
+# {nb-download}`notebook <first_campaign.ipynb>`, or run the same command in a shell:
 #
 #     python -m glider close-the-loop attached_lift
 
@@ -32,9 +32,9 @@ print(campaign.vehicle)
 # %% [markdown]
 # ## Look at the logs first
 #
-# Each flight is a table of time, x, z and pitch from motion capture, the measured angle
-# of the elevator and the rate that it was commanded. Pitch is positive **nose down**,
-# the elevator positive trailing edge **up**, all in SI units and radians.
+# Each flight is a table: time; x, z and pitch from motion capture; the measured
+# elevator angle; and the commanded elevator rate. Pitch is positive **nose down**, the
+# elevator positive trailing edge **up**. Units are SI and radians.
 
 # %%
 figure, (paths, angles) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
@@ -48,10 +48,10 @@ plt.show()
 # %% [markdown]
 # ## Close the loop
 #
-# One call smooths the logs, asks whether the model lacks anything at all, searches the
+# One call smooths the logs, tests whether the model lacks anything at all, searches the
 # [library of effects](../effects/index.md) for the set that explains the flights, fits
-# it, and measures what that buys on flights that were held out. Twenty of the forty
-# flights will do here.
+# it, and measures the improvement on held-out flights. Twenty of the forty flights are
+# enough here.
 
 # %%
 from glider.report.terminal import print_summary
@@ -61,13 +61,16 @@ result = close_the_loop("attached_lift", flights=few)
 print_summary(result, Console(width=88, force_jupyter=False, force_terminal=False))
 
 # %% [markdown]
-# Read it from the top. The **verdict** is a sentence. The **effect** comes with its
-# coefficients, their standard errors, and the evidence for it in nats: the
-# log-likelihood that it gains. *Chosen in 100 % of resampled sets of flights* says that
-# it does not hang on a few launches. The **errors** are of free flights of a model from
-# a launch that was fitted on the first fifth of each held-out flight: the glider as
-# drawn, the flat plate with its own parameters refitted, and the corrected model.
-# *Noise* is what the cameras alone would leave.
+# Read it from the top:
+#
+# - The **verdict** is a sentence.
+# - The **effect** is listed with its coefficients, their standard errors, and its
+#   evidence in nats, the log-likelihood that it gains. *Chosen in 100 % of resampled
+#   sets of flights* means that it does not depend on a few launches.
+# - The **errors** are those of free rollouts: each model flies on its own from a launch
+#   state fitted on the first fifth of a held-out flight. The columns are the nominal
+#   model, the flat plate with its own parameters refitted, and the corrected model.
+#   *Noise* is what the cameras alone would leave.
 
 # %%
 corrected, drawn = result.errors["corrected"], result.errors["nominal"]
@@ -79,8 +82,8 @@ print(f"held-out position error: {gain:.0f} times smaller")
 # %% [markdown]
 # ## The figures of the report
 #
-# Held-out flights, measured (black) and as each model foretells them. The models see
-# only what lies on the grey ground.
+# Held-out flights, measured (black) and as predicted by each model. The models see only
+# the part on the grey background.
 
 # %%
 from glider.report.figures import make_figures
@@ -90,17 +93,17 @@ Image(figures["held_out"], width=820)
 
 # %% [markdown]
 # What the flat plate lacks, as coefficients over the angle of attack. Up to 15° the
-# wing pushes more than a plate does, and no more beyond: that is attached flow, and the
-# blue line is what the named effect makes of it.
+# wing produces more normal force than a plate, and beyond that no more than a plate:
+# this is attached flow. The green line is the part that the identified effect explains.
 
 # %%
 Image(figures["curves"], width=820)
 
 # %% [markdown]
-# ## What is left on the disk
+# ## The files
 #
-# The command line writes the same into `out/attached_lift`. `report.html` is one page
-# with all figures, which you can zoom; `report.json` is the same for programs;
+# The command line writes the same results into `out/attached_lift`. `report.html` is
+# one page with all figures, which you can zoom. `report.json` is the same for programs.
 # `model.yaml` is the corrected glider, for everything that flies or plans.
 
 # %%

@@ -6,19 +6,20 @@
 # %% [markdown]
 # # Your own effect and your own logs
 #
-# The library may lack what your glider has, and your logs will not be in its format.
-# Both go in from outside: an effect as one formula, a log through one MAP file.
+# Your glider may have an effect that the library lacks, and your logs are unlikely to
+# be in its format. You can add both: an effect as one formula, logs through one MAP
+# file.
 #
 # {nb-download}`Download this page as a notebook <own_effect.ipynb>`.
 #
 # ## An effect is a formula
 #
-# Suppose that your glider drags a thread behind it, whose friction grows with airspeed
-# and not with its square. It is a force, so it enters at the stage `wrench`; its
-# formula gets the flow (its fields are those of
-# [`Flow`](#glider.physics.effects.effect.Flow)) and the coefficients, and returns one
-# number for each term of `adds_to`. It is written into a module, not into the notebook:
-# what is compiled from a module is kept for the next session.
+# Suppose that your glider trails a thread, whose friction is proportional to airspeed
+# rather than to its square. It is a force, so it enters at the stage `wrench`. Its
+# formula receives the flow (a [`Flow`](#glider.physics.effects.effect.Flow)) and the
+# coefficients, and returns one number for each term in `adds_to`. Write it into a
+# module, not into the notebook: code compiled from a module is cached for the next
+# session.
 
 # %%
 # %%writefile thread_drag.py
@@ -40,15 +41,15 @@ THREAD_DRAG = EffectKind(
         Coefficient(name="coefficient", unit="N s/m", scale=0.02, lower=0.0, upper=1.0),
     ),
     formula=_thread_drag,
-    words="a thread that drags, linear in airspeed",
+    words="a trailing thread, whose drag is linear in airspeed",
     depends_on=("V",),
 )
 
 # %% [markdown]
-# ## Flights whose truth you know
+# ## Flights with a known answer
 #
-# Before you believe it on your own flights, simulate a campaign of a glider that has
-# the effect, and see that it is found.
+# Before you rely on the effect for your own flights, simulate a campaign of a glider
+# that has it, and check that it is found.
 
 # %%
 import sys
@@ -67,12 +68,12 @@ campaign = simulate_campaign(truth, plan, np.random.default_rng(0), name="thread
 print(len(campaign.flights), "flights of", round(campaign.flights[0].time[-1], 2), "s")
 
 # %% [markdown]
-# ## Logs are hardly ever in our format
+# ## Logs in another format
 #
-# Here is a file as another lab may keep it: semicolons, decimal commas, milliseconds,
-# degrees, in north and down, with the nose **up** positive and the elevator positive
-# trailing edge **down**. (We write it ourselves, from the flights above; yours come
-# from your software.)
+# Here is a file as another lab might keep it: semicolons, decimal commas, milliseconds,
+# degrees, and north and down as axes, with pitch positive nose **up** and the elevator
+# positive trailing edge **down**. (This cell writes it from the flights above; yours
+# come from your software.)
 
 # %%
 from pathlib import Path
@@ -97,9 +98,9 @@ for flight in campaign.flights:
 print(*lines[:4], sep="\n")
 
 # %% [markdown]
-# One MAP file says what is what. `python -m glider import takes/*.csv --guess --map
+# One MAP file describes the format. `python -m glider import takes/*.csv --guess --map
 # MAP.yaml` would propose one, with a reason for each line; here is ours. [Your own
-# logs](../import.md) has maps for Motive, PX4, MATLAB and ROS.
+# logs](../import.md) has examples for Motive, PX4, MATLAB and ROS.
 
 # %%
 MAP = """\
@@ -123,8 +124,8 @@ imported = import_campaign(files, "MAP.yaml", "throws")
 print(*imported.describe().splitlines()[:3], "...", sep="\n")
 
 # %% [markdown]
-# The import compares the flights with the MAP, and refuses one that they contradict.
-# Had we forgotten that this lab's elevator is positive trailing edge down:
+# The import compares the flights with the MAP, and rejects a MAP that they contradict.
+# This happens if we forget that this lab's elevator is positive trailing edge down:
 
 # %%
 from glider.errors import InputError
@@ -136,14 +137,14 @@ try:
 except InputError as error:
     print(error)
 else:
-    raise AssertionError("a wrong sign was let in")
+    raise AssertionError("a wrong sign was accepted")
 
 # %% [markdown]
 # ## Is it found?
 #
-# What was imported is a campaign like any other. It is traced with the whole library
-# and your effect beside it; `python -m glider close-the-loop throws` would do the same
-# with the library alone.
+# The result is a campaign like any other. We trace it with the whole library plus the
+# new effect; `python -m glider close-the-loop throws` would do the same with the
+# library alone.
 
 # %%
 result = close_the_loop("throws", own_effects=(THREAD_DRAG,))
@@ -154,9 +155,10 @@ for effect in result.effects:
 assert [effect.kind for effect in result.effects] == ["thread_drag"]
 
 # %% [markdown]
-# The coefficient is the one that was put in. Beside it, what each effect of the library
-# would gain alone, in nats: the closest comes near, and is told apart all the same. One
-# within a few nats would be listed as *could be confused with*.
+# The coefficient agrees with the one that we simulated. The next cell shows what single
+# effects would gain on their own, in nats. The closest rival comes near, and the
+# flights still distinguish it. A rival within a few nats would be listed as *could be
+# confused with*.
 
 # %%
 ranked = sorted(result.candidates.items(), key=lambda item: -item[1])
@@ -164,5 +166,5 @@ for kind, evidence in ranked[:5]:
     print(f"{kind:16} {evidence:8.0f}")
 
 # %% [markdown]
-# `CONTRIBUTING.md` tells how an effect goes into the library for good; it then has a
-# page in the [catalogue](../effects/index.md) by itself.
+# `CONTRIBUTING.md` explains how to add an effect to the library for good. It then
+# appears in the [catalogue](../effects/index.md) automatically.

@@ -6,12 +6,11 @@
 # %% [markdown]
 # # From a corrected model to a perch
 #
-# A glider flies in a head wind that its model does not know. We plan a perch with the
-# model, miss the wire, look at the logs of the misses, and plan again.
+# A glider flies in a head wind that its model does not include. We plan a perch with
+# the model, miss the wire, trace the logs of the misses, and plan again.
 #
 # {nb-download}`Download this page as a notebook <perch.ipynb>`;
-# `examples/perch_corrected.py` tells the same story with a hundred launches and in
-# Meshcat.
+# `examples/perch_corrected.py` does the same with a hundred launches and in Meshcat.
 
 # %%
 import matplotlib.pyplot as plt
@@ -29,12 +28,12 @@ print("the true glider:", {e.kind.kind: e.to_dict() for e in truth.effects})
 print("its model:      ", nominal.effects or "no effects")
 
 # %% [markdown]
-# ## Plan and fly with what we believe
+# ## Plan and fly with the nominal model
 #
-# `rehearse` plans a flight from 3.5 m away to the wire (direct collocation), makes a
+# `rehearse` plans a flight to the wire from 3.5 m away (direct collocation), designs a
 # feedback along it (time-varying LQR), and flies the *true* glider with both. Commands
-# come at 50 Hz. The launches err: 4 cm in height, 0.1 m/s in speed, 0.02 rad in pitch,
-# one standard deviation. Motion capture films the flights.
+# are sent at 50 Hz. The launches are perturbed, with standard deviations of 4 cm in
+# height, 0.1 m/s in speed and 0.02 rad in pitch. Motion capture records the flights.
 
 # %%
 rng = np.random.default_rng(0)
@@ -43,11 +42,11 @@ before = rehearse(truth, nominal, problem, starts, rng)
 print(before.flights.describe())
 
 # %% [markdown]
-# A flight perches where it comes within a hook's reach of the wire, slowly enough and
-# nose up far enough (`models/problems/perching.yaml` has the numbers). None of these
-# does.
+# A flight perches if it comes within the hook's reach of the wire, slowly enough and
+# with the nose up far enough (`models/problems/perching.yaml` has the limits). None of
+# these flights does.
 #
-# ## Find out why
+# ## Find the cause
 #
 # The logs of the misses are a campaign like any other.
 
@@ -62,8 +61,8 @@ assert [effect.kind for effect in found.effects] == ["wind"]
 # %% [markdown]
 # ## Plan and fly again
 #
-# The corrected model goes where the nominal one was: nothing else changes. The plan has
-# another command from the start, for the wind acts from the start.
+# The corrected model takes the place of the nominal one, and nothing else changes. The
+# commands differ from the first moment, because the wind acts from the first moment.
 
 # %%
 starts = draw_launches(problem, LaunchSpread(), 10, rng)
@@ -86,11 +85,11 @@ ax.set(xlabel="x [m]", ylabel="z [m]", aspect="equal")
 figure.legend(loc="outside lower center", ncols=3, frameon=False)
 plt.show()
 # %% [markdown]
-# ## How far may a launch err?
+# ## How large may the launch error be?
 #
-# Flying thousands of launches is cheap, for the loops are compiled. Here are five
-# hundred, with feedback at every instant, for the launches above and for launches that
-# err twice as much.
+# Thousands of launches can be flown quickly, because the loops are compiled. Here are
+# five hundred with continuous feedback, for launches perturbed as above and for
+# launches perturbed twice as much.
 
 # %%
 from glider import fly
@@ -106,8 +105,10 @@ for times in (1.0, 2.0):
     )
     launches = draw_launches(problem, wider, 500, rng)
     flights = fly(truth, policy, launches)
-    print(f"launches that err {times:.0f} times as much: {flights.perched.mean():.0%}")
+    print(
+        f"launch errors {times:.0f} times as large: {flights.perched.mean():.0%} perch"
+    )
 
 # %% [markdown]
-# `examples/perching_funnel.py` goes on from here to a *proof*: a funnel of states from
-# which the feedback brings the glider to the wire, checked in exact arithmetic.
+# `examples/perching_funnel.py` continues from here to a *proof*: a funnel of states
+# from which the feedback brings the glider to the wire, checked in exact arithmetic.

@@ -83,6 +83,6 @@ LIBRARY: tuple[EffectKind, ...] = (
     PITCH_OFFSET,
     ANGLE_SIGN,
 )
-"""Every effect that the tracer tries; a new one is one line here."""
+"""All effects that the tracer tries. A new effect is one line here."""
 
 KINDS = {effect.kind: effect for effect in LIBRARY}

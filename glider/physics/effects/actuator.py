@@ -1,4 +1,4 @@
-"""Effects of the servo: what the elevator makes of a rate command.
+"""Effects of the servo: how the elevator follows a rate command.
 
 Their formulas take the incoming rate instead of a Flow and return the outgoing
 one. Replaying a log, `glider.physics.actuator_replay` solves the same equations
@@ -69,7 +69,7 @@ SERVO_LAG = EffectKind(
     steady_state=_servo_lag_steady,
     replay=_replay_lag,
 )
-"""Servo lag: the elevator's rate follows the command, τ ṙ = u - r; the angle
+"""Servo lag: the elevator rate r follows the command u as τ ṙ = u - r. The angle
 then follows the integrated command with the same lag."""
 
 COMMAND_DELAY = EffectKind(
@@ -94,6 +94,6 @@ COMMAND_DELAY = EffectKind(
     steady_state=_command_delay_steady,
     replay=_replay_delay,
 )
-"""Command delay: r(t) = u(t - T). A plant needs finitely many states and takes
-the Padé approximant of order two,
-(1 - sT/2 + s²T²/12) / (1 + sT/2 + s²T²/12); a log is replayed exactly."""
+"""Command delay: r(t) = u(t - T). A plant has finitely many states and therefore uses
+the second-order Padé approximant (1 - sT/2 + s²T²/12) / (1 + sT/2 + s²T²/12); a log is
+replayed with the exact delay."""

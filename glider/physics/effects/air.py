@@ -26,7 +26,8 @@ WIND = EffectKind(
     words="a steady wind",
     depends_on=("V", "alpha"),
 )
-"""Steady wind: the air moves with (x, z) in the world, v_air = v - w."""
+"""Steady wind: the air moves with velocity w = (x, z) in the world, so that the
+velocity through the air is v - w."""
 
 WIND_SHEAR = EffectKind(
     kind="wind_shear",
@@ -39,6 +40,6 @@ WIND_SHEAR = EffectKind(
     words="wind shear: a wind that changes with height",
     depends_on=("z", "V"),
 )
-"""Wind shear: the air moves along x with gradient · z, so that it stands still at
-z = 0 (the height of the perch); a wind there is `wind`. The linear profile of Etkin,
+"""Wind shear: the air moves along x with gradient · z and is at rest at z = 0, the
+height of the perch; a wind there is `wind`. This is the linear profile of Etkin,
 Dynamics of Atmospheric Flight."""

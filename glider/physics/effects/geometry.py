@@ -42,7 +42,7 @@ WING_INCIDENCE = EffectKind(
         Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.5, upper=0.5),
     ),
     formula=constant,
-    words="the wing set at an angle to the body axis (positive nose down)",
+    words="a wing set at an angle to the body axis (positive nose down)",
     depends_on=("alpha", "V"),
 )
 """Wing incidence: the wing's plate lies at pitch + angle."""
@@ -55,7 +55,7 @@ ELEVATOR_TRIM = EffectKind(
         Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.6, upper=0.6),
     ),
     formula=constant,
-    words="an elevator that stands off its reading",
+    words="an elevator whose true angle differs from its reading by a constant",
     depends_on=("V", "elevator"),
 )
 """Elevator trim: the elevator's plate lies at pitch + elevator + angle."""
@@ -70,16 +70,17 @@ ELEVATOR_BLOWBACK = EffectKind(
         ),
     ),
     formula=_elevator_blowback,
-    words="an elevator that gives way to its load (blowback)",
+    words="an elevator that deflects under its load (blowback)",
     depends_on=("elevator", "V", "alpha"),
 )
-"""Elevator blowback: the elevator's plate turns by compliance · p towards the stream.
+"""Elevator blowback: the elevator's plate turns by compliance · p toward the stream.
 
-p = ½ ρ W² · 2 sin α_e is the plate's force per area along its normal [Pa] where it
-reads, with W and α_e the speed and the angle of attack of its own center: a load from
-below pushes the trailing edge up. The load is that at the deflection that is read, so
-nothing is to be solved; what is shed of a load by shedding it is of the second order
-(compliance as of a spring at the hinge; Etkin and Reid, Dynamics of Flight).
+p = ½ ρ W² · 2 sin α_e is the plate's force per area along its normal [Pa] at the logged
+deflection, with W and α_e the airspeed and the angle of attack at the plate's center. A
+load from below pushes the trailing edge up. Since the load is taken at the logged
+deflection, there is no equation to solve; the load relieved by the deflection itself is
+of second order (compliance as of a spring at the hinge; Etkin and Reid, Dynamics of
+Flight).
 """
 
 CENTER_OF_PRESSURE = EffectKind(
@@ -91,13 +92,13 @@ CENTER_OF_PRESSURE = EffectKind(
         Coefficient(name="travel", unit="m", scale=0.006, lower=-0.2, upper=0.2),
     ),
     formula=_center_of_pressure,
-    words="a wing center of pressure off its nominal place",
+    words="a wing center of pressure away from its nominal position",
     depends_on=("alpha", "V"),
 )
 """Center of pressure: l_w + shift + travel sin² α, ahead of the center of mass.
 
-A thin plate's center of pressure moves from the quarter chord (attached) to
-the half chord (broadside), hence the travel (Winkler 1936; Hoerner, Fluid
+A thin plate's center of pressure moves from the quarter chord (attached flow) to
+the half chord (broadside flow), hence the travel (Winkler 1936; Hoerner, Fluid
 Dynamic Lift).
 """
 
@@ -113,8 +114,9 @@ DOWNWASH = EffectKind(
     depends_on=("alpha", "V"),
 )
 """Downwash: at the tail the air moves down along the body's normal with
-gradient · V sin α cos α, in proportion to the plate's lift: for small α the
-tail's angle falls by ε = gradient · α (Etkin and Reid, Dynamics of Flight)."""
+gradient · V sin α cos α, in proportion to the plate's lift. For small α the
+tail's angle of attack is reduced by ε = gradient · α (Etkin and Reid, Dynamics of
+Flight)."""
 
 STALLED_DOWNWASH = EffectKind(
     kind="stalled_downwash",
@@ -142,11 +144,11 @@ STALLED_DOWNWASH = EffectKind(
         ),
     ),
     formula=_stalled_downwash,
-    words="the wing's downwash on the tail, until the wing stalls",
+    words="the wing's downwash on the tail, up to stall",
     depends_on=("alpha", "V"),
 )
-"""Stalled downwash: that of `downwash` / (1 + exp((|α| - stall_angle) / fade)).
+"""Stalled downwash: `downwash` times 1 / (1 + exp((|α| - stall_angle) / fade)).
 
-With attached flow the wing turns the stream down; once it stalls, the tail meets it
-unturned (Etkin and Reid, Dynamics of Flight; faded as `attached_lift` is).
+With attached flow the wing deflects the stream down; once it stalls, the stream reaches
+the tail undeflected (Etkin and Reid, Dynamics of Flight; faded like `attached_lift`).
 """

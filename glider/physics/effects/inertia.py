@@ -17,10 +17,10 @@ MASS = EffectKind(
         Coefficient(name="change", unit="-", scale=0.1, lower=-0.9, upper=5.0),
     ),
     formula=constant,
-    words="a mass off its nominal value",
+    words="a mass that differs from its nominal value",
     depends_on=("V", "alpha"),
 )
-"""Mass: (1 + change) times the nominal one, weight included."""
+"""Mass: (1 + change) times the nominal mass, in inertia and weight alike."""
 
 INERTIA = EffectKind(
     kind="inertia",
@@ -30,10 +30,10 @@ INERTIA = EffectKind(
         Coefficient(name="change", unit="-", scale=0.15, lower=-0.9, upper=5.0),
     ),
     formula=constant,
-    words="a pitch inertia off its nominal value",
+    words="a pitch inertia that differs from its nominal value",
     depends_on=("V", "elevator"),
 )
-"""Pitch inertia: (1 + change) times the nominal one."""
+"""Pitch inertia: (1 + change) times the nominal pitch inertia."""
 
 ADDED_MASS = EffectKind(
     kind="added_mass",
@@ -44,20 +44,21 @@ ADDED_MASS = EffectKind(
         Coefficient(name="inertia", unit="kg m²", scale=1e-4, lower=0.0, upper=0.1),
     ),
     formula=_added_mass,
-    words="added mass: air that the wing must push along its normal",
+    words="added mass: air that moves with the wing along its normal",
     depends_on=("alphadot", "alpha", "pitchdot"),
 )
-"""Added mass: the air that a plate carries along its normal n, and turns.
+"""Added mass: air that moves and turns with a plate, along its normal n.
 
-The impulse of that air is mass (n·v) n, so that it pushes back with
-F = -d/dt [mass (n·v) n] = -mass [(n·a) n + θ̇ ((v·t) n + (v·n) t)], for n turns
-(ṅ = θ̇ t), and M = -inertia · θ̈; v is the velocity of the center of mass through the
-air, whose own acceleration is left out. For a thin plate mass is about ρ π c² b / 4
-and inertia about ρ π c⁴ b / 128 (Lamb, Hydrodynamics, chapters IV and VI; Katz and
-Plotkin, Low-Speed Aerodynamics).
+The impulse of this air is mass (n·v) n. The normal turns (ṅ = θ̇ t), so it reacts with
+F = -d/dt [mass (n·v) n] = -mass [(n·a) n + θ̇ ((v·t) n + (v·n) t)], M = -inertia · θ̈.
+Here v is the velocity of the center of mass through the air; the acceleration of the
+air itself is neglected. For a thin plate mass is about ρ π c² b / 4 and inertia about
+ρ π c⁴ b / 128 (Lamb, Hydrodynamics, chapters IV and VI; Katz and Plotkin, Low-Speed
+Aerodynamics).
 
-Kirchhoff's equations hold a moment too that needs neither acceleration nor rate,
-Munk's, mass (v·t)(v·n). It is left out: it is part of the steady moment, which follows
-from where the plate's force acts (`center_of_pressure`). For a thin wing, whose lift
-acts at the quarter chord, it is the whole steady moment about the half chord.
+Kirchhoff's equations also contain a moment that depends on neither acceleration nor
+rate, the Munk moment mass (v·t)(v·n). It is omitted: it is part of the steady moment,
+which follows from the point where the plate's force acts (`center_of_pressure`). For a
+thin wing, whose lift acts at the quarter chord, it is the entire steady moment about
+the half chord.
 """

@@ -54,7 +54,7 @@ MARKER_OFFSET = EffectKind(
         Coefficient(name="above", unit="m", scale=0.02, lower=-0.5, upper=0.5),
     ),
     formula=_marker_offset,
-    words="a tracked point off the center of mass",
+    words="a tracked point away from the center of mass",
     depends_on=("pitch", "pitchdot"),
 )
 """Marker offset: the tracked point lies `ahead` along the body axis and `above`
@@ -69,11 +69,11 @@ POSE_LATENCY = EffectKind(
     ),
     formula=_pose_latency,
     replay=_replay_latency,
-    words="a pose that is logged late against elevator and command",
+    words="a pose that is logged late relative to elevator and command",
     depends_on=("elevator_rate", "pitchdot"),
 )
-"""Pose latency: the pose logged at t is that of t - latency; the formula is its
-first order. Replaying a log shifts the clocks exactly instead."""
+"""Pose latency: the pose logged at t is that of t - latency. The formula is the first
+order of this; the replay of a log shifts the clocks exactly instead."""
 
 FRAME_TILT = EffectKind(
     kind="frame_tilt",
@@ -86,8 +86,8 @@ FRAME_TILT = EffectKind(
     words="a motion-capture frame that is not level",
     depends_on=("V", "pitch"),
 )
-"""Frame tilt: the whole pose is measured in a frame turned by -angle about +y,
-so logged pitch is larger by the angle."""
+"""Frame tilt: the whole pose is measured in a frame turned by -angle about +y, so that
+the logged pitch is larger by the angle."""
 
 POSITION_SCALE = EffectKind(
     kind="position_scale",
@@ -101,8 +101,8 @@ POSITION_SCALE = EffectKind(
     words="lengths that the motion capture measures too large or too small",
     depends_on=("V",),
 )
-"""Position scale: logged x and z are 1 + `x` and 1 + `z` times the true ones, as of
-cameras whose calibrated length is wrong. Gravity scales with z and gives it away."""
+"""Position scale: logged x and z are 1 + `x` and 1 + `z` times the true ones, as with
+cameras calibrated with a wrong length. Gravity scales with z and reveals the error."""
 
 PITCH_OFFSET = EffectKind(
     kind="pitch_offset",
@@ -115,7 +115,7 @@ PITCH_OFFSET = EffectKind(
     words="a constant error of the pitch reading",
     depends_on=("alpha", "V"),
 )
-"""Pitch offset: logged pitch is true pitch plus the angle."""
+"""Pitch offset: the logged pitch is the true pitch plus the angle."""
 
 ANGLE_SIGN = EffectKind(
     kind="angle_sign",
@@ -127,8 +127,8 @@ ANGLE_SIGN = EffectKind(
         Coefficient(name="command", unit="-", default=1.0, lower=-1.0, upper=1.0),
     ),
     formula=_angle_sign,
-    words="an angle that is logged with the other sign",
+    words="an angle that is logged with the opposite sign",
     depends_on=("pitch", "elevator"),
 )
-"""Angle sign: logged pitch, elevator and elevator rate command are ±1 times the
-true ones."""
+"""Angle sign: logged pitch, elevator and elevator-rate command are ±1 times the true
+values."""

@@ -1,4 +1,4 @@
-"""Effects on the surfaces' forces: coefficients that a flat plate lacks."""
+"""Effects on the forces of the surfaces: coefficients that a flat plate lacks."""
 
 import numpy as np
 
@@ -87,10 +87,10 @@ ATTACHED_LIFT = EffectKind(
     words="attached flow: extra lift slope below stall",
     depends_on=("alpha", "V"),
 )
-"""Attached lift: C_n grows by slope · sin α below the stall angle.
+"""Attached lift: C_n increases by slope · sin α below the stall angle.
 
-ΔC_n = slope sin α / (1 + exp((|α| - stall_angle) / fade)). A thin airfoil has the
-slope 2π against the plate's 2 (Anderson, Fundamentals of Aerodynamics).
+ΔC_n = slope sin α / (1 + exp((|α| - stall_angle) / fade)). A thin airfoil has a slope
+of 2π, compared with 2 for the plate (Anderson, Fundamentals of Aerodynamics).
 """
 
 CAMBER = EffectKind(
@@ -103,15 +103,15 @@ CAMBER = EffectKind(
         ),
     ),
     formula=_camber,
-    words="a cambered wing, whose lift vanishes off zero angle of attack",
+    words="a cambered wing, whose zero-lift angle of attack is not zero",
     depends_on=("alpha", "V"),
 )
-"""Camber: C_n is the plate's at α - zero_lift_angle, its direction unchanged.
+"""Camber: C_n is that of the plate at α - zero_lift_angle, in an unchanged direction.
 
-ΔC_n = 2 sin(α - zero_lift_angle) - 2 sin α, so that a wing bent upwards
-(zero_lift_angle < 0) lifts at α = 0. `wing_incidence` turns the force as well. (Thin
-airfoil theory: Anderson, Fundamentals of Aerodynamics; the moment that comes with it
-is `pitch_moment`.)
+ΔC_n = 2 sin(α - zero_lift_angle) - 2 sin α, so that a wing cambered upward
+(zero_lift_angle < 0) has lift at α = 0. In contrast, `wing_incidence` also rotates the
+force. (Thin-airfoil theory: Anderson, Fundamentals of Aerodynamics; the accompanying
+moment is `pitch_moment`.)
 """
 
 PITCH_RATE_LIFT = EffectKind(
@@ -122,15 +122,15 @@ PITCH_RATE_LIFT = EffectKind(
         Coefficient(name="arm", unit="m", scale=0.05, lower=-1.0, upper=1.0),
     ),
     formula=_pitch_rate_lift,
-    words="lift by pitch rate: more normal force while the nose comes up",
+    words="lift due to pitch rate: more normal force while the nose comes up",
     depends_on=("pitchdot", "V"),
 )
 """Pitch-rate lift: ΔC_n = -arm · pitch rate / V, positive nose up.
 
-The force is proportional to V · pitch rate and vanishes at rest. It is that of a plate
-whose force belongs to the flow `arm` / 2 behind its center; for a thin airfoil about
-its half chord arm = π c / 2, without what added mass brings (Etkin and Reid, Dynamics
-of Flight, C_Lq).
+The force is proportional to V · pitch rate and vanishes at rest. It equals that of a
+plate whose force is determined by the flow `arm` / 2 behind its center. For a thin
+airfoil about its half chord arm = π c / 2, without the contribution of added mass
+(Etkin and Reid, Dynamics of Flight, C_Lq).
 """
 
 DYNAMIC_STALL = EffectKind(
@@ -158,9 +158,9 @@ DYNAMIC_STALL = EffectKind(
 )
 """Dynamic stall: ΔC_n = strength (sin α - s), with τ ṡ = sin α - s.
 
-The normal force runs ahead of (strength > 0) or behind (strength < 0) its
-steady value while α changes: the first-order hysteresis of Goman and Khrabrov
-(J. Aircraft 31, 1994), linear in the lag.
+While α changes, the normal force leads (strength > 0) or lags (strength < 0) its steady
+value: the first-order hysteresis of Goman and Khrabrov (J. Aircraft 31, 1994), linear
+in the lag.
 """
 
 AIRSPEED_DEPENDENCE = EffectKind(
@@ -183,7 +183,8 @@ AIRSPEED_DEPENDENCE = EffectKind(
     words="a wing coefficient that changes with airspeed (Reynolds number)",
     depends_on=("V",),
 )
-"""Airspeed dependence: the wing's force grows by gradient (V/V_ref - 1)."""
+"""Airspeed dependence: the wing's force changes by the factor
+1 + gradient (V/V_ref - 1)."""
 
 GROUND_EFFECT = EffectKind(
     kind="ground_effect",
@@ -202,13 +203,13 @@ GROUND_EFFECT = EffectKind(
         ),
     ),
     formula=_ground_effect,
-    words="ground effect: more wing force the lower it flies",
+    words="ground effect: more wing force closer to the ground",
     depends_on=("z", "alpha"),
 )
-"""Ground effect: the wing's force grows by strength · exp(-z / height).
+"""Ground effect: the wing's force increases by the share strength · exp(-z / height).
 
-`strength` is the gain at z = 0 (the height of the perch): where the floor lies
-does not show apart from it. Exponential in height after Staufenbiel and
+`strength` is the increase at z = 0, the height of the perch; the height of the floor
+cannot be identified separately from it. Exponential in height after Staufenbiel and
 Schlichting (J. Aircraft 25, 1988).
 """
 
@@ -241,9 +242,9 @@ TAIL_WAKE = EffectKind(
     words="the tail in the wing's wake at some angles of attack",
     depends_on=("alpha", "elevator"),
 )
-"""Tail wake: the elevator's force falls by loss · exp(-(α - angle)²/(2 width²)),
-while the separated wake of the wing washes over the tail (deep stall; Etkin and
-Reid, Dynamics of Flight)."""
+"""Tail wake: the elevator's force decreases by the share loss · exp(-(α - angle)²/(2
+width²)) while the separated wake of the wing washes over the tail (deep stall; Etkin
+and Reid, Dynamics of Flight)."""
 
 ELEVATOR_AREA = EffectKind(
     kind="elevator_area",
@@ -253,7 +254,7 @@ ELEVATOR_AREA = EffectKind(
         Coefficient(name="change", unit="-", scale=0.2, lower=-0.95, upper=5.0),
     ),
     formula=constant,
-    words="an effective elevator area off its nominal value",
+    words="an effective elevator area that differs from its nominal value",
     depends_on=("elevator", "V"),
 )
-"""Elevator area: its force is (1 + change) times the nominal one."""
+"""Elevator area: the elevator's force is (1 + change) times the nominal force."""

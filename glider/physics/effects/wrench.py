@@ -6,8 +6,8 @@ from glider.physics.effects.effect import Coefficient, EffectKind
 from glider.physics.formulas import scalar
 
 _TURN = 0.01
-"""Rounds the sign of cos α where the stream comes from below or above: within about
-0.1 rad of it."""
+"""Smooths the sign of cos α where the stream comes from below or above, over about
+0.1 rad."""
 
 
 @scalar
@@ -73,8 +73,8 @@ INDUCED_DRAG = EffectKind(
     depends_on=("alpha", "V"),
 )
 """Induced drag: D = ½ ρ V² S_w k C_L² against the velocity through the air, with the
-plate's C_L = 2 sin α cos α. It is beside the plate's own drag by lift, 2 sin² α; for a
-finite wing k is about 1 / (π e AR) (Anderson, Fundamentals of Aerodynamics)."""
+plate's C_L = 2 sin α cos α. It adds to the plate's own drag due to lift, 2 sin² α. For
+a finite wing k is about 1 / (π e AR) (Anderson, Fundamentals of Aerodynamics)."""
 
 AXIAL_DRAG = EffectKind(
     kind="axial_drag",
@@ -93,16 +93,17 @@ AXIAL_DRAG = EffectKind(
         ),
     ),
     formula=_axial_drag,
-    words="drag along the body axis, alike at all angles of attack",
+    words="drag along the body axis, the same at all angles of attack",
     depends_on=("V", "alpha"),
 )
-"""Axial drag: ½ ρ V² S_w ca0 backwards along the body axis.
+"""Axial drag: ½ ρ V² S_w ca0, aft along the body axis.
 
-With a = ½ (1 + cos α / √(cos² α + 0.01)), how much of the flow comes from ahead, the
-axial coefficient is ca0 √1.01 (a - backward (1 - a)): ca0 at α = 0, within half a
-percent of it up to 45° and a tenth up to 76° (a body's axial coefficient changes little
-below stall: Hoerner, Fluid-Dynamic Drag). In backward flight it is against the motion
-too where `backward` is 1; at -1 the coefficient is constant, and drives the glider on.
+With a = ½ (1 + cos α / √(cos² α + 0.01)), the share of the flow that comes from ahead,
+the axial coefficient is ca0 √1.01 (a - backward (1 - a)). It is ca0 at α = 0, within
+half a percent of it up to 45° and within a tenth up to 76° (the axial coefficient of a
+body changes little below stall: Hoerner, Fluid-Dynamic Drag). In backward flight it
+opposes the motion if `backward` is 1; at -1 the coefficient is constant and propels the
+glider.
 """
 
 PITCH_DAMPING = EffectKind(
@@ -113,11 +114,11 @@ PITCH_DAMPING = EffectKind(
         Coefficient(name="coefficient", unit="m²", scale=0.004, lower=-1.0, upper=1.0),
     ),
     formula=_pitch_damping,
-    words="pitch damping beyond the tail's",
+    words="pitch damping in addition to the tail's",
     depends_on=("pitchdot", "V"),
 )
-"""Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate (no chord is known,
-so the coefficient carries m²)."""
+"""Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate. No chord is given, so the
+coefficient has the unit m²."""
 
 PITCH_MOMENT = EffectKind(
     kind="pitch_moment",
@@ -143,4 +144,4 @@ THRUST = EffectKind(
     words="a constant force along the body axis",
     depends_on=("pitch",),
 )
-"""Thrust: a constant force along the body axis (cos pitch, -sin pitch)."""
+"""Thrust: a constant force along the body axis, (cos pitch, -sin pitch)."""
