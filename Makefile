@@ -73,7 +73,7 @@ tables: setup
 	for truth in $(TRUTHS); do \
 		$(BIN)/python examples/perch_corrected.py --truth $$truth --headless || exit 1; done
 	for truth in $(LEARNED); do \
-		$(BIN)/python examples/learn_residual.py --truth $$truth --headless || exit 1; done
+		$(BIN)/python examples/article/learn_residual.py --truth $$truth --headless || exit 1; done
 	for bound in 0 1 1.1; do \
 		$(BIN)/python examples/perching_funnel.py --remainder $$bound --headless || exit 1; done
 

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Diagram
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.picture import make_picture
-from diagrams.showing import run
+from diagrams.program import run
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel

@@ -5,7 +5,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.parts import (
+from diagrams.wiring import (
     add_glider,
     add_motion_capture,
     finish,
@@ -37,8 +37,8 @@ def closed_loop(
         truth: the glider that flies. It may have effects that the regulator does
             not know: then the first states are fed back.
         regulator: from the state to one command, its first output, as
-            `tracking_regulator` and `cruise_regulator` make it. It becomes a part of
-            this diagram, and fits into no other.
+            `tracking_regulator` makes it. It becomes a part of this diagram, and
+            fits into no other.
         planned: the model that the regulator was made for, where its effects have
             states of their own. Nobody measures these: "observer" runs them
             beside the flight. None: the regulator knows of none.
@@ -55,7 +55,7 @@ def closed_loop(
         A Diagram "closed_loop" with no open input, the systems "glider",
         "regulator", "servo" and the logs "state_log", "rate_log" and "force_log"; as
         asked for "command_hold", "feedback_noise", "observer", "measured_state" (the
-        first of more states) and those of `diagrams.parts.add_motion_capture`; the
+        first of more states) and those of `diagrams.wiring.add_motion_capture`; the
         outputs "state", "pose" and "elevator_rate".
         `diagrams.simulate.simulate_flights` flies it.
 

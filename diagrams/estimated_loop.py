@@ -9,14 +9,14 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import LogVectorOutput, MatrixGain
 
 from diagrams.closed_loop import closed_loop
-from diagrams.parts import (
+from diagrams.simulate import simulate_flights
+from diagrams.wiring import (
     add_glider,
     add_motion_capture,
     finish,
     hold_command,
     tape_rows,
 )
-from diagrams.simulate import simulate_flights
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import Ekf

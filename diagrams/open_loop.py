@@ -4,7 +4,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 
-from diagrams.parts import add_glider, add_motion_capture, finish
+from diagrams.wiring import add_glider, add_motion_capture, finish
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 
@@ -28,7 +28,7 @@ def open_loop(
         A Diagram "open_loop" with no open input, the systems "plan", "servo",
         "glider", and the logs "state_log", "rate_log" and "force_log"; the outputs
         "state", "pose" and "elevator_rate"; and those of
-        `diagrams.parts.add_motion_capture`.
+        `diagrams.wiring.add_motion_capture`.
     """
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
-from diagrams.parts import LONGEST
+from diagrams.wiring import LONGEST
 from glider.campaign.logs import Flight
 from glider.errors import InputError
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
@@ -40,7 +40,7 @@ def simulate_flights(
         starts: (B, 7), the effects' own states at rest, or (B, n).
         duration: of the flights [s]; the plan's and what it takes to pass the
             wire, `glider.simulation.fly.AFTER`. With noise at most
-            `diagrams.parts.LONGEST`.
+            `diagrams.wiring.LONGEST`.
         problem: whose wire and hook; None for the article's.
         feedback_noise: (B, H, m) one row for each command.
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample;

@@ -8,13 +8,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import showing
+from diagrams import program
 from glider.physics.model import save_model
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 
 
-def run(campaign: Path, progress: showing.Progress = showing.silent) -> Result:
+def run(campaign: Path, progress: program.Progress = program.silent) -> Result:
     """Finds what the model of a campaign's glider lacks, and adds it to the model."""
     return close_the_loop(campaign, progress=progress)
 
@@ -36,20 +36,20 @@ def describe(found: Result) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Closes the loop as the command line says, and prints what was found."""
-    parser = showing.make_parser(__doc__)
-    showing.add_campaign(parser)
+    parser = program.make_parser(__doc__)
+    program.add_campaign(parser)
     parser.add_argument("--model", type=Path, help="where to save the corrected model")
     parser.add_argument("--json", type=Path, help="where to save the key figures")
     args = parser.parse_args(arguments)
-    showing.check_files(args.model, args.json)
-    with showing.working("close the loop (compiles once)") as progress:
+    program.check_files(args.model, args.json)
+    with program.working("close the loop (compiles once)") as progress:
         found = run(args.campaign, progress)
     print(describe(found))
     if args.model:
         save_model(args.model, found.model)
     kinds = [effect.kind for effect in found.effects]
-    showing.write_json(args, {"verdict": found.verdict, "effects": kinds})
+    program.write_json(args, {"verdict": found.verdict, "effects": kinds})
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

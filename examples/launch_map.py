@@ -11,47 +11,94 @@ the end and comes nearest to the wire. All processors work on it.
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import joblib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 
-from diagrams import showing
+from diagrams import program
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.planning.reach import Reach, find_reach
-from glider.studies.plots.reach import save_reach_figure
 
 HEIGHT, SPEED, PITCH = (-0.8, 0.8), (4.5, 9.5), (-0.4, 0.4)
 
+CELLS = 24
+"""Number of cells of the map along each axis, at most."""
+
+COLUMNS = {"z": 1, "pitch": 2, "xdot": 4}
+"""Columns of a launch state."""
+
+LABELS = {
+    "xdot": "launch speed [m/s]",
+    "z": "height [m]",
+    "pitch": "pitch, nose down [rad]",
+}
+
 
 def run(
-    launches: int = 10_000, seed: int = 0, progress: showing.Progress = showing.silent
+    launches: int = 10_000, seed: int = 0, progress: program.Progress = program.silent
 ) -> Reach:
-    """Draws launches, all as probable, and plans from each."""
+    """Draws launches from a uniform distribution, and plans from each."""
     rng, model, problem = np.random.default_rng(seed), GliderModel(), PerchingProblem()
     starts = np.tile(problem.launch, (launches, 1))
-    for column, limits in ((1, HEIGHT), (4, SPEED), (2, PITCH)):
-        starts[:, column] = rng.uniform(*limits, launches)
+    for name, limits in (("z", HEIGHT), ("xdot", SPEED), ("pitch", PITCH)):
+        starts[:, COLUMNS[name]] = rng.uniform(*limits, launches)
     find_reach(model, problem, starts[:1])  # Compiles, once for all workers.
     with joblib.parallel_config(n_jobs=-1):
         return find_reach(model, problem, starts, progress)
 
 
+def plot_share(ax: Axes, reach: Reach, across: str, along: str) -> QuadMesh:
+    """Draws the share of launches with a plan over two of their states.
+
+    Args:
+        ax: to draw into.
+        reach: the launches.
+        across, along: names of states.
+    """
+    cells = int(np.clip(np.sqrt(len(reach.planned) / 12), 4, CELLS))
+    x, y = (reach.launches[:, COLUMNS[name]] for name in (across, along))
+    total, *edges = np.histogram2d(x, y, cells)
+    planned, *_ = np.histogram2d(x[reach.planned], y[reach.planned], edges)
+    share = np.where(total > 0, planned / np.maximum(total, 1), np.nan)
+    mesh = ax.pcolormesh(*edges, share.T, vmin=0.0, vmax=1.0, cmap="viridis")
+    ax.set(xlabel=LABELS[across], ylabel=LABELS[along])
+    return mesh
+
+
+def save_map(path: Path, reach: Reach) -> None:
+    """Draws the map over speed, height and pitch, and the misses beside it."""
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    by_height, by_pitch, misses = figure.subplots(1, 3)
+    plot_share(by_height, reach, "xdot", "z")
+    mesh = plot_share(by_pitch, reach, "xdot", "pitch")
+    figure.colorbar(mesh, ax=by_pitch, label="share of launches with a plan")
+    speed, short = reach.launches[:, COLUMNS["xdot"]], ~reach.planned
+    misses.plot(speed[short], reach.misses[short], ".", ms=2, alpha=0.5)
+    misses.set(xlabel=LABELS["xdot"], ylabel="least miss without a plan [m]")
+    misses.set_ylim(bottom=0.0)
+    figure.savefig(path)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Plans as the command line says, prints and draws what came out."""
-    parser = showing.make_parser(__doc__)
-    showing.add_launches(parser, 10_000)
-    showing.add_file(parser, "--json", "launches and answers")
-    showing.add_file(parser, "--figure", "the map")
+    """Plans as the command line says, prints and draws the result."""
+    parser = program.make_parser(__doc__)
+    program.add_launches(parser, 10_000)
+    program.add_file(parser, "--json", "launches and answers")
+    program.add_file(parser, "--figure", "the map")
     parser.add_argument("--headless", action="store_true", help="there is no animation")
     args = parser.parse_args(arguments)
-    showing.check_files(args.json, figure=args.figure)
-    with showing.working("plan (compiles once)") as progress:
+    program.check_files(args.json, figure=args.figure)
+    with program.working("plan (compiles once)") as progress:
         found = run(args.launches, args.seed, progress)
     print(found.describe())
-    showing.write_json(args, found.key_figures() | {"seed": args.seed})
-    showing.write_figure(args, save_reach_figure, found)
+    program.write_json(args, found.key_figures() | {"seed": args.seed})
+    program.write_figure(args, save_map, found)
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

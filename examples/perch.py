@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams import showing
+from diagrams import program
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
 from diagrams.playback import GREY
@@ -31,7 +31,7 @@ from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 
 
 def fly(
-    launches: int = 20, seed: int = 0, progress: showing.Progress = showing.silent
+    launches: int = 20, seed: int = 0, progress: program.Progress = program.silent
 ) -> PerchStudy:
     """Plans, replays the plan, and flies it from launches that err."""
     model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
@@ -51,17 +51,17 @@ def fly(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Flies as the command line says, prints and shows what came out."""
-    parser = showing.make_parser(__doc__)
-    showing.add_launches(parser, 20)
-    args = showing.read_options(parser, arguments, figure="paths, as PNG")
-    with showing.working("plan (compiles once)") as progress:
+    parser = program.make_parser(__doc__)
+    program.add_launches(parser, 20)
+    args = program.read_options(parser, arguments, figure="paths, as PNG")
+    with program.working("plan (compiles once)") as progress:
         flown = fly(args.launches, args.seed, progress)
     print(flown.describe())
-    showing.write_json(args, flown.key_figures() | {"seed": args.seed})
-    showing.write_figure(args, save_perch_figure, flown)
+    program.write_json(args, flown.key_figures() | {"seed": args.seed})
+    program.write_figure(args, save_perch_figure, flown)
     worst, planned = flight_track("worst launch", flown.flights.worst), flown.plan
-    showing.show(args, [worst, plan_track("plan", planned, GREY)], "Perch")
+    program.show(args, [worst, plan_track("plan", planned, GREY)], "Perch")
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

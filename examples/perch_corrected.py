@@ -13,10 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams import showing
+from diagrams import program
 from diagrams.playback import GREY, RED
 from diagrams.studies.figures import save_rehearsals_figure
-from diagrams.studies.rehearsal import Correction, Rehearsal, load_truth, rehearse
+from diagrams.studies.rehearsal import Correction, Rehearsal, rehearse
 from diagrams.tracks import flight_track, plan_track
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
@@ -28,7 +28,7 @@ def fly(
     truth: GliderModel,
     launches: int = 100,
     seed: int = 0,
-    progress: showing.Progress = showing.silent,
+    progress: program.Progress = program.silent,
 ) -> Correction:
     """Flies with the nominal model, traces the logs, and flies with what they show."""
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
@@ -45,23 +45,23 @@ def fly(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Flies as the command line says, prints and shows what came out."""
-    parser = showing.make_parser(__doc__)
-    showing.add_truth(parser, "head_wind")
-    showing.add_launches(parser, 100, least=3)
-    args = showing.read_options(parser, arguments, figure="paths, as PNG")
-    truth = load_truth(args.truth)
-    with showing.working("plan (compiles once)") as progress:
+    parser = program.make_parser(__doc__)
+    program.add_truth(parser, "head_wind")
+    program.add_launches(parser, 100, least=3)
+    args = program.read_options(parser, arguments, figure="paths, as PNG")
+    truth = program.load_truth(args.truth)
+    with program.working("plan (compiles once)") as progress:
         flown = fly(truth, args.launches, args.seed, progress)
     print(flown.describe())
-    showing.write_json(args, flown.key_figures() | {"seed": args.seed})
-    showing.write_figure(args, save_rehearsals_figure, flown.before, flown.after)
+    program.write_json(args, flown.key_figures() | {"seed": args.seed})
+    program.write_figure(args, save_rehearsals_figure, flown.before, flown.after)
     tracks = [
         flight_track("planned corrected", flown.after.flights[0]),
         flight_track("planned nominal", flown.before.flights[0], RED),
         plan_track("plan of the nominal model", flown.before.plan, GREY),
     ]
-    showing.show(args, tracks, f"Before and after: {args.truth}")
+    program.show(args, tracks, f"Before and after: {args.truth}")
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

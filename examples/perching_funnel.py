@@ -26,13 +26,13 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams import showing
+from diagrams import program
 from diagrams.studies.funnel_figures import save_funnel_figures
 from diagrams.studies.funnel_options import read_funnel_options
 from diagrams.studies.funnel_report import describe, key_figures
 from diagrams.studies.funnel_scene import show_funnel
 from diagrams.studies.funnel_study import FunnelComparison, FunnelTrials, study_funnel
-from diagrams.studies.rehearsal import load_truth, trace_model
+from diagrams.studies.rehearsal import trace_model
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import save_funnel
 from glider.verification.trials.estimated import study_estimates
@@ -46,7 +46,7 @@ def run(
     load: tuple[Path, ...] = (),
     flights: int = 20,
     estimate: int | None = None,
-    progress: showing.Progress = showing.silent,
+    progress: program.Progress = program.silent,
 ) -> FunnelComparison:
     """Certifies perches with the nominal and with the traced model; tries both."""
     nominal, rng = GliderModel(parameters=truth.parameters), np.random.default_rng(seed)
@@ -63,18 +63,18 @@ def run(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Certifies as the command line says, prints and shows what came out."""
     args = read_funnel_options(__doc__, arguments)
-    truth = load_truth(args.truth)
+    truth = program.load_truth(args.truth)
     options = {"load": args.load, "flights": args.flights, "estimate": args.estimate}
-    with showing.working("plan (compiles once)") as progress:
+    with program.working("plan (compiles once)") as progress:
         found = run(truth, args.trials, args.seed, **options, progress=progress)
     for file, study in zip(args.save, found.studies.values(), strict=False):
         save_funnel(file, study.funnel)
     print(describe(found, args.truth))
     told = {"truth": args.truth, "seed": args.seed}
-    showing.write_json(args, key_figures(found) | told)
-    showing.write_figure(args, save_funnel_figures, found)
+    program.write_json(args, key_figures(found) | told)
+    program.write_figure(args, save_funnel_figures, found)
     show_funnel(args, found.corrected, f"A certified perch: {args.truth}")
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

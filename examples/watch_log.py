@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import showing
+from diagrams import program
 from diagrams.playback import GREEN, RED
 from diagrams.tracks import motion_track
 from glider.campaign.logs import Campaign, Flight
@@ -40,7 +40,7 @@ def fly(
     campaign: Campaign,
     name: str,
     model: Path | None = None,
-    progress: showing.Progress = showing.silent,
+    progress: program.Progress = program.silent,
 ) -> Result:
     """Flies a logged flight again, with the nominal and with a corrected model."""
     flight, nominal = refly.find_flight(campaign, name), refly.nominal_model(campaign)
@@ -54,14 +54,14 @@ def fly(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Flies as the command line says, prints and shows what came out."""
-    parser = showing.make_parser(__doc__)
+    parser = program.make_parser(__doc__)
     parser.add_argument("campaign", type=Path, help="folder of flight logs or sample")
     parser.add_argument("flight", help="one of them, such as flight_003")
     words = "corrected model (default: what closing the loop finds, in a minute)"
     parser.add_argument("--model", metavar="FILE", type=Path, help=words)
-    args = showing.read_options(parser, arguments)
+    args = program.read_options(parser, arguments)
     campaign = load_campaign(args.campaign)
-    with showing.working("fly again (compiles once)") as progress:
+    with program.working("fly again (compiles once)") as progress:
         flown = fly(campaign, args.flight, args.model, progress)
     name, time = flown.flight.name, flown.motions["measured"].time
     print(f"{name}: {len(time)} rows in {time[-1]:.2f} s")
@@ -69,12 +69,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for model, (rms, end) in flown.errors.items():
         told[model.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
         print(f"{model}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
-    showing.write_json(args, told)
+    program.write_json(args, told)
     colors = {"nominal": RED, "corrected": GREEN}
     tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
     title, parameters = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)
-    showing.show(args, tracks, title, parameters=parameters, has_wire=False)
+    program.show(args, tracks, title, parameters=parameters, has_wire=False)
 
 
 if __name__ == "__main__":
-    sys.exit(showing.run(main))
+    sys.exit(program.run(main))

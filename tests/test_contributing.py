@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from diagrams import showing
+from diagrams import program
 from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.planning.problem import goal_problem
@@ -193,7 +193,7 @@ def test_the_example_of_the_recipe_tells_its_story(tmp_path, capsys):
             key_figures=lambda: {"launches": launches, "seed": seed},
         )
 
-    names = {"__doc__": "A story.", "showing": showing, "fly": fly}
+    names = {"__doc__": "A story.", "program": program, "fly": fly}
     exec(compile(recipe("def main("), "CONTRIBUTING.md", "exec"), names)
     told = tmp_path / "told.json"
     names["main"](["--launches=3", f"--json={told}", "--headless"])

@@ -37,15 +37,13 @@ FLOORS = [
     "glider.report.plots",
     "glider.report",
     "glider.comparison",
-    "glider.studies.plots",
-    "glider.studies.basis",
-    "glider.studies",
     "glider",
     "glider.commands",
     "diagrams",
     "diagrams.studies",
     "glider.__main__",
     "examples",
+    "examples.article",
     "tests",
 ]
 """Packages and lone modules from the ground up; of those that fit a module, the

@@ -6,9 +6,9 @@ import numpy as np
 
 from diagrams.closed_loop import closed_loop
 from diagrams.estimated_loop import estimated_loop
-from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
+from diagrams.wiring import tape_rows
 from glider.control.mpc import ModelPredictiveController, ReplanResult
 from glider.control.mppi import MppiController, replanning_cost, sequence_of
 from glider.control.tvlqr_drake import tracking_regulator

@@ -8,12 +8,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from diagrams.perch_plots import AFTER, BEFORE
 from diagrams.studies.funnel_estimate import save_estimate_figure
 from diagrams.studies.funnel_study import WORDS, FunnelComparison, FunnelStudy
 from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import STYLE
 from glider.report.wording import counted
-from glider.studies.plots.perching import AFTER, BEFORE
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.tube import tube_outline
 

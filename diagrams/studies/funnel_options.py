@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams.showing import (
+from diagrams.program import (
     add_count,
     add_truth,
     check_files,

@@ -6,8 +6,8 @@ import numpy as np
 from pydrake.geometry import Meshcat, Rgba
 
 from diagrams.playback import GREY, Track, play
+from diagrams.program import finish, start_meshcat
 from diagrams.scene import NUM_POSITIONS
-from diagrams.showing import finish, start_meshcat
 from diagrams.studies.funnel_study import FunnelStudy
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.tube import tube_radii
@@ -56,7 +56,7 @@ def show_funnel(
     """Plays a few flights inside a funnel and its nominal one, as the options say.
 
     Args:
-        args: with the options of `diagrams.showing.add_options`.
+        args: with the options of `diagrams.program.add_options`.
         study: funnel and flights.
         title: of the page.
         count: how many flights.

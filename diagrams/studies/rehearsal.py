@@ -1,19 +1,16 @@
 """Plans with one glider and flies another: what a model is worth in the air."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from diagrams.closed_loop import closed_loop
-from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
+from diagrams.wiring import tape_rows
 from glider.campaign.logs import Campaign, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.control.tvlqr_drake import tracking_regulator
-from glider.errors import InputError
-from glider.paths import models_path
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
@@ -78,23 +75,6 @@ class Correction:
             f"planned nominal: {self.before.flights.describe()}\n"
             f"planned corrected: {self.after.flights.describe()}"
         )
-
-
-def load_truth(name: str) -> GliderModel:
-    """Loads a glider with an effect: a model file, or one of models/truths by name.
-
-    Raises:
-        InputError: there is none of that name, or the file is no model.
-    """
-    if Path(name).suffix:
-        return load_model(Path(name))
-    known = sorted(path.stem for path in models_path("truths").glob("*.yaml"))
-    if name not in known:
-        raise InputError(
-            f"There is no truth '{name}'; a model file or one of {', '.join(known)} "
-            "is needed."
-        )
-    return load_model(models_path("truths", f"{name}.yaml"))
 
 
 def name_effects(model: GliderModel) -> str:

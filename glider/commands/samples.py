@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     names = sample_names() if args.name is None else (args.name,)
     if args.tables:
-        from glider.studies.known_truth import HEADING, line_of, trace_samples
+        from glider.commands.sample_table import HEADING, line_of, trace_samples
 
         print(HEADING)
         for row in trace_samples(names):

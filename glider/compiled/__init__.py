@@ -7,7 +7,7 @@ library calls numba.
 kernel: what compiles. runge_kutta: the step that all loops share. jacobian: exact
 slopes. rollouts, closed_loop: batches of gliders under tapes and under feedback.
 replay: flights along a log. actuators: an elevator behind a user's own actuator. ekf,
-ilqr, riccati, sampling: the loops of the filter and of the planners. points: a glider
+riccati, sampling: the loops of the filter and of the planners. points: a glider
 along a collocated path. collocation, stages, barrier, interior_point: the solver of
 direct collocation, compiled once for all gliders. ahead: a second process compiles.
 """

@@ -1,6 +1,6 @@
-"""Feedback: along a plan, in cruise, and by planning anew.
+"""Feedback: along a plan, and by planning again.
 
 tvlqr_drake: finite-horizon LQR by Drake. tvlqr: the same gains by compiled code.
-policy: feedback as a table over time. cruise: trim, and the LQR that holds it. mppi: a
-controller that samples. mpc: one that plans by collocation.
+policy: feedback as a table over time. mppi: a controller that samples. mpc: one that
+plans by collocation.
 """

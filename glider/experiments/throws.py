@@ -6,11 +6,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.motion_capture import MotionCapture
 from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
+from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
-from glider.sysid.fit.simulate import fly_commands, fly_path
+from glider.sysid.fit.simulate import (
+    fly_commands,
+    fly_path,
+    layout_for,
+    measured,
+    theta_of,
+)
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import pose_signals
 from glider.sysid.replay.theta import Layout
@@ -208,6 +216,24 @@ def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw
     launch[STATE_NAMES.index("pitch")] += limits.missed_pitch * pitch
     launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
     return dataclasses.replace(throw, launch=launch)
+
+
+def fly_throw(
+    model: GliderModel, throw: Throw, place: Range, rng: np.random.Generator
+) -> Flight:
+    """Simulates a throw by a glider and logs it.
+
+    Args:
+        model: the glider that flies.
+        throw: launch and commands as proposed; the launch misses by chance.
+        place: of the proposal, see `glider.design.proposal.Proposal`.
+        rng: draws the launch error and the noise of motion capture.
+    """
+    thrown = missed(throw, place.limits, rng)
+    flight = log_of(
+        thrown, place, layout_for(model), theta_of(model), model.residual_field
+    )
+    return measured(flight, MotionCapture(rate=place.pose_rate), rng)
 
 
 def is_safe(

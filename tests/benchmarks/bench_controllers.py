@@ -14,8 +14,9 @@ import argparse
 
 import numpy as np
 
+from diagrams.program import load_truth
 from diagrams.studies.controllers import CONTROLLERS, race
-from diagrams.studies.rehearsal import COMMAND_RATE, load_truth, trace_model
+from diagrams.studies.rehearsal import COMMAND_RATE, trace_model
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches

@@ -28,8 +28,8 @@ from typing import Any
 import joblib
 import numpy as np
 
+from glider.commands.sample_table import begin, task_of
 from glider.errors import InputError
-from glider.studies.known_truth import begin, task_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
 from tests.benchmarks.power import Limit, limits_of

@@ -10,16 +10,11 @@ import time
 
 import numpy as np
 
-from glider.studies.basis.basis_exercise import load_exercise
-from glider.studies.basis.basis_features import FEATURES, PAPER
-from glider.studies.basis.basis_model import (
-    fit_basis,
-    fly_again,
-    plane_accelerations,
-    sampled_features,
-)
-from glider.studies.basis.basis_refinement import refine
-from glider.sysid.fit.regression import best_subsets
+from basis_dynamics import fit_basis, fly_again, plane_accelerations, sampled_features
+from basis_exercise import load_exercise
+from basis_features import FEATURES, PAPER
+from basis_refinement import refine
+from regression import best_subsets
 
 
 def best_seconds(function, rounds=20):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from glider.studies.known_truth import begin, task_of
+from glider.commands.sample_table import begin, task_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import fit_model, grams_of, linear_flights
 from glider.sysid.likelihood.scales import fit_scales

@@ -9,9 +9,9 @@ import yaml
 from glider.__main__ import main
 from glider.campaign.reader import load_campaign
 from glider.campaign.samples import campaign_folder, list_samples, sample_names
+from glider.commands import sample_table
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.studies import known_truth
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -108,8 +108,10 @@ def test_the_readmes_table_is_made_again(capsys, monkeypatch):
     """With the first flights of a sample, which are closed the loop on elsewhere."""
     whole = load_campaign("head_wind")
     few = dataclasses.replace(whole, flights=whole.flights[:10])
-    monkeypatch.setattr(known_truth, "load_campaign", lambda name: few)
-    monkeypatch.setattr(known_truth, "close_the_loop", lambda name: close_the_loop(few))
+    monkeypatch.setattr(sample_table, "load_campaign", lambda name: few)
+    monkeypatch.setattr(
+        sample_table, "close_the_loop", lambda name: close_the_loop(few)
+    )
     assert main(["samples", "head_wind", "--tables"]) == 0
     [row] = [
         line.split()

@@ -8,9 +8,7 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from scipy.linalg import solve_continuous_are
 
-from diagrams.closed_loop import closed_loop
-from diagrams.simulate import simulate_flights
-from glider.control.cruise import CruiseWeights, cruise_regulator, find_trim
+from examples.cruise import find_trim
 from glider.control.policy import (
     TrackingWeights,
     aligned_count,
@@ -25,10 +23,7 @@ from glider.control.tvlqr_drake import (
     tracking_regulator,
 )
 from glider.errors import InputError
-from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG, THRUST, WIND
-from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.physics.parameters import GliderParameters
 from glider.planning import dircol
 from glider.planning.plan import Plan
 from glider.simulation.fly import fly
@@ -113,11 +108,11 @@ def test_what_the_plan_lacks_is_corrected_as_drake_does():
 def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     trim = find_trim(NOMINAL, 7.0)
     slope = np.zeros(7)
-    slope[:2] = trim.state[4:6]
+    slope[:2] = trim[4:6]
     times = np.array([0.0, 40.0])
     steady = Plan(
         times=times,
-        states=trim.state + times[:, None] * slope,
+        states=trim + times[:, None] * slope,
         slopes=np.array([slope, slope]),
         inputs=np.zeros(2),
         state_names=NOMINAL.state_names,
@@ -128,7 +123,7 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     )
     twin = GliderPlant(NOMINAL).ToAutoDiffXd()
     context = twin.CreateDefaultContext()
-    ad = InitializeAutoDiff(np.append(trim.state, 0.0)).ravel()
+    ad = InitializeAutoDiff(np.append(trim, 0.0)).ravel()
     context.SetContinuousState(ad[:7])
     twin.GetInputPort("elevator_rate").FixValue(context, ad[7:])
     rates = twin.EvalTimeDerivatives(context).CopyToVector()
@@ -212,69 +207,3 @@ def test_a_quick_servo_is_fed_back_as_none():
         k = int(np.argmin(np.abs(table.times - time)))
         gain = drake.K.value(table.times[k])[0]
         np.testing.assert_allclose(table.gains[k], gain, atol=1e-3 * np.max(abs(gain)))
-
-
-# ---------------------------------------------------------------------- cruise
-
-POWERED = GliderModel(effects=(THRUST(force=0.1),))
-POWERED_WITH_STATES = GliderModel(
-    effects=(
-        THRUST(force=0.1),
-        SERVO_LAG(time_constant=0.03),
-        DYNAMIC_STALL(strength=0.5),
-    )
-)
-WINDY = GliderModel(effects=(WIND(x=-1.0, z=0.2),))
-
-
-@pytest.mark.parametrize(
-    ("model", "speed"),
-    [(NOMINAL, 7.0), (WINDY, 6.0), (POWERED, None), (POWERED_WITH_STATES, None)],
-    ids=["glide", "wind", "level", "level with states"],
-)
-def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
-    trim = find_trim(model, speed)
-    start = trim.state.copy()
-    start[1:7] += [0.05, 0.02, -0.02, 0.2, -0.1, 0.1]
-    diagram = closed_loop(model, cruise_regulator(model, trim), all_states=True)
-    [flight] = simulate_flights(diagram, start[None], 25.0)
-    end = flight.states[-1] - trim.state
-    normal = [-np.sin(trim.slope), np.cos(trim.slope)]
-    assert abs(flight.states[-1, :2] @ normal) < 1e-3
-    np.testing.assert_allclose(end[2:], 0.0, atol=1e-3)
-    assert abs(flight.states[0, :2] @ normal) > 0.04
-
-
-def test_trims_are_what_they_say():
-    glide, level = find_trim(GliderModel(), 7.0), find_trim(POWERED)
-    assert glide.speed == pytest.approx(7.0)
-    assert -0.3 < glide.slope < -0.1
-    assert level.slope == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("speed", [None, 1.0], ids=["level", "too slow"])
-def test_a_flight_that_cannot_be_steady_is_refused(speed):
-    with pytest.raises(InputError, match="No steady"):
-        find_trim(GliderModel(), speed)
-
-
-def test_a_flight_beyond_the_elevator_s_travel_is_refused():
-    needed = find_trim(GliderModel(), 7.0).state[3]
-    assert needed > 0.02
-    stuck = GliderParameters(elevator_limits=[-0.5, 0.9 * needed])
-    with pytest.raises(InputError, match=f"elevator of {needed:.3f} rad; its travel"):
-        find_trim(GliderModel(parameters=stuck), 7.0)
-
-
-def test_a_cruise_through_changing_air_is_refused():
-    field = FieldData(
-        variables=["x"], centers=[[0.5]], widths=[1.0], weights={"wind_z": [0.3]}
-    )
-    with pytest.raises(InputError, match="along the line"):
-        cruise_regulator(GliderModel(field=field), find_trim(GliderModel(), 7.0))
-
-
-@pytest.mark.parametrize("weights", [{"rate": -1.0}, {"state": (1.0,) * 7}])
-def test_cruise_weights_without_a_solution_are_refused(weights):
-    with pytest.raises(InputError, match=next(iter(weights))):
-        CruiseWeights(**weights)

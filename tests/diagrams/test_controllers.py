@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from diagrams.program import load_truth
 from diagrams.studies.controllers import CONTROLLERS, race
-from diagrams.studies.rehearsal import load_truth
 from tests.helpers.flights import NOMINAL, PROBLEM
 
 

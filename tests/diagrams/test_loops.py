@@ -14,10 +14,10 @@ from pydrake.systems.primitives import Gain, MatrixGain
 from diagrams.__main__ import save_pictures
 from diagrams.closed_loop import closed_loop
 from diagrams.open_loop import open_loop
-from diagrams.parts import LONGEST
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
 from diagrams.simulate import reset, simulate_flights
 from diagrams.tracks import flight_track
+from diagrams.wiring import LONGEST
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign

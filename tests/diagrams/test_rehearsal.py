@@ -5,13 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagrams.studies.rehearsal import (
-    Correction,
-    Rehearsal,
-    load_truth,
-    name_effects,
-    rehearse,
-)
+from diagrams.program import load_truth
+from diagrams.studies.rehearsal import Correction, Rehearsal, name_effects, rehearse
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects import PITCH_DAMPING, WIND

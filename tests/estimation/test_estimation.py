@@ -15,8 +15,8 @@ from pydrake.systems.primitives import (
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.estimated_loop import estimated_loop, fly_on_estimate
-from diagrams.parts import tape_rows
 from diagrams.simulate import simulate_flights
+from diagrams.wiring import tape_rows
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.consistency import assess, chi_square_band, squared_errors

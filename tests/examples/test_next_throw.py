@@ -4,7 +4,6 @@ import pytest
 
 from examples import next_throw
 from glider.errors import InputError
-from glider.studies.throw_study import ENOUGH, tell_rivals_apart
 from tests.helpers.examples import tell
 
 
@@ -15,10 +14,10 @@ def found():
 
 def test_few_throws_tell_the_hidden_effect(found):
     assert found.found == found.truth == "command_delay"
-    assert found.probabilities[0]["command_delay"] < ENOUGH
-    assert found.probabilities[-1]["command_delay"] >= ENOUGH
+    assert found.probabilities[0]["command_delay"] < next_throw.ENOUGH
+    assert found.probabilities[-1]["command_delay"] >= next_throw.ENOUGH
     assert 1 <= len(found.proposals) <= 3
-    assert len(found.flights) == found.given + len(found.proposals)
+    assert len(found.flights) == next_throw.GIVEN + len(found.proposals)
     assert len(found.probabilities) == len(found.proposals) + 1
 
 
@@ -35,4 +34,4 @@ def test_it_is_told_as_it_is(found, tmp_path):
 
 def test_an_effect_that_is_no_rival_is_told():
     with pytest.raises(InputError, match="servo_lag"):
-        tell_rivals_apart("wind")
+        next_throw.run("wind")

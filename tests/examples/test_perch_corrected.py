@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagrams.studies.rehearsal import load_truth
+from diagrams.program import load_truth
 from examples import perch_corrected
 from tests.helpers.examples import tell
 

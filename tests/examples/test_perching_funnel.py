@@ -6,9 +6,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from diagrams.showing import run
+from diagrams.program import load_truth, run
 from diagrams.studies.funnel_study import FunnelTrials, study_funnel
-from diagrams.studies.rehearsal import load_truth
 from examples import perching_funnel
 from glider.paths import models_path
 from glider.planning.problem import load_problem

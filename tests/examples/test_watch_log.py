@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagrams.showing import run
+from diagrams.program import run
 from examples import watch_log
 from glider.campaign.reader import load_campaign
 from glider.physics.model import save_model

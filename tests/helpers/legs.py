@@ -19,10 +19,10 @@ example."""
 FILES = (
     "benchmarks/test_power.py",
     "diagrams/test_browser.py",
+    "examples/article/test_basis_dynamics.py",
+    "examples/article/test_figures.py",
+    "examples/article/test_searches.py",
     "examples/test_next_throw.py",
-    "studies/test_basis_model.py",
-    "studies/test_figures.py",
-    "studies/test_searches.py",
     "test_changed.py",
     "test_contributing.py",
     "test_floors.py",

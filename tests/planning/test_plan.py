@@ -10,9 +10,9 @@ import pytest
 from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.planning.ilqr import IlqrSettings, ilqr
 from glider.planning.plan import held_plan, load_plan, save_plan
 from glider.planning.problem import goal_problem
+from ilqr import IlqrSettings, ilqr
 from tests.helpers.flights import LAGGING
 
 

@@ -10,8 +10,8 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectoryAffineSystem
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.estimated_loop import estimated_loop
-from diagrams.parts import tape_rows
 from diagrams.studies.funnel_estimate import estimate_figures
+from diagrams.wiring import tape_rows
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS

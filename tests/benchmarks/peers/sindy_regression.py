@@ -5,10 +5,10 @@ Both choose three features for each of three targets, of the same columns.
 
 import numpy as np
 
-from glider.studies.basis.basis_exercise import load_exercise
-from glider.studies.basis.basis_features import FEATURES, PAPER
-from glider.studies.basis.basis_model import plane_accelerations, sampled_features
-from glider.sysid.fit.regression import best_subsets, least_squares
+from basis_dynamics import plane_accelerations, sampled_features
+from basis_exercise import load_exercise
+from basis_features import FEATURES, PAPER
+from regression import best_subsets, least_squares
 from tests.benchmarks.peers.pairs import Pair
 
 TERMS = 3

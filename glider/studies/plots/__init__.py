@@ -1,1 +1,0 @@
-"""Figures of the studies: arrays and an `ax` in, or a path to save to."""

@@ -1,0 +1,77 @@
+"""Figures: legends cover nothing, rings are round, funnels say what they are."""
+
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from glider.studies.plots.regions import save_regions_figure
+from matplotlib.figure import Figure
+
+from diagrams.studies.funnel_figures import save_funnel_figure
+from glider.paths import models_path
+from glider.verification.funnel.funnel import load_funnel
+from learning_figures import save_learning_figure
+
+ANGLE = np.linspace(0.0, 2.0 * np.pi, 100)
+ROUND = np.array([np.cos(ANGLE), np.sin(ANGLE)])
+
+
+def save_regions(path):
+    curves = {f"degree {k}: {k}0.0%": 0.3 * k * ROUND for k in (2, 4, 6)}
+    save_regions_figure(path, 2.5 * ROUND, curves)
+
+
+def save_learning(path):
+    x = np.linspace(-3.5, 0.0, 40)
+    paths = [np.column_stack([x, 0.3 * np.sin(x + 0.1 * k)]) for k in range(4)]
+    costs = {"terminal_cost": [100.0, 10.0, 1.0], "miss_m": [0.3, 0.05, 0.01]}
+    loops = {"rbf": {**costs, "weight_change": [1.0, 0.1]}, "traced": costs}
+    save_learning_figure(path, paths, {**loops, "oracle_miss_m": 0.01, "launches": 3})
+
+
+def save_funnel(path):
+    funnel = load_funnel(models_path("funnels", "drawn.npz"))
+    study = types.SimpleNamespace(funnel=funnel, flights=[funnel.nominal.states])
+    save_funnel_figure(path, {"nominal": study})
+
+
+@pytest.fixture
+def drawn(monkeypatch, request):
+    """The figure that a function saves, laid out."""
+    kept = []
+
+    def keep(figure, path, **options):
+        figure.draw_without_rendering()
+        kept.append(figure)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    request.param(Path("figure.png"))
+    [figure] = kept
+    return figure
+
+
+@pytest.mark.parametrize(
+    "drawn", [save_regions, save_learning, save_funnel], indirect=True
+)
+def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
+    legends = [ax.get_legend() for ax in drawn.axes if ax.get_legend() is not None]
+    assert legends
+    for legend in legends:
+        box = legend.get_window_extent().padded(-1.0)  # It may touch.
+        assert not any(ax.get_window_extent().overlaps(box) for ax in drawn.axes)
+        assert drawn.bbox.x1 >= box.x1
+        assert drawn.bbox.y1 >= box.y1
+
+
+@pytest.mark.parametrize("drawn", [save_regions, save_learning], indirect=True)
+def test_a_ring_is_round(drawn):
+    assert drawn.axes[0].get_aspect() == 1.0
+
+
+@pytest.mark.parametrize("drawn", [save_funnel], indirect=True)
+def test_a_funnel_says_whether_it_is_a_slice_or_a_projection(drawn):
+    top, *widths = drawn.axes
+    words = [text.get_text() for text in top.get_legend().get_texts()]
+    assert words == ["funnel, projected", "1 flight"]
+    assert all("slice" in ax.get_ylabel() for ax in widths)

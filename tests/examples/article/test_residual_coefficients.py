@@ -1,0 +1,132 @@
+"""Coefficients learned from a campaign: what they are worth on flights left out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import residual_coefficients
+from coefficients import basis_values
+from diagrams.program import run
+from glider.campaign.reader import load_campaign
+from glider.campaign.writer import save_campaign
+from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.model import GliderModel, load_model
+from glider.systems.plant import GliderPlant
+from tests.examples.article.test_coefficients import coefficients_of
+from tests.helpers.campaigns import campaign_path
+from tests.helpers.examples import tell
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A dozen flights of the sample campaign."""
+    campaign = load_campaign(campaign_path("attached_lift"))
+    few = dataclasses.replace(campaign, flights=campaign.flights[:12])
+    path = tmp_path_factory.mktemp("few") / "attached_lift"
+    save_campaign(path, few)
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return residual_coefficients.fly(load_campaign(folder))
+
+
+@pytest.fixture(scope="module")
+def told(found, folder):
+    model = folder.parent / "glider.yaml"
+    arguments = (str(folder), f"--model={model}")
+    return tell(residual_coefficients, found, folder.parent, *arguments)
+
+
+def test_the_residual_pays_on_held_out_flights(found):
+    models = found.study.models
+    assert list(models) == ["plate", "26", "126"]
+    plate, small, large = models.values()
+    assert small.rms[0] < 0.9 * plate.rms[0]
+    for learned in (small, large):
+        assert learned.errors.normal < 0.7 * plate.errors.normal
+        before, after = (m.errors.position_rms_m for m in (plate, learned))
+        assert after < 0.6 * before
+
+
+def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, told, folder):
+    campaign = load_campaign(folder)
+    fitted, held_out = len(found.study.fitted.plate), len(found.study.held_out.plate)
+    assert fitted + held_out == sum(len(f.time) - 6 for f in campaign.flights)
+    assert fitted > held_out
+    assert told.figures["rows"] == {"fitted": fitted, "held_out": held_out}
+
+
+def test_a_flight_left_out_is_flown_again_by_each_model(found):
+    assert list(found.motions) == ["measured", *found.models]
+    measured = found.motions["measured"]
+    seen = found.study.unseen[0]
+    np.testing.assert_array_equal(measured.poses[:, :3], seen.pose)
+    far = [
+        np.linalg.norm(motion.poses[-1, :2] - measured.poses[-1, :2])
+        for name, motion in found.motions.items()
+        if name != "measured"
+    ]
+    assert min(far[1:]) < 0.7 * far[0]
+
+
+def test_the_model_written_flies_with_its_residual(found, told, folder):
+    model = load_model(folder.parent / "glider.yaml")
+    assert model == found.models["26 weights"]
+    assert model.field is not None and model.field.kind == "rbf_residual"
+    for name in COEFFICIENTS:
+        assert len(model.field.weights[name]) == 26
+    state = np.array([0.0, 0.0, -0.3, 0.1, 6.0, -0.5, 0.0])
+    alpha = np.array([np.arctan2(0.5, 6.0) + 0.3])
+    variables = {"alpha": alpha, "elevator": state[3:4]}
+    weights = np.array([model.field.weights[name] for name in COEFFICIENTS]).T
+    plate = GliderModel(parameters=model.parameters)
+    with_field, without = (
+        coefficients_of(GliderPlant(m), state) for m in (model, plate)
+    )
+    added = (basis_values(model.field, variables) @ weights)[0]
+    assert np.abs(added[0]) > 0.05
+    np.testing.assert_allclose(with_field - without, added, atol=1e-6)
+
+
+def test_it_is_told_as_it_is(told, found):
+    assert told.figures.keys() == {"campaign", "rows", "models"}
+    assert told.figures["campaign"] == "attached_lift"
+    for name, model in found.study.models.items():
+        e = model.errors
+        assert told.figures["models"][name] == {
+            **dict(zip(COEFFICIENTS, model.rms.tolist(), strict=True)),
+            "equation": {
+                "tangential": e.tangential,
+                "normal": e.normal,
+                "pitch": e.pitch,
+            },
+            "rollout": {
+                "position_rms_m": e.position_rms_m,
+                "position_end_m": e.position_end_m,
+                "pitch_rms_rad": e.pitch_rms_rad,
+            },
+        }
+    assert "126 weights: C_L 0." in told.words
+    campaign, seed = told.asked.call_args.args
+    assert (campaign.name, seed) == ("attached_lift", 0)
+
+
+def test_it_is_drawn_and_animated(told, found):
+    assert told.size == (1650, 990)
+    assert told.ink > 0.05
+    assert f">attached_lift, {found.study.unseen[0].name}<" in told.page
+    for words in ("measured", "flat plate", "26 weights", "126 weights"):
+        assert f">{words}<" in told.page
+
+
+def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):
+    campaign = load_campaign(folder)
+    vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
+    save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
+    arguments = [str(tmp_path / "c"), "--headless"]
+    assert run(lambda: residual_coefficients.main(arguments)) == 2
+    error = capsys.readouterr().err
+    assert "need all parameters" in error and "Traceback" not in error
