@@ -20,7 +20,7 @@ FILES = (
     "benchmarks/test_power.py",
     "diagrams/test_browser.py",
     "examples/article/test_basis_dynamics.py",
-    "examples/article/test_figures.py",
+    "examples/test_figures.py",
     "examples/article/test_searches.py",
     "examples/test_next_throw.py",
     "test_changed.py",

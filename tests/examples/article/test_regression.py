@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+import regression
 from glider.errors import InputError
-from glider.sysid.fit import regression
 from regression import best_subsets, least_squares
 
 

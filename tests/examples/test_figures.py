@@ -5,21 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from glider.studies.plots.regions import save_regions_figure
 from matplotlib.figure import Figure
 
 from diagrams.studies.funnel_figures import save_funnel_figure
 from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
 from learning_figures import save_learning_figure
-
-ANGLE = np.linspace(0.0, 2.0 * np.pi, 100)
-ROUND = np.array([np.cos(ANGLE), np.sin(ANGLE)])
-
-
-def save_regions(path):
-    curves = {f"degree {k}: {k}0.0%": 0.3 * k * ROUND for k in (2, 4, 6)}
-    save_regions_figure(path, 2.5 * ROUND, curves)
 
 
 def save_learning(path):
@@ -51,9 +42,7 @@ def drawn(monkeypatch, request):
     return figure
 
 
-@pytest.mark.parametrize(
-    "drawn", [save_regions, save_learning, save_funnel], indirect=True
-)
+@pytest.mark.parametrize("drawn", [save_learning, save_funnel], indirect=True)
 def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
     legends = [ax.get_legend() for ax in drawn.axes if ax.get_legend() is not None]
     assert legends
@@ -64,7 +53,7 @@ def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
         assert drawn.bbox.y1 >= box.y1
 
 
-@pytest.mark.parametrize("drawn", [save_regions, save_learning], indirect=True)
+@pytest.mark.parametrize("drawn", [save_learning], indirect=True)
 def test_a_ring_is_round(drawn):
     assert drawn.axes[0].get_aspect() == 1.0
 
