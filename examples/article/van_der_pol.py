@@ -358,9 +358,7 @@ def is_positive_definite(matrix: np.ndarray) -> bool:
 def radii(V: Polynomial) -> np.ndarray:
     """Returns for how large |y| along each of 720 rays V stays below 1; at most 2."""
     r = np.linspace(0.0, 2.0, 2001)
-    powers = np.zeros(
-        (V.TotalDegree() + 1, len(ANGLES))
-    )  # Coefficients of powers of r.
+    powers = np.zeros((V.TotalDegree() + 1, len(ANGLES)))  # Coefficients of V in r.
     for (i, j), c in exact(V).items():
         powers[i + j] += float(c) * RAYS[0] ** i * RAYS[1] ** j
     heights = powers.T @ r ** np.arange(len(powers))[:, None]
