@@ -6,8 +6,9 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
-from diagrams.wiring import LONGEST
-from glider.campaign.logs import Flight
+from diagrams.wiring import LONGEST, tape_rows
+from glider.campaign.logs import Campaign, Flight, campaign_of
+from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
@@ -24,7 +25,7 @@ def simulate_flights(
     *,
     problem: PerchingProblem | None = None,
     feedback_noise: np.ndarray | None = None,
-    capture_noise: np.ndarray | None = None,
+    capture_noise: np.ndarray | np.random.Generator | None = None,
     accuracy: float = 1e-6,
     progress: Callable[[str], None] | None = None,
 ) -> Perches:
@@ -43,8 +44,8 @@ def simulate_flights(
             `diagrams.wiring.LONGEST`.
         problem: whose wire and hook; None for the article's.
         feedback_noise: (B, H, m) one row for each command.
-        capture_noise: (B, R, 4) of pose and elevator, one row for each sample;
-            `MotionCapture.draw` draws it.
+        capture_noise: (B, R, 4) of pose and elevator, one row for each sample; or
+            what draws it, with the deviations of `MotionCapture`.
         accuracy: of the integrator.
         progress: told which launch is flown.
     """
@@ -53,6 +54,8 @@ def simulate_flights(
     simulator = Simulator(diagram)
     simulator.set_monitor(stop_at_hook(diagram, problem))
     config = SimulatorConfig(accuracy=accuracy, **_CONFIG)
+    if isinstance(capture_noise, np.random.Generator):
+        capture_noise = draw_capture(diagram, len(starts), capture_noise)
     tapes = {"feedback_noise": feedback_noise, "motion_capture": capture_noise}
     for name, tape in tapes.items():
         if tape is None:
@@ -84,6 +87,35 @@ def simulate_flights(
         simulator.AdvanceTo(duration)
         flights.append(_collect(diagram, context, problem, f"flight_{k:03d}.csv"))
     return Perches(flights)
+
+
+def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws the noise of a diagram's motion capture for some flights, (count, R, 4)."""
+    if not diagram.HasSubsystemNamed("motion_capture"):
+        raise InputError("Noise is drawn for a motion capture; the diagram has none.")
+    rate = diagram.GetSubsystemByName("motion_capture").rate
+    return MotionCapture(rate=rate).draw(rng, count, tape_rows(rate))
+
+
+def campaign_of_flights(name: str, diagram: Diagram, flights: Perches) -> Campaign:
+    """Returns the logs of flights of a diagram as a campaign.
+
+    The campaign's vehicle has the parameters of the glider that flew: its effects stay
+    undeclared.
+
+    Args:
+        name: of the campaign.
+        diagram: that flew, with a motion capture and commands that are held.
+        flights: of `simulate_flights`.
+    """
+    glider, capture, hold = (
+        diagram.GetSubsystemByName(system)
+        for system in ("glider", "motion_capture", "command_hold")
+    )
+    logs = [flight.log for flight in flights if flight.log is not None]
+    return campaign_of(
+        name, glider.model.parameters, logs, capture.rate, 1.0 / hold.period()
+    )
 
 
 def stop_at_hook(

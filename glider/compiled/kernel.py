@@ -115,8 +115,10 @@ class Family:
     ) -> None:
         """Reads the functions' text now: their file may change while this runs."""
         self.text = "\n\n".join(inspect.getsource(f) for f in functions)
-        # What numba keeps names the types of arguments, tuples of this module too.
-        self._module = inspect.getsource(sys.modules[functions[0].__module__])
+        # What numba keeps names the types of arguments, tuples of this module too: by
+        # where they are defined, so that a module that moves is compiled again.
+        home = functions[0].__module__
+        self._module = f"{home}\n{inspect.getsource(sys.modules[home])}"
         self.entries = tuple(f.__name__ for f in entries)
         self.uses = uses
         self._made: dict[tuple, types.SimpleNamespace] = {}

@@ -8,6 +8,7 @@ import numpy as np
 
 from glider.errors import InputError, show
 from glider.files import schema
+from glider.paths import models_path
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.hook import Hook
 
@@ -170,5 +171,10 @@ def load_problem(path: Path | str) -> PerchingProblem:
     """Loads a problem; a misspelt field or a value that cannot be is an InputError.
 
     A file gives only the fields that differ from the article's problem.
+
+    Args:
+        path: of the file, or the name of one in models/problems.
     """
+    if not Path(path).suffix:
+        path = models_path("problems", f"{path}.yaml")
     return schema.load_yaml(PerchingProblem, path, "a perching problem")

@@ -252,6 +252,17 @@ def test_an_edit_of_the_tuples_that_a_loop_takes_gets_another_file(fresh_cache):
     assert len(files_in(fresh_cache)) == 2
 
 
+def test_a_loop_that_moves_to_another_module_gets_another_file(
+    fresh_cache, monkeypatch
+):
+    """An old file names the classes of tuples by a module that is gone."""
+    load()
+    monkeypatch.setitem(sys.modules, "moved", rollouts)
+    monkeypatch.setattr(rollouts.rollouts, "__module__", "moved")
+    family(rollouts).over()
+    assert len(files_in(fresh_cache)) == 2
+
+
 def test_what_is_kept_beside_its_own_file_reaches_no_other_file():
     """Numba looks at the outermost function's file alone, see `machine_code`."""
     for module in (barrier, collocation, filter_error, stages):
