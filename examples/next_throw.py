@@ -24,10 +24,10 @@ from diagrams import program
 from diagrams.playback import GREY
 from diagrams.tracks import path_track
 from glider.campaign.logs import Campaign, Flight
-from glider.design.findings import Findings
-from glider.design.proposal import Proposal, next_throw
-from glider.design.throws import fly_throw
 from glider.errors import InputError
+from glider.experiments.findings import Findings
+from glider.experiments.proposal import Proposal, next_throw
+from glider.experiments.throws import fly_throw
 from glider.physics.effects import COMMAND_DELAY, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.report.next_throw import draw_proposal

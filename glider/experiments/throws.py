@@ -226,7 +226,7 @@ def fly_throw(
     Args:
         model: the glider that flies.
         throw: launch and commands as proposed; the launch misses by chance.
-        place: of the proposal, see `glider.design.proposal.Proposal`.
+        place: of the proposal, see `glider.experiments.proposal.Proposal`.
         rng: draws the launch error and the noise of motion capture.
     """
     thrown = missed(throw, place.limits, rng)
