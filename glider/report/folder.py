@@ -7,7 +7,8 @@ from pathlib import Path
 
 from glider.files.writing import replace_files
 from glider.physics.model import Origin, model_text
-from glider.report.figures import FIGURES, make_figures
+from glider.report.as_file import to_png
+from glider.report.figures_of_result import FIGURES, make_figures
 from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.report.wording import notes_of
@@ -28,8 +29,10 @@ def write_report(result: Result, folder: Path) -> None:
     figures = make_figures(result)
     text = json.dumps(to_json(result), indent=2, ensure_ascii=False, allow_nan=False)
     # None: a figure of an earlier run.
-    files = {f"figures/{name}.png": figures.get(name) for name in FIGURES}
-    files["report.html"] = to_html(result).encode()
+    files: dict[str, bytes | None] = {f"figures/{name}.png": None for name in FIGURES}
+    for name, figure in figures.items():
+        files[f"figures/{name}.png"] = to_png(figure)
+    files["report.html"] = to_html(result, figures).encode()
     text_of_model = model_text(result.model, origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
     files["report.json"] = f"{text}\n".encode()

@@ -5,12 +5,14 @@ import math
 import platform
 
 from glider.physics.effects import ANGLE_SIGN
-from glider.report.charts import make_charts, render_page
+from glider.report.as_page import render_page
 from glider.report.error_table import baseline, columns_of, error_rows
-from glider.report.flight_charts import flights_in_page
+from glider.report.figure import Figure
+from glider.report.figures_of_result import make_figures
 from glider.report.flight_errors import STANDS_OUT, worst_flights
+from glider.report.flight_figures import flights_in_page
+from glider.report.labels import LABELS
 from glider.report.numbers import format_angle, format_length
-from glider.report.plots.style import LABELS
 from glider.report.tables import (
     combination_rows,
     correlation_rows,
@@ -29,11 +31,16 @@ from glider.report.wording import (
 from glider.sysid.result import Result
 
 
-def to_html(result: Result) -> str:
-    """Returns the page: one file that needs nothing else."""
+def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
+    """The page of a result: one file that needs nothing else.
+
+    Args:
+        result: of closing the loop.
+        figures: of the result; made from it if None.
+    """
     return render_page(
         "report.html",
-        make_charts(result),
+        make_figures(result) if figures is None else figures,
         result=result,
         headline=headline(result),
         remarks=remarks(result),

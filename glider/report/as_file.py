@@ -1,0 +1,278 @@
+"""Figures as pictures, drawn by matplotlib without pyplot: no global state, no window.
+
+Axes are placed by sizes of letters instead of a layout engine, which draws all twice.
+"""
+
+import io
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Picture
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
+
+from glider.report import figure as spec
+from glider.report.palette import COLORS, DASHES
+
+WIDTH = 10.0
+"""Of a picture [inch]."""
+
+DPI = 120
+
+STYLE: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#444444",
+    "axes.grid": True,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9.5,
+    "font.family": "DejaVu Sans",  # Comes with matplotlib.
+    "font.size": 9.5,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "text.usetex": False,
+    "xtick.color": "#444444",
+    "xtick.labelsize": 8.5,
+    "ytick.color": "#444444",
+    "ytick.labelsize": 8.5,
+}
+"""Settings for `matplotlib.rc_context`, round the making of a picture."""
+
+_PIXELS = 92.0
+"""Of a page, to an inch."""
+
+_LETTER, _LINE = 0.072, 0.17
+"""Width of a letter and height of a line [inch]."""
+
+
+def to_png(figure: spec.Figure, dpi: float = DPI) -> bytes:
+    """Draws a figure as a PNG file."""
+    with matplotlib.rc_context(STYLE):
+        picture = draw(figure)
+        buffer = io.BytesIO()
+        FigureCanvasAgg(picture)
+        picture.savefig(
+            buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 2}
+        )
+    return buffer.getvalue()
+
+
+def draw(figure: spec.Figure, width: float = WIDTH) -> Picture:
+    """Draws a figure; its style is that of the caller's `rc_context`.
+
+    Args:
+        figure: its shown panels are drawn, row by row.
+        width: of the picture [inch].
+    """
+    panels = figure.shown
+    columns = min(figure.columns, len(panels))
+    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
+    legend = _legend_rows(figure, width)
+    top = _LINE * len(legend) * 1.2 + 0.06
+    heights = [max(panel.height for panel in row) / _PIXELS for row in rows]
+    picture = Picture(figsize=(width, top + sum(heights)))
+    whole = picture.get_figheight()
+    edge = whole - top
+    for row, height in zip(rows, heights, strict=True):
+        shares = [panel.share for panel in row] + [1.0] * (columns - len(row))
+        starts = width * np.append(0.0, np.cumsum(shares)) / sum(shares)
+        for panel, start, end in zip(row, starts, starts[1:], strict=False):
+            left, below, above = _margins(panel)
+            box = (
+                start + left,
+                edge - height + below,
+                end - start - left - 0.12,
+                height - below - above,
+            )
+            scale = (width, whole, width, whole)
+            ax = picture.add_axes([a / b for a, b in zip(box, scale, strict=True)])
+            _draw_panel(ax, panel, box[2])
+        edge -= height
+    for k, keys in enumerate(legend):
+        place = (0.5, 1.0 - 1.2 * _LINE * k / whole)
+        picture.legend(
+            handles=[_entry(figure, key) for key in keys],
+            loc="upper center",
+            bbox_to_anchor=place,
+            ncols=len(keys),
+            borderpad=0.2,
+        )
+    return picture
+
+
+def _margins(panel: spec.Panel) -> tuple[float, float, float]:
+    """Space left of, below and above a panel for its texts [inch]."""
+    longest = 6 if panel.y.ticks is None else max(map(len, panel.y.ticks.values()))
+    left = 0.12 + longest * _LETTER + (_LINE if panel.y.label else 0.0)
+    lines = 1
+    if panel.x.ticks is not None:
+        lines += max(label.count("\n") for label in panel.x.ticks.values())
+    below = 0.12 + lines * _LINE + (1.1 * _LINE if panel.x.label else 0.0)
+    return left, below, 1.7 * _LINE if panel.title else 0.08
+
+
+def _legend_rows(figure: spec.Figure, width: float) -> list[list[str]]:
+    """Keys of the legend, row by row, as many as fit."""
+    rows: list[list[str]] = [[]]
+    free = width
+    for key, label in figure.keys.items():
+        needed = len(label) * _LETTER + 0.7
+        if needed > free and rows[-1]:
+            rows.append([])
+            free = width
+        rows[-1].append(key)
+        free -= needed
+    return [row for row in rows if row]
+
+
+def _entry(figure: spec.Figure, key: str) -> Any:
+    """Handle of a key of the legend, as it is drawn."""
+    color, label = color_of(key), _escape(figure.keys[key])
+    marks = [m for panel in figure.shown for m in panel.marks if getattr(m, "key", "") == key]
+    if any(isinstance(m, spec.Bars) for m in marks):
+        return Patch(color=color, label=label)
+    if marks and all(isinstance(m, (spec.Ground, spec.Points)) for m in marks):
+        alpha = min(getattr(m, "opacity", 0.14) for m in marks)
+        if any(isinstance(m, spec.Ground) for m in marks):
+            return Patch(color=color, alpha=max(alpha, 0.2), lw=0, label=label)
+    widest = max((m.line_width for m in marks if isinstance(m, spec.Line)), default=4.0)
+    return matplotlib.lines.Line2D(
+        [], [], color=color, lw=widest, ls=_dash(key), label=label
+    )
+
+
+def color_of(key: str) -> str:
+    """Colour of a key on a light ground."""
+    return COLORS[key][0]
+
+
+def _dash(key: str) -> Any:
+    return (0, DASHES[key]) if key in DASHES else "-"
+
+
+def _escape(text: str) -> str:
+    """Plain text for matplotlib, but for symbols: "$C_n$"."""
+    return re.sub(r"\\\$(C_\w)\\\$", r"$\1$", text.replace("$", r"\$"))
+
+
+def _draw_panel(ax: Axes, panel: spec.Panel, width: float) -> None:
+    has_points = any(isinstance(m, spec.Points) and m.size < 5 for m in panel.marks)
+    ax.set_title(_escape(panel.title), pad=4.0)
+    for mark in panel.marks:
+        _draw_mark(ax, mark, has_points)
+    most = max(3, min(7, int(width / 0.5)))
+    for axis, one, numbers in ((ax.xaxis, panel.x, most), (ax.yaxis, panel.y, 5)):
+        _set_axis(ax, axis, one, numbers)
+    if panel.x.range is None:
+        ax.margins(x=0.02)
+    if panel.y.range is None:
+        ax.margins(y=0.15)
+
+
+def _set_axis(ax: Axes, axis: Any, one: spec.Axis, most: int) -> None:
+    name = axis.axis_name
+    axis.set_label_text(_escape(one.label))
+    if one.is_log:
+        getattr(ax, f"set_{name}scale")("log")
+        axis.set_minor_locator(NullLocator())
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+    elif one.ticks is None:
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+    if one.ticks is not None:
+        axis.set_ticks(list(one.ticks), [_escape(t) for t in one.ticks.values()])
+        if not any(t.lstrip("-")[:1].isdigit() for t in one.ticks.values()):
+            ax.grid(False, axis=name)
+            ax.tick_params(axis=name, length=0)
+    if one.range is not None:
+        getattr(ax, f"set_{name}lim")(*one.range)
+
+
+def _draw_mark(ax: Axes, mark: spec.Mark, is_over_points: bool) -> None:
+    match mark:
+        case spec.Level():
+            style = ":" if mark.is_dotted else "-"
+            ax.axhline(mark.value, color=color_of("soft"), lw=0.8, ls=style)
+        case spec.Ground():
+            span = ax.axvspan if mark.along == "x" else ax.axhspan
+            color = color_of(mark.key)
+            span(mark.start, mark.end, color=color, alpha=0.14, lw=0, zorder=0)
+        case spec.Band():
+            color = color_of(mark.key)
+            ax.fill_between(mark.x, mark.low, mark.high, color=color, alpha=0.17, lw=0)
+        case spec.Bars():
+            _draw_bars(ax, mark)
+        case spec.Line():
+            _draw_line(ax, mark, is_over_points)
+        case spec.Points():
+            ax.plot(
+                *(mark.x, mark.y, "o"),
+                color=color_of(mark.key),
+                ms=0.55 * mark.size,
+                alpha=0.8 * mark.opacity,
+                mew=0,
+            )
+            for x, y, label in zip(mark.x, mark.y, mark.labels, strict=False):
+                _annotate(ax, label, (x, y), (0, 5), ha="center")
+
+
+def _draw_line(ax: Axes, mark: spec.Line, is_over_points: bool) -> None:
+    width = 0.85 * mark.line_width
+    effects = []
+    if is_over_points:
+        outline = patheffects.Stroke(linewidth=width + 1.6, foreground="white")
+        effects = [outline, patheffects.Normal()]
+    ax.plot(
+        mark.x,
+        mark.y,
+        color=color_of(mark.key),
+        lw=width,
+        ls="-" if mark.is_solid else _dash(mark.key),
+        alpha=mark.opacity,
+        marker="o" if mark.has_dots else None,
+        ms=6.0,
+        path_effects=effects,
+    )
+
+
+def _draw_bars(ax: Axes, mark: spec.Bars) -> None:
+    values = np.nan_to_num(mark.values, posinf=0.0, neginf=0.0)
+    bars = ax.barh if mark.is_across else ax.bar
+    bars(mark.places, values, mark.width, color=color_of(mark.key))
+    size = 8.5 if mark.is_across or mark.width > 0.2 else 6.0
+    for place, value, text in zip(mark.places, values, mark.texts, strict=True):
+        if mark.is_across:
+            _annotate(ax, text, (max(value, 0.0), place), (4, 0), size, va="center")
+        else:
+            at = (place, value if value > 0.0 else ax.get_ylim()[0])
+            _annotate(ax, text, at, (0, 2), size, ha="center")
+
+
+def _annotate(
+    ax: Axes,
+    text: str,
+    place: Sequence[float],
+    offset: tuple[float, float],
+    size: float = 8.0,
+    **alignment: str,
+) -> None:
+    if text and all(map(math.isfinite, place)):
+        ax.annotate(
+            _escape(text),
+            tuple(place),
+            xytext=offset,
+            textcoords="offset points",
+            fontsize=size,
+            **alignment,
+        )

@@ -1,0 +1,89 @@
+"""What many points become in a figure: bins, few points, limits of an axis."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+_POINTS = 1500
+"""Largest number of points that a cloud shows; its medians take all."""
+
+
+def bounds(
+    values: np.ndarray,
+    margin: float = 0.08,
+    quantile: float = 0.004,
+    around: float | None = None,
+) -> tuple[float, float] | None:
+    """Limits of an axis that shows the points; a few outliers do not squash it.
+
+    Args:
+        values: of the points.
+        margin: added at both ends, relative to the range.
+        quantile: of points that may lie outside at each end.
+        around: a value that must lie inside.
+
+    Returns:
+        None where no value is finite.
+    """
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return None
+    low, high = np.quantile(values, [quantile, 1.0 - quantile])
+    if around is not None:
+        low, high = min(low, around), max(high, around)
+    pad = margin * (high - low) or 0.05 * abs(high) or 1.0
+    return float(low - pad), float(high + pad)
+
+
+def thin(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Indices of at most _POINTS finite points, the same ones each time."""
+    keep = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if keep.size > _POINTS:
+        keep = np.sort(np.random.default_rng(0).choice(keep, _POINTS, replace=False))
+    return keep
+
+
+def binned_quantiles(
+    x: np.ndarray,
+    y: np.ndarray,
+    quantiles: Sequence[float] = (0.5,),
+    bins: int = 18,
+    fewest: int = 8,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean x (m,) and quantiles of y (q, m) of equally wide bins.
+
+    Bins that hold fewer than so many points are omitted.
+    """
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    full = []
+    if x.size >= fewest:
+        low, high = np.quantile(x, [0.005, 0.995])
+        index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
+        order = np.argsort(index, kind="stable")
+        ends = np.searchsorted(index[order], np.arange(bins + 1))
+        members = [order[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        full = [m for m in members if len(m) >= fewest]
+    columns = [np.quantile(y[m], quantiles) for m in full]
+    return (
+        np.array([np.mean(x[m]) for m in full]),
+        np.array(columns).reshape(-1, len(quantiles)).T,
+    )
+
+
+def symlog(value: float, linear: float = 10.0, share: float = 0.6) -> float:
+    """Place of a value on an axis that is linear up to `linear`.
+
+    share · v / linear there, and share + log₁₀(|v| / linear) beyond, with v's sign.
+    """
+    if abs(value) <= linear:
+        return share * value / linear
+    return math.copysign(share + math.log10(abs(value) / linear), value)
+
+
+def symlog_ticks(low: float, high: float) -> list[float]:
+    """Round numbers for such an axis from low < 0 to high > 0."""
+    above = [10.0**p for p in range(1, math.ceil(math.log10(high)) + 1)]
+    below = [-(10.0**p) for p in range(1, 9) if 10.0**p <= -low]
+    return [*below[-1:], 0.0, *above[:: math.ceil(len(above) / 6)]]

@@ -1,0 +1,252 @@
+"""Figures of flights: held-out ones beside the models, folds, per-flight values."""
+
+import math
+
+import numpy as np
+
+from glider.report.binning import bounds
+from glider.report.error_table import COLUMNS, unit_beside_noise
+from glider.report.figure import Axis, Choice, Figure, Ground, Level, Line, Panel, Points
+from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
+from glider.report.labels import LABELS
+from glider.report.numbers import DEGREE, Unit
+from glider.sysid.result import HeldOutFlight, Result
+
+MOST_SHOWN = 4
+"""Held-out flights that are shown without being asked for."""
+
+MOST_FLIGHTS = 120
+"""Held-out flights that a page holds: the best and the worst, and between."""
+
+_ROWS = 120
+"""Rows that are drawn of a flight at most."""
+
+_MOST_NAMES = 3
+"""Flights that are named beside their value: those farthest off."""
+
+
+def shown_flights(result: Result, count: int = MOST_SHOWN) -> list[HeldOutFlight]:
+    """Held-out flights from the best corrected to the worst, evenly by rank."""
+    ranked = rank_flights(result)
+    count = min(count, len(ranked))
+    ranks = np.linspace(0, len(ranked) - 1, count).round().astype(int)
+    return [ranked[i] for i in ranks]
+
+
+def flights_in_page(result: Result) -> list[HeldOutFlight]:
+    """Flights to choose from, from the worst corrected to the best."""
+    kept = {f.name for most in (MOST_FLIGHTS, MOST_SHOWN) for f in shown_flights(result, most)}
+    return [flight for flight in rank_flights(result)[::-1] if flight.name in kept]
+
+
+def held_out_figure(result: Result) -> Figure | None:
+    """Held-out flights, measured and flown by each model, to choose from."""
+    flights = flights_in_page(result)
+    if not flights:
+        return None
+    shown = {flight.name for flight in shown_flights(result)}
+    errors = [position_rms(flight, "corrected") for flight in flights]
+    unit = unit_beside_noise(result, *errors)
+    flown = [m for m in COLUMNS if any(m in flight.flown for flight in flights)]
+    return Figure(
+        keys={m: LABELS[m] for m in ("measured", *flown)}
+        | {"fitted": "launch state fitted"},
+        choices=[
+            Choice(
+                label=_stem(flight.name),
+                note=unit.text(error),
+                panels=flight_panels(flight, result.noise_position_m),
+                is_shown=flight.name in shown,
+            )
+            for flight, error in zip(flights, errors, strict=True)
+        ],
+    )
+
+
+def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[Panel]:
+    """Path, pitch and distance of a flight, measured and flown by each model.
+
+    Args:
+        flight: to be shown.
+        noise: standard deviation of a measured coordinate [m].
+    """
+    count = len(flight.time)
+    rows = np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
+    time, measured = flight.time[rows], flight.measured[rows]
+    flown = {m: bounded(flight.flown[m])[rows] for m in COLUMNS if m in flight.flown}
+    apart = {m: distance(pose, measured) for m, pose in flown.items()}
+    name, fitted = _stem(flight.name), time <= flight.fitted_until
+
+    def line(model: str, x: np.ndarray, y: np.ndarray, what: str) -> Line:
+        hover = f"{name}, {LABELS[model]}<br>%{{customdata:.3f}} s: {what}"
+        return Line(key=model, x=x, y=y, hover=hover, extra=time)
+
+    poses = {"measured": measured, **flown}
+    degrees = np.degrees(measured[:, 2])
+    clock = Axis(
+        label="time [s]",
+        range=(float(time[0]), float(time[-1])),
+        link=f"time {flight.name}",
+    )
+    start = Ground(start=float(time[0]), end=flight.fitted_until, key="fitted")
+    known = math.isfinite(noise) and noise > 0.0
+    return [
+        Panel(
+            title=name,
+            marks=[
+                Points(
+                    key="fitted",
+                    x=measured[fitted, 0],
+                    y=measured[fitted, 1],
+                    hover="",
+                    size=12.0,
+                    opacity=0.3,
+                ),
+                *(
+                    line(m, pose[:, 0], pose[:, 1], "x %{x:.3f} m, z %{y:.3f} m")
+                    for m, pose in poses.items()
+                ),
+            ],
+            x=Axis(label="x [m]", range=bounds(measured[:, 0], 0.06, 0.0)),
+            y=Axis(label="z [m]", range=bounds(measured[:, 1], 0.35, 0.0)),
+            height=250,
+        ),
+        Panel(
+            title="pitch, nose down > 0 [°]",
+            marks=[
+                start,
+                *(
+                    line(m, time, np.degrees(pose[:, 2]), "pitch %{y:.2f}°")
+                    for m, pose in poses.items()
+                ),
+            ],
+            x=clock,
+            y=Axis(range=bounds(degrees, 0.35, 0.0)),
+            height=250,
+        ),
+        Panel(
+            title="distance from the flight [m]",
+            marks=[
+                start,
+                *([Level(value=noise, is_dotted=True)] if known else []),
+                *(
+                    line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
+                    for m, d in apart.items()
+                ),
+            ],
+            x=clock,
+            y=Axis(is_log=True, range=_distance_range(apart, noise if known else 0.0)),
+            height=250,
+        ),
+    ]
+
+
+def _stem(name: str) -> str:
+    return name.removesuffix(".csv")
+
+
+def _distance_range(
+    apart: dict[str, np.ndarray], noise: float
+) -> tuple[float, float] | None:
+    every = np.concatenate([np.zeros(0), *apart.values()])
+    every = every[np.isfinite(every) & (every > 0.0)]
+    if not every.size:
+        return None
+    low, high = float(np.quantile(every, 0.02)), min(float(every.max()), 100.0)
+    if noise > 0.0:
+        low = min(max(low, 0.2 * noise), 0.5 * noise)
+    return 0.7 * low, 2.0 * max(high, low)
+
+
+_FOLD_PANELS = {
+    "position, free rollout": "position_rms_m",
+    "position, along the measured pitch": "measured_pitch_position_rms_m",
+    "pitch, free rollout": "pitch_rms_rad",
+}
+
+
+def folds_figure(result: Result) -> Figure | None:
+    """Errors of each fold as pairs, refitted and corrected, one line a fold."""
+    if not result.folds:
+        return None
+    panels = [_fold_panel(result, *panel) for panel in _FOLD_PANELS.items()]
+    keys = {"better": "the correction helps", "worse": "it does not"}
+    drawn = {mark.key for panel in panels for mark in panel.marks if isinstance(mark, Line)}
+    return Figure(keys={k: v for k, v in keys.items() if k in drawn}, panels=panels)
+
+
+def _fold_panel(result: Result, title: str, field: str) -> Panel:
+    pairs = bounded(
+        np.array(
+            [[getattr(e, field) for e in (f.refitted, f.corrected)] for f in result.folds],
+            dtype=float,
+        )
+    )
+    unit = DEGREE if field == "pitch_rms_rad" else unit_beside_noise(result, *pairs.flat)
+    marks = []
+    for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
+        names = ", ".join(map(_stem, fold.held_out[:6]))
+        more = len(fold.held_out) - 6
+        marks.append(
+            Line(
+                key="better" if pair[1] < pair[0] else "worse",
+                x=np.array([0.0, 1.0]),
+                y=pair,
+                hover=f"%{{y:.3r}} {unit.name}<br>{names}"
+                + (f" and {more} more" if more > 0 else ""),
+                has_dots=True,
+            )
+        )
+    shown = pairs[np.isfinite(pairs) & (pairs > 0.0)] / unit.size
+    is_far = bool(shown.size) and shown.max() > 5.0 * shown.min()
+    span = None
+    if shown.size:
+        low, high = float(shown.min()), float(shown.max())
+        span = (0.6 * low, 1.6 * high) if is_far else (0.0, 1.12 * high)
+    ticks = {0.0: LABELS["refitted"], 1.0: LABELS["corrected"]}
+    return Panel(
+        title=f"{title}, RMS [{unit.name}]",
+        marks=marks,
+        x=Axis(range=(-0.35, 1.35), ticks=ticks),
+        y=Axis(is_log=is_far, range=span),
+    )
+
+
+def spreads_figure(result: Result) -> Figure | None:
+    """Per-flight values of what varies from flight to flight."""
+    panels = [
+        _spread_panel(name.replace("_", " "), spread.std, spread.unit, spread.values)
+        for name, spread in result.spreads.items()
+        if spread.values
+    ]
+    if not panels:
+        return None
+    keys = {"own": "value of one flight; the band is one standard deviation"}
+    return Figure(keys=keys, panels=panels, columns=1, least_width=24.0)
+
+
+def _spread_panel(
+    title: str, std: float, unit_name: str, values: dict[str, float]
+) -> Panel:
+    unit = DEGREE if unit_name == "rad" else Unit(name=unit_name.replace("-", ""))
+    own = np.array(list(values.values()), dtype=float) / unit.size
+    size = np.where(np.isfinite(own), np.abs(own), -1.0)
+    named = [i for i in np.argsort(-size)[:_MOST_NAMES] if size[i] >= 0.0]
+    names = [_stem(name) for name in values]
+    half = std / unit.size
+    return Panel(
+        title=f"{title} [{unit.name}]" if unit.name else title,
+        marks=[
+            Level(),
+            *([Ground(start=-half, end=half, along="y", key="own")] if math.isfinite(half) else []),
+            Points(
+                key="own",
+                x=np.arange(1.0, len(own) + 1.0),
+                y=own,
+                hover=f"%{{hovertext}}: %{{y:.3r}} {unit.name}",
+                names=names,
+                labels=[name if i in named else "" for i, name in enumerate(names)],
+            ),
+        ],
+        x=Axis(label="flight, in the order of the campaign", range=(0.0, len(own) + 1.0)),
+    )

@@ -1,0 +1,421 @@
+"""Figures of what models are: errors, evidence, curves, coefficients, residuals."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
+from glider.physics.effects.field import FieldData, gaussians, make_field
+from glider.report.binning import binned_quantiles, bounds, symlog, symlog_ticks, thin
+from glider.report.error_table import baseline, columns_of, noise_floor
+from glider.report.figure import Axis, Band, Bars, Figure, Level, Line, Panel, Points
+from glider.report.flight_errors import bounded
+from glider.report.labels import LABELS, TERMS, VARIABLES
+from glider.report.numbers import DEGREE, MILLIMETRE, Unit
+from glider.sysid.result import Curve, ResidualTable, Result
+
+WIDE = 60.0
+"""Width of a panel that stands alone in its row [rem]."""
+
+BAND = 2.0
+"""Standard errors on either side of a curve."""
+
+RESIDUALS = {
+    "along the wing": Unit(name="m/s²"),
+    "normal to it": Unit(name="m/s²"),
+    "in pitch": Unit(name="rad/s²"),
+}
+"""Columns of a residual, with their units."""
+
+COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$"}
+"""Coefficient to its symbol; C_M is without a chord [m]."""
+
+_ERROR_PANELS = (
+    ("acceleration", Unit(name="m/s²"), {"tangential": "along wing", "normal": "normal"}),
+    ("acceleration", Unit(name="rad/s²"), {"pitch": "in pitch"}),
+    (
+        "position",
+        MILLIMETRE,
+        {
+            "position_rms_m": "RMS",
+            "position_end_m": "at the end",
+            "measured_pitch_position_rms_m": "measured\npitch, RMS",
+        },
+    ),
+    ("pitch", DEGREE, {"pitch_rms_rad": "RMS"}),
+)
+"""Title and unit of errors side by side, their fields and names."""
+
+_AT = "α %{x:.1f}°: %{y:.3r}"
+
+
+def errors_figure(result: Result) -> Figure | None:
+    """Errors of each model as groups of bars."""
+    models = columns_of(result)
+    if not models:
+        return None
+    return Figure(
+        keys={m: LABELS[m] for m in models} | {"noise": "noise of the measurement"},
+        panels=[_error_panel(result, models, *panel) for panel in _ERROR_PANELS],
+        columns=len(_ERROR_PANELS),
+        least_width=14.0,
+    )
+
+
+def _error_panel(
+    result: Result, models: list[str], title: str, unit: Unit, fields: dict[str, str]
+) -> Panel:
+    places = np.arange(len(fields), dtype=float)
+    floor = np.array([noise_floor(result, f) for f in fields]) / unit.size
+    values = {
+        m: bounded(np.array([getattr(result.errors[m], f) for f in fields])) / unit.size
+        for m in models
+    }
+    every = np.concatenate([floor, *values.values()])
+    every = every[np.isfinite(every) & (every > 0.0)]
+    low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
+    return Panel(
+        title=f"{title} [{unit.name}]",
+        marks=[
+            *grouped_bars(values, {m: LABELS[m] for m in models}, unit),
+            Line(
+                key="noise",
+                x=np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
+                y=np.repeat(floor, 4),
+                hover=f"noise: %{{y:.3r}} {unit.name}",
+            ),
+        ],
+        x=Axis(range=(-0.6, len(fields) - 0.4), ticks=dict(enumerate(fields.values()))),
+        y=Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
+        share=len(fields) + 0.6,
+    )
+
+
+def grouped_bars(
+    values: dict[str, np.ndarray], labels: dict[str, str], unit: Unit
+) -> list[Bars]:
+    """Bars of several keys side by side, one group at each whole number."""
+    width = 0.8 / max(len(values), 1)
+    return [
+        Bars(
+            key=key,
+            places=np.arange(len(row)) + (i - (len(values) - 1) / 2) * width,
+            values=row,
+            texts=[_short(v) for v in row],
+            hover=f"{labels[key]}: %{{y:.3r}} {unit.name}",
+            width=0.92 * width,
+        )
+        for i, (key, row) in enumerate(values.items())
+    ]
+
+
+def _short(value: float) -> str:
+    """Two digits, without an exponent while that stays short."""
+    if not math.isfinite(value):
+        return "–"
+    if 100.0 <= value < 1e5:
+        return f"{value:.0f}"
+    return f"{value:#.2g}".removesuffix(".")
+
+
+def evidence_figure(result: Result) -> Figure | None:
+    """Evidence of each kind when tried alone, the strongest on top."""
+    if not result.candidates:
+        return None
+    chosen = {e.kind for e in result.effects}
+    confused = {k for e in result.effects for k in e.indistinguishable_from} - chosen
+    values = {k: v if math.isfinite(v) else -math.inf for k, v in result.candidates.items()}
+    ranked = sorted(values, key=lambda k: values[k])
+    finite = [v for v in values.values() if math.isfinite(v)]
+    low, high = min([*finite, 0.0]), max([*finite, 100.0])
+    keys = {
+        "chosen": "in the corrected model",
+        "confused": "indistinguishable from it",
+        "other": "not taken",
+    }
+    groups: dict[str, list[int]] = {key: [] for key in keys}
+    for place, kind in enumerate(ranked):
+        key = "chosen" if kind in chosen else "confused" if kind in confused else "other"
+        groups[key].append(place)
+    names = [k.replace("_", " ") for k in ranked]
+    texts = [_nats(values[k]) for k in ranked]
+    bars = [
+        Bars(
+            key=key,
+            places=np.array(places, dtype=float),
+            values=np.array(
+                [symlog(v) if math.isfinite(v := values[ranked[p]]) else 0.0 for p in places]
+            ),
+            texts=[texts[p] for p in places],
+            hover="%{hovertext} nats",
+            names=[f"{names[p]}: {texts[p]}" for p in places],
+            width=0.72,
+            is_across=True,
+        )
+        for key, places in groups.items()
+        if places
+    ]
+    panel = Panel(
+        title="",
+        marks=bars,
+        x=Axis(
+            label="evidence when tried alone [nats], linear below 10",
+            range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
+            ticks={symlog(t): f"{t:,.0f}" for t in symlog_ticks(low, high)},
+        ),
+        y=Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
+        height=80 + 21 * len(names),
+    )
+    shown = {key: label for key, label in keys.items() if groups[key]}
+    return Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
+
+
+def _nats(value: float) -> str:
+    if not math.isfinite(value):
+        return "none"
+    return f"{value:,.0f}" if abs(value) >= 10.0 else f"{value:.1f}"
+
+
+def curves_figure(result: Result) -> Figure | None:
+    """Terms that the plate lacks, over the angle of attack."""
+    if not result.curves:
+        return None
+    keys = {
+        "lack": f"the plate lacks, ± {BAND:g} standard errors",
+        "named": "identified",
+        "rest": "unidentified",
+    }
+    panels = []
+    for curve in result.curves:
+        alpha, rest = np.degrees(curve.alpha), curve.lack - curve.named
+        marks = [
+            *lack_marks("lack", curve),
+            Line(key="named", x=alpha, y=curve.named, hover=_AT),
+            Line(key="rest", x=alpha, y=rest, hover=_AT),
+        ]
+        panels.append(term_panel(curve.term, marks, "alpha"))
+    return Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
+
+
+def term_panel(term: str, marks: list[Line | Band], variable: str) -> Panel:
+    """Panel of a term of forces over a variable."""
+    return Panel(
+        title=TERMS[term],
+        marks=[Level(), *marks],
+        x=Axis(label=VARIABLES[variable][0], link=variable),
+    )
+
+
+def lack_marks(key: str, curve: Curve) -> list[Line | Band]:
+    """Curve of what a plate lacks with its band."""
+    alpha, half = np.degrees(curve.alpha), BAND * curve.std
+    return [
+        Band(key=key, x=alpha, low=curve.lack - half, high=curve.lack + half),
+        Line(
+            key=key,
+            x=alpha,
+            y=curve.lack,
+            hover=_AT + " ± %{customdata:.2r}",
+            extra=curve.std,
+        ),
+    ]
+
+
+def carried_figure(result: Result) -> Figure | None:
+    """The residual field of a corrected model, term by term, as curves.
+
+    A part over two variables or more has no curve: it is in model.yaml only.
+    """
+    field = result.model.field
+    parts = [] if field is None else [field, *field.more]
+    panels = [
+        panel
+        for part in parts
+        if len(part.variables) == 1 and part.centers
+        for panel in _carried_panels(part)
+    ]
+    if not panels:
+        return None
+    return Figure(
+        keys={"rest": "unidentified, carried by the model"},
+        panels=panels,
+        columns=min(2, len(panels)),
+    )
+
+
+def _carried_panels(part: FieldData) -> list[Panel]:
+    field = make_field(dataclasses.replace(part, more=[]))
+    (variable,) = part.variables
+    column = [FIELD_VARIABLES.index(variable)]
+    centers = field.centers[: len(part.centers), column[0]]
+    place = np.linspace(centers.min(), centers.max(), 121)
+    values = gaussians(field, column, place[:, None]) @ field.weights
+    scaled = place * VARIABLES[variable][1]
+    return [
+        term_panel(term, [Line(key="rest", x=scaled, y=values[:, k], is_solid=True)], variable)
+        for k, term in enumerate(FIELD_TERMS)
+        if np.any(values[:, k] != 0.0)
+    ]
+
+
+def residual_tables(result: Result) -> dict[str, ResidualTable]:
+    """Residuals of the model before and of the corrected one."""
+    return {
+        baseline(result): result.residual_before,
+        "corrected": result.residual_after,
+    }
+
+
+def coefficients_figure(result: Result) -> Figure | None:
+    """Force and moment coefficients, flight by flight, before and after."""
+    tables = residual_tables(result)
+    if not all(
+        "alpha" in t.variables and t.coefficients.keys() >= COEFFICIENTS.keys()
+        for t in tables.values()
+    ):
+        return None
+    panels = []
+    for model, table in tables.items():
+        lines = _flight_lines(table)
+        for name, symbol in COEFFICIENTS.items():
+            both = [
+                t[name] for o in tables.values() for t in (o.coefficients, o.modelled)
+            ]
+            unit = " [m]" if name == "c_moment" else ""
+            panels.append(
+                Panel(
+                    title=f"{symbol}{unit}, {LABELS[model]}",
+                    marks=_coefficient_marks(table, lines, name, model),
+                    x=Axis(label=VARIABLES["alpha"][0], link="alpha"),
+                    y=Axis(range=bounds(np.concatenate(both)), link=name),
+                    height=250,
+                )
+            )
+    return Figure(
+        keys={m: LABELS[m] for m in ("measured", *tables)},
+        panels=panels,
+        flights=result.residual_after.names,
+    )
+
+
+def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
+    """Medians over the angle of attack, flight by flight with gaps between."""
+    degrees = np.degrees(table.variables["alpha"])
+    lines: dict[str, list[np.ndarray]] = {n: [] for n in ("alpha", "flight")}
+    for number in np.unique(table.flight):
+        rows, gap = table.flight == number, [math.nan]
+        for name in COEFFICIENTS:
+            place, middle = binned_quantiles(
+                degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
+            )
+            lines.setdefault(name, []).append(np.append(middle[0], gap))
+        lines["alpha"].append(np.append(place, gap))
+        lines["flight"].append(np.full(len(place) + 1, number))
+    return {name: np.concatenate(parts) for name, parts in lines.items()}
+
+
+def _coefficient_marks(
+    table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
+) -> list[Line | Band]:
+    degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
+    place, rows = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
+    over, modelled = binned_quantiles(degrees, table.modelled[name])
+    return [
+        Line(
+            key="measured",
+            x=lines["alpha"],
+            y=bounded(lines[name]),
+            hover=f"%{{text}}<br>{_AT}",
+            width=0.6,
+            is_solid=True,
+            opacity=0.4,
+            flight=lines["flight"],
+        ),
+        Band(key="measured", x=place, low=rows[0], high=rows[2]),
+        Line(key="measured", x=place, y=rows[1], hover=f"measured, median<br>{_AT}"),
+        Line(
+            key=model,
+            x=over,
+            y=modelled[0],
+            hover=f"{LABELS[model]}, median<br>{_AT}",
+            width=2.0,
+        ),
+    ]
+
+
+def residual_figure(result: Result) -> Figure | None:
+    """Residuals against the variables that matter, before and after."""
+    variables = residual_variables(result)
+    if not variables:
+        return None
+    tables = residual_tables(result)
+    return Figure(
+        keys={m: LABELS[m] for m in tables},
+        panels=[
+            residual_panel(tables, variable, column)
+            for column in range(len(RESIDUALS))
+            for variable in variables
+        ],
+        columns=len(variables),
+        flights=result.residual_after.names,
+    )
+
+
+def residual_variables(result: Result) -> list[str]:
+    """Up to three variables, those of the strongest effects first."""
+    wanted = [name for e in result.effects for name in e.depends_on]
+    if len(set(wanted)) < 2:
+        wanted += ["alpha", "V"]
+    tables = residual_tables(result).values()
+    there = [n for n in dict.fromkeys(wanted) if all(_varies(t, n) for t in tables)]
+    return there[: max(2, min(3, len(there)))]
+
+
+def _varies(table: ResidualTable, name: str) -> bool:
+    values = table.variables.get(name, np.zeros(0))
+    values = values[np.isfinite(values)]
+    return values.size > 0 and float(np.ptp(values)) > 0.0
+
+
+def residual_panel(
+    tables: dict[str, ResidualTable], variable: str, column: int
+) -> Panel:
+    """Residuals of models against a variable, with their binned medians."""
+    name, unit = list(RESIDUALS.items())[column]
+    label, factor = VARIABLES.get(variable, (variable.replace("_", " "), 1.0))
+    clouds, medians = [], []
+    for model, table in tables.items():
+        x, y = table.variables[variable] * factor, table.residual[:, column]
+        # The same rows in all panels: a page holds each column once.
+        rows = thin(np.sum(table.residual, axis=1), table.flight)
+        time = table.variables.get("t", np.full(table.flight.shape, math.nan))
+        said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
+        clouds.append(
+            Points(
+                key=model,
+                x=x[rows],
+                y=bounded(y[rows]),
+                hover=f"%{{text}}<br>{said}, {LABELS[model]}",
+                size=3.5,
+                opacity=0.45,
+                flight=table.flight[rows],
+                time=time[rows],
+            )
+        )
+        place, median = binned_quantiles(x, y)
+        hover = f"median, {LABELS[model]}<br>{said}"
+        medians.append(
+            Line(
+                key=model, x=place, y=median[0], hover=hover, width=2.4, is_solid=True
+            )
+        )
+    everything = np.concatenate([t.residual[:, column] for t in tables.values()])
+    over = np.concatenate([t.variables[variable] for t in tables.values()]) * factor
+    return Panel(
+        title=f"{name} [{unit.name}]",
+        marks=[Level(), *clouds, *medians],
+        x=Axis(label=label, range=bounds(over), link=variable),
+        y=Axis(range=bounds(everything, around=0.0), link=name),
+        height=240,
+    )
