@@ -18,7 +18,7 @@ from sphinx.pycode import ModuleAnalyzer
 
 from glider.physics import effects
 from glider.physics.effects import LIBRARY, STAGES, Coefficient, EffectKind
-from glider.report.figure_data import RESIDUALS
+from glider.report.model_figures import RESIDUALS
 from glider.report.plots.style import STYLE, VARIABLES
 
 WORDS = {

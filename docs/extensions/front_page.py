@@ -1,44 +1,42 @@
 """Sphinx extension: the figure of the front page, before and after a correction."""
 
+import dataclasses
 from pathlib import Path
 
-import matplotlib
-from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 
-from glider.report.figure_data import shown_flights
-from glider.report.flight_errors import bounded
-from glider.report.plots.axes import legend
-from glider.report.plots.flights import plot_paths
-from glider.report.plots.style import STYLE
+from glider.report.flight_figures import flight_panels, shown_flights
+from glider.report.plots.as_file import to_png
+from glider.report.plots.figure import Figure
+from glider.report.plots.style import LABELS
 from glider.sysid.pipeline import close_the_loop
 
 FLIGHTS = tuple(f"flight_{k:03d}.csv" for k in range(10))
 SUSPECTS = ("attached_lift", "wind", "servo_lag", "profile_drag")
 """Effects that are tried here; the tutorial tries the whole library."""
 
-SHOWN = ("nominal", "corrected")
+SHOWN = ("measured", "nominal", "corrected")
 
 
-def draw_front() -> Figure:
-    """Draws held-out flights beside the models before and after."""
+def make_front() -> Figure:
+    """Held-out flights beside the models before and after."""
     result = close_the_loop("attached_lift", flights=FLIGHTS, effects=SUSPECTS)
-    flights = shown_flights(result)
-    figure = Figure(figsize=(9.0, 2.8), layout="constrained", dpi=150)
-    axes = figure.subplots(1, len(flights), sharey=True, squeeze=False)[0]
-    for ax, flight in zip(axes, flights, strict=True):
-        flown = {model: bounded(flight.flown[model]) for model in SHOWN}
-        plot_paths(ax, flight.measured, flown, flight.time <= flight.fitted_until)
-        ax.set_xlabel("x [m]")
-    axes[0].set_ylabel("z [m]")
-    legend(figure, axes[0])
-    return figure
+    panels = [flight_panels(flight)[0] for flight in shown_flights(result)]
+    return Figure(
+        keys={key: LABELS[key] for key in SHOWN},
+        panels=[
+            dataclasses.replace(
+                panel, marks=[m for m in panel.marks if m.key in (*SHOWN, "fitted")]
+            )
+            for panel in panels
+        ],
+        columns=len(panels),
+    )
 
 
 def write_figure(app: Sphinx) -> None:
     """Writes the figure beside the front page."""
-    with matplotlib.rc_context(STYLE):
-        draw_front().savefig(Path(app.srcdir) / "loop.png")
+    (Path(app.srcdir) / "loop.png").write_bytes(to_png(make_front(), dpi=150))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

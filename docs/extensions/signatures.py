@@ -4,14 +4,16 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Picture
 
 from glider.campaign.checks.masks import no_masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
-from glider.report.figure_data import RESIDUALS
-from glider.report.plots.residuals import plot_residual
+from glider.report.model_figures import RESIDUALS, residual_panel
+from glider.report.plots import as_file
+from glider.report.plots.figure import Figure
+from glider.report.plots.style import LABELS
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign, theta_of
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
@@ -102,23 +104,14 @@ def _table(records: list[Record], model: GliderModel) -> ResidualTable:
     return make_table(records, theta_of(model), [0.0] * len(records))
 
 
-def draw(signature: Signature) -> Figure:
+def draw(signature: Signature) -> Picture:
     """Draws the three residuals over the variable that they vary with most."""
-    figure = Figure(figsize=(9.0, 2.8), dpi=100)
-    figure.subplots_adjust(left=0.06, right=0.985, bottom=0.18, top=0.8, wspace=0.18)
-    axes = figure.subplots(1, 3)
-    name = signature.variable
-    tables = signature.without, signature.known
-    for column, (ax, (label, unit)) in enumerate(
-        zip(axes, RESIDUALS.items(), strict=True)
-    ):
-        plot_residual(
-            ax,
-            name,
-            [table.variables[name] for table in tables],
-            [table.residual[:, column] for table in tables],
-            ["nominal", "corrected"],
-        )
-        ax.set_title(f"{label} [{unit.name}]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="upper center", ncols=2)
-    return figure
+    tables = {"nominal": signature.without, "corrected": signature.known}
+    figure = Figure(
+        keys={key: LABELS[key] for key in tables},
+        panels=[
+            residual_panel(tables, signature.variable, column)
+            for column in range(len(RESIDUALS))
+        ],
+    )
+    return as_file.draw(figure, width=9.0)

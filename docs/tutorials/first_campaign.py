@@ -86,10 +86,11 @@ print(f"held-out position error: {gain:.0f} times smaller")
 # the part on the grey background.
 
 # %%
-from glider.report.figures import make_figures
+from glider.report.plots.as_file import to_png
+from glider.report.figures_of_result import make_figures
 
 figures = make_figures(result)
-Image(figures["held_out"], width=820)
+Image(to_png(figures["held_out"]), width=820)
 
 # %% [markdown]
 # What the flat plate lacks, as coefficients over the angle of attack. Up to 15° the
@@ -97,7 +98,7 @@ Image(figures["held_out"], width=820)
 # this is attached flow. The green line is the part that the identified effect explains.
 
 # %%
-Image(figures["curves"], width=820)
+Image(to_png(figures["curves"]), width=820)
 
 # %% [markdown]
 # ## The files

@@ -15,10 +15,10 @@ from glider.comparison.wording import (
     unit_of,
 )
 from glider.report.as_page import render_page
-from glider.report.figure import Axis, Figure, Ground, Panel, Points
 from glider.report.flight_errors import bounded
-from glider.report.labels import LABELS
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
+from glider.report.plots.figure import Axis, Figure, Ground, Panel, Points
+from glider.report.plots.style import LABELS
 
 
 def to_html(comparison: Comparison) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from markupsafe import Markup
 
 from glider.files.schema import json_text
-from glider.report.figure import (
+from glider.report.plots.figure import (
     Axis,
     Band,
     Bars,
@@ -27,7 +27,7 @@ from glider.report.figure import (
     Panel,
     Points,
 )
-from glider.report.palette import COLORS, DASHES
+from glider.report.plots.style import DASHES, INKS
 
 STATIC = Path(__file__).parent / "static"
 
@@ -53,7 +53,7 @@ def render_page(template: str, figures: Mapping[str, Figure], **values: Any) -> 
     return environment.get_template(template).render(
         figures=figures,
         data=_script(page_data(figures)),
-        colors=COLORS,
+        colors=INKS,
         style=_static("page.css"),
         script=_static("page.js"),
         plotly=_static("plotly-basic.min.js"),
@@ -120,7 +120,11 @@ def _figure(figure: Figure, columns: _Columns) -> dict[str, Any]:
     dashed = {m.key for m in marks if isinstance(m, Line) and not m.is_solid}
     return {
         "keys": [
-            {"key": key, "label": label, "dash": _dash(key, 2.0) if key in dashed else ""}
+            {
+                "key": key,
+                "label": label,
+                "dash": _dash(key, 2.0) if key in dashed else "",
+            }
             for key, label in figure.keys.items()
         ],
         "panels": [_panel(panel, columns) for panel in figure.panels],
@@ -238,7 +242,9 @@ def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
                     "hovertext": mark.names,
                     **{"textposition": "outside", "cliponaxis": False},
                     # Numbers of many narrow bars have space only when upright.
-                    "textangle": -90 if not mark.is_across and len(mark.texts) > 11 * mark.width else 0,
+                    "textangle": -90
+                    if not mark.is_across and len(mark.texts) > 11 * mark.width
+                    else 0,
                     "marker": {"color": f"@{mark.key}"},
                     "hovertemplate": mark.hover + "<extra></extra>",
                 }

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from glider.report.figure import Figure
 from glider.report.flight_figures import folds_figure, held_out_figure, spreads_figure
 from glider.report.model_figures import (
     carried_figure,
@@ -12,6 +11,7 @@ from glider.report.model_figures import (
     evidence_figure,
     residual_figure,
 )
+from glider.report.plots.figure import Figure
 from glider.sysid.result import Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {

@@ -4,12 +4,21 @@ import math
 
 import numpy as np
 
-from glider.report.binning import bounds
 from glider.report.error_table import COLUMNS, unit_beside_noise
-from glider.report.figure import Axis, Choice, Figure, Ground, Level, Line, Panel, Points
 from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
-from glider.report.labels import LABELS
 from glider.report.numbers import DEGREE, Unit
+from glider.report.plots.binning import bounds
+from glider.report.plots.figure import (
+    Axis,
+    Choice,
+    Figure,
+    Ground,
+    Level,
+    Line,
+    Panel,
+    Points,
+)
+from glider.report.plots.style import LABELS
 from glider.sysid.result import HeldOutFlight, Result
 
 MOST_SHOWN = 4
@@ -35,7 +44,11 @@ def shown_flights(result: Result, count: int = MOST_SHOWN) -> list[HeldOutFlight
 
 def flights_in_page(result: Result) -> list[HeldOutFlight]:
     """Flights to choose from, from the worst corrected to the best."""
-    kept = {f.name for most in (MOST_FLIGHTS, MOST_SHOWN) for f in shown_flights(result, most)}
+    kept = {
+        f.name
+        for most in (MOST_FLIGHTS, MOST_SHOWN)
+        for f in shown_flights(result, most)
+    }
     return [flight for flight in rank_flights(result)[::-1] if flight.name in kept]
 
 
@@ -171,18 +184,25 @@ def folds_figure(result: Result) -> Figure | None:
         return None
     panels = [_fold_panel(result, *panel) for panel in _FOLD_PANELS.items()]
     keys = {"better": "the correction helps", "worse": "it does not"}
-    drawn = {mark.key for panel in panels for mark in panel.marks if isinstance(mark, Line)}
+    drawn = {
+        mark.key for panel in panels for mark in panel.marks if isinstance(mark, Line)
+    }
     return Figure(keys={k: v for k, v in keys.items() if k in drawn}, panels=panels)
 
 
 def _fold_panel(result: Result, title: str, field: str) -> Panel:
     pairs = bounded(
         np.array(
-            [[getattr(e, field) for e in (f.refitted, f.corrected)] for f in result.folds],
+            [
+                [getattr(e, field) for e in (f.refitted, f.corrected)]
+                for f in result.folds
+            ],
             dtype=float,
         )
     )
-    unit = DEGREE if field == "pitch_rms_rad" else unit_beside_noise(result, *pairs.flat)
+    unit = (
+        DEGREE if field == "pitch_rms_rad" else unit_beside_noise(result, *pairs.flat)
+    )
     marks = []
     for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))
@@ -238,7 +258,11 @@ def _spread_panel(
         title=f"{title} [{unit.name}]" if unit.name else title,
         marks=[
             Level(),
-            *([Ground(start=-half, end=half, along="y", key="own")] if math.isfinite(half) else []),
+            *(
+                [Ground(start=-half, end=half, along="y", key="own")]
+                if math.isfinite(half)
+                else []
+            ),
             Points(
                 key="own",
                 x=np.arange(1.0, len(own) + 1.0),
@@ -248,5 +272,7 @@ def _spread_panel(
                 labels=[name if i in named else "" for i, name in enumerate(names)],
             ),
         ],
-        x=Axis(label="flight, in the order of the campaign", range=(0.0, len(own) + 1.0)),
+        x=Axis(
+            label="flight, in the order of the campaign", range=(0.0, len(own) + 1.0)
+        ),
     )

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from glider.files.writing import replace_files
 from glider.physics.model import Origin, model_text
-from glider.report.as_file import to_png
 from glider.report.figures_of_result import FIGURES, make_figures
 from glider.report.json_report import to_json
 from glider.report.page import to_html
+from glider.report.plots.as_file import to_png
 from glider.report.wording import notes_of
 from glider.sysid.result import Result
 

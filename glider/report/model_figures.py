@@ -7,12 +7,27 @@ import numpy as np
 
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData, gaussians, make_field
-from glider.report.binning import binned_quantiles, bounds, symlog, symlog_ticks, thin
 from glider.report.error_table import baseline, columns_of, noise_floor
-from glider.report.figure import Axis, Band, Bars, Figure, Level, Line, Panel, Points
 from glider.report.flight_errors import bounded
-from glider.report.labels import LABELS, TERMS, VARIABLES
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
+from glider.report.plots.binning import (
+    binned_quantiles,
+    bounds,
+    symlog,
+    symlog_ticks,
+    thin,
+)
+from glider.report.plots.figure import (
+    Axis,
+    Band,
+    Bars,
+    Figure,
+    Level,
+    Line,
+    Panel,
+    Points,
+)
+from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import Curve, ResidualTable, Result
 
 WIDE = 60.0
@@ -32,7 +47,11 @@ COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$"}
 """Coefficient to its symbol; C_M is without a chord [m]."""
 
 _ERROR_PANELS = (
-    ("acceleration", Unit(name="m/s²"), {"tangential": "along wing", "normal": "normal"}),
+    (
+        "acceleration",
+        Unit(name="m/s²"),
+        {"tangential": "along wing", "normal": "normal"},
+    ),
     ("acceleration", Unit(name="rad/s²"), {"pitch": "in pitch"}),
     (
         "position",
@@ -125,7 +144,9 @@ def evidence_figure(result: Result) -> Figure | None:
         return None
     chosen = {e.kind for e in result.effects}
     confused = {k for e in result.effects for k in e.indistinguishable_from} - chosen
-    values = {k: v if math.isfinite(v) else -math.inf for k, v in result.candidates.items()}
+    values = {
+        k: v if math.isfinite(v) else -math.inf for k, v in result.candidates.items()
+    }
     ranked = sorted(values, key=lambda k: values[k])
     finite = [v for v in values.values() if math.isfinite(v)]
     low, high = min([*finite, 0.0]), max([*finite, 100.0])
@@ -136,7 +157,9 @@ def evidence_figure(result: Result) -> Figure | None:
     }
     groups: dict[str, list[int]] = {key: [] for key in keys}
     for place, kind in enumerate(ranked):
-        key = "chosen" if kind in chosen else "confused" if kind in confused else "other"
+        key = (
+            "chosen" if kind in chosen else "confused" if kind in confused else "other"
+        )
         groups[key].append(place)
     names = [k.replace("_", " ") for k in ranked]
     texts = [_nats(values[k]) for k in ranked]
@@ -145,7 +168,10 @@ def evidence_figure(result: Result) -> Figure | None:
             key=key,
             places=np.array(places, dtype=float),
             values=np.array(
-                [symlog(v) if math.isfinite(v := values[ranked[p]]) else 0.0 for p in places]
+                [
+                    symlog(v) if math.isfinite(v := values[ranked[p]]) else 0.0
+                    for p in places
+                ]
             ),
             texts=[texts[p] for p in places],
             hover="%{hovertext} nats",
@@ -253,7 +279,9 @@ def _carried_panels(part: FieldData) -> list[Panel]:
     values = gaussians(field, column, place[:, None]) @ field.weights
     scaled = place * VARIABLES[variable][1]
     return [
-        term_panel(term, [Line(key="rest", x=scaled, y=values[:, k], is_solid=True)], variable)
+        term_panel(
+            term, [Line(key="rest", x=scaled, y=values[:, k], is_solid=True)], variable
+        )
         for k, term in enumerate(FIELD_TERMS)
         if np.any(values[:, k] != 0.0)
     ]
@@ -406,9 +434,7 @@ def residual_panel(
         place, median = binned_quantiles(x, y)
         hover = f"median, {LABELS[model]}<br>{said}"
         medians.append(
-            Line(
-                key=model, x=place, y=median[0], hover=hover, width=2.4, is_solid=True
-            )
+            Line(key=model, x=place, y=median[0], hover=hover, width=2.4, is_solid=True)
         )
     everything = np.concatenate([t.residual[:, column] for t in tables.values()])
     over = np.concatenate([t.variables[variable] for t in tables.values()]) * factor

@@ -7,12 +7,12 @@ import platform
 from glider.physics.effects import ANGLE_SIGN
 from glider.report.as_page import render_page
 from glider.report.error_table import baseline, columns_of, error_rows
-from glider.report.figure import Figure
 from glider.report.figures_of_result import make_figures
 from glider.report.flight_errors import STANDS_OUT, worst_flights
 from glider.report.flight_figures import flights_in_page
-from glider.report.labels import LABELS
 from glider.report.numbers import format_angle, format_length
+from glider.report.plots.figure import Figure
+from glider.report.plots.style import LABELS
 from glider.report.tables import (
     combination_rows,
     correlation_rows,

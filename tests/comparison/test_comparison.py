@@ -212,7 +212,7 @@ def test_the_page_works_in_a_browser(tmp_path, changed):
         visit(browser, path.as_uri(), viewport=phone, color_scheme="dark") as seen,
     ):
         page = seen.page
-        assert page.locator("[data-chart] .plot .main-svg").count() >= 6
+        assert page.locator("[data-figure] .plot .main-svg").count() >= 6
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         labels = page.locator("#curves .legend button").all_inner_texts()
         assert [b.strip() for b in labels] == ["A: head_wind", "B: later"]

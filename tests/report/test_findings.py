@@ -2,23 +2,16 @@
 
 import dataclasses
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from glider.physics.effects import KINDS
-from glider.report.error_table import COLUMNS, columns_of, error_rows, noise_floor
-from glider.report.figures import FIGURES
+from glider.report.error_table import COLUMNS, error_rows, noise_floor
 from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
 from glider.report.numbers import length_unit
 from glider.report.page import to_html
-from glider.report.plots.curves import BAND, plot_curve
-from glider.report.plots.flight_values import plot_pairs, plot_spread
-from glider.report.plots.residuals import binned_quantiles
-from glider.report.plots.style import BLUE, COLORS, LABELS, RED
+from glider.report.plots.style import COLORS, LABELS
 from glider.report.tables import (
     combination_rows,
     correlation_rows,
@@ -48,7 +41,6 @@ from tests.report.results import (
     UNEXPLAINED,
     VARIANTS,
     WIND,
-    make_curve,
     make_errors,
     make_flight,
     make_result,
@@ -391,117 +383,6 @@ def test_a_flight_that_diverged_stands_out():
     worst = worst_flights(make_result(held_out=flights))[0]
     assert (worst.after, worst.times) == ("diverges", "–")
     assert worst.stands_out
-
-
-# Figures.
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
-
-
-def test_the_curve_that_has_no_name_is_what_names_leave(ax):
-    curve = make_curve("c_normal")
-    plot_curve(ax, curve.alpha, curve.lack, curve.std, curve.named)
-    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
-    alpha = np.degrees(curve.alpha)
-    np.testing.assert_allclose(lines["the plate lacks"][:, 0], alpha)
-    np.testing.assert_allclose(lines["the plate lacks"][:, 1], curve.lack)
-    np.testing.assert_allclose(lines["has no name"][:, 1], curve.lack - curve.named)
-    (band,) = ax.collections
-    corners = band.get_paths()[0].vertices
-    i = int(np.argmax(curve.std))
-    at = corners[np.isclose(corners[:, 0], alpha[i])][:, 1]
-    assert np.ptp(at) == pytest.approx(2.0 * BAND * curve.std[i])
-
-
-def test_each_curve_has_its_axes():
-    for count in (1, 2, 3, 4):
-        result = make_result(curves=(make_curve("c_moment"),) * count)
-        figure = FIGURES["curves"](result)
-        assert figure is not None
-        shown = [ax for ax in figure.axes if ax.get_visible()]
-        assert [ax.get_title() for ax in shown] == ["moment $C_M$ [m]"] * count
-
-
-@pytest.mark.parametrize("name", FIGURES)
-@pytest.mark.parametrize(
-    "result",
-    [
-        dataclasses.replace(ALL_MODELS, model=VARIANTS["unexplained"].model),
-        dataclasses.replace(VARIANTS["diverged"], model=VARIANTS["unexplained"].model),
-    ],
-    ids=("all", "few"),
-)
-def test_the_legend_is_inside_the_figure(name, result):
-    figure = FIGURES[name](result)
-    FigureCanvasAgg(figure).draw()
-    for legend in figure.legends:
-        box = legend.get_window_extent()
-        assert box.x0 >= 0.0
-        assert box.x1 <= figure.bbox.x1
-
-
-@pytest.mark.parametrize("result", [make_result(), ALL_MODELS], ids=("three", "four"))
-def test_numbers_of_bars_do_not_overlap(result):
-    errors = dict.fromkeys(columns_of(result), make_errors(0.5432))
-    figure = FIGURES["errors"](make_result(errors=errors))
-    FigureCanvasAgg(figure).draw()
-    for ax in figure.axes:
-        boxes = sorted((t.get_window_extent() for t in ax.texts), key=lambda b: b.x0)
-        for left, right in pairwise(boxes):
-            assert left.x1 <= right.x0
-
-
-def test_folds_that_get_worse_are_red(ax):
-    plot_pairs(ax, np.array([2.0, 2.0, np.nan]), np.array([1.0, 3.0, 1.0]))
-    colors = [line.get_color() for line in ax.lines if len(line.get_xdata()) == 2]
-    assert colors[:2] == [BLUE, RED]
-
-
-def test_fold_figure_has_the_errors_in_one_unit():
-    figure = FIGURES["folds"](make_result())
-    assert figure is not None
-    assert [ax.get_ylabel() for ax in figure.axes] == ["RMS [mm]"] * 2 + ["RMS [°]"]
-    first = figure.axes[0].lines[0].get_ydata()
-    np.testing.assert_allclose(first, [206.5, 165.2])
-
-
-def test_flights_farthest_off_are_named(ax):
-    values = {"a.csv": 0.1, "b.csv": -3.0, "c.csv": math.nan, "d.csv": 2.0, "e": 0.2}
-    plot_spread(ax, values, 1.0)
-    assert {t.get_text() for t in ax.texts} == {"b", "d", "e"}
-
-
-def test_spreads_of_angles_are_in_degrees():
-    figure = FIGURES["spreads"](make_result())
-    assert figure is not None
-    (ax,) = figure.axes
-    assert ax.get_ylabel() == "[°]"
-    points = ax.lines[-1].get_ydata()
-    np.testing.assert_allclose(points, np.degrees([0.015, -0.031]))
-
-
-def test_coefficients_are_drawn_flight_by_flight():
-    figure = FIGURES["coefficients"](make_result())
-    assert figure is not None
-    for ax in figure.axes:
-        thin = [line for line in ax.lines if line.get_linewidth() < 1.0]
-        assert len(thin) == 6
-        assert len(ax.collections) == 1  # The band.
-
-
-def test_binned_quantiles_are_those_of_each_bin():
-    rng = np.random.default_rng(0)
-    x = rng.uniform(0.0, 1.0, 20_000)
-    y = 3.0 * x + rng.normal(size=x.size)
-    centers, (low, middle, high) = binned_quantiles(x, y, (0.1587, 0.5, 0.8413))
-    np.testing.assert_allclose(middle, 3.0 * centers, atol=0.15)
-    np.testing.assert_allclose(high - low, 2.0, atol=0.2)
-    centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
-    assert centers.shape == (0,)
-    assert lines.shape == (2, 0)
 
 
 def test_evidence_is_told_as_it_was_found():

@@ -15,7 +15,7 @@ pytestmark = [
 ]
 
 PHONE = {"viewport": {"width": 390, "height": 800}, "has_touch": True}
-PLOTS = "[data-chart] .plot"
+PLOTS = "[data-figure] .plot"
 
 
 @pytest.fixture(scope="module")

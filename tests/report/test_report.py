@@ -21,10 +21,12 @@ from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import load_covariance, load_model
-from glider.report.charts import STATIC
+from glider.report.as_page import STATIC
+from glider.report.figures_of_result import make_figures
 from glider.report.folder import write_report
 from glider.report.json_report import to_json
 from glider.report.page import to_html
+from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
 from glider.sysid.result import CALIBRATED, Errors, Estimate
@@ -39,10 +41,8 @@ FIGURES = {
 }
 
 
-STUBS = {
-    name: b"\x89PNG\r\n" + bytes(10) + b"\x06\x40" + name.encode() for name in FIGURES
-}
-"""Figures where the drawing of them is not what is tested; 1600 pixels wide."""
+STUB = b"\x89PNG\r\n"
+"""A picture where the drawing of it is not what is tested."""
 
 
 @pytest.fixture(params=VARIANTS)
@@ -63,7 +63,9 @@ def written(request, tmp_path_factory):
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("glider.report.figures.DPI", 50)  # Quicker.
+        patch.setattr(
+            "glider.report.folder.to_png", lambda figure: to_png(figure, dpi=50)
+        )  # Quicker.
         write_report(VARIANTS[request.param], folder)
     return VARIANTS[request.param], folder
 
@@ -71,7 +73,7 @@ def written(request, tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """Draws no figure, where that is not what is tested."""
-    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: STUBS)
+    monkeypatch.setattr("glider.report.folder.to_png", lambda figure: STUB)
 
 
 class Page(HTMLParser):
@@ -88,7 +90,7 @@ class Page(HTMLParser):
         for name, value in attrs:
             if name in ("src", "href", "srcset", "data", "poster", "action"):
                 self.references.append(value)
-            if name == "data-chart":
+            if name == "data-figure":
                 self.figures.append(value)
         assert tag not in ("link", "iframe", "object", "embed", "img")
 
@@ -332,14 +334,14 @@ def test_folder_holds_the_report_and_keeps_what_was_there(written):
 
 
 def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
-    write_report(make_result(), tmp_path)
+    write_report(make_result(model=VARIANTS["unexplained"].model), tmp_path)
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
-    fewer = {"errors": STUBS["residual"]}
+    fewer = {"errors": make_figures(make_result())["errors"]}
     monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
     assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"errors", "mine"}
-    assert (tmp_path / "figures" / "errors.png").read_bytes() == STUBS["residual"]
+    assert (tmp_path / "figures" / "errors.png").read_bytes() == STUB
     data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "no_effect"
     assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(

@@ -1,5 +1,5 @@
-"""Figures of a report, drawn into axes: arrays and an `ax` in, nothing out.
+"""Figures, specified once and drawn for a page or a file.
 
-One palette and one name for each model in all figures. No pyplot, so no global
-state and no window. Angles are in degrees here, at the edge; all else stays SI.
+figure: what a figure is made of. style: colours, dashes, names. binning: what many
+points become. as_file: pictures. axes: help for drawings outside of reports.
 """

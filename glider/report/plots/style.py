@@ -1,6 +1,6 @@
-"""One look for all figures: what a model's colour, name and line are.
+"""One look for all figures: colours, widths and dashes of legend entries, and names.
 
-The palette is Okabe and Ito's, which colour-blind readers can tell apart.
+The palette is Okabe and Ito's, which colour-blind readers can distinguish.
 """
 
 import math
@@ -10,23 +10,49 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E08A00", "#009E73", "#D55E00"
 PURPLE, GREY = "#CC79A7", "#8A8A8A"
 """Colours of the palette; its red is called vermilion."""
 
-COLORS = {
-    "measured": "#000000",
-    "nominal": GREY,
-    "refitted": ORANGE,
-    "calibrated": PURPLE,
-    "corrected": BLUE,
-}
-"""Model to its colour."""
+_LIGHT_BLUE, _LIGHT_ORANGE, _LIGHT_RED = "#56B4E9", "#F0A72E", "#FF8A50"
 
-DARK = {
-    "measured": "#F2F4F6",
-    "nominal": "#9AA3AC",
-    "refitted": "#F0A72E",
-    "calibrated": "#E39CC2",
-    "corrected": "#56B4E9",
+INKS = {
+    "measured": ("#000000", "#F2F4F6"),
+    "nominal": (GREY, "#9AA3AC"),
+    "refitted": (ORANGE, _LIGHT_ORANGE),
+    "calibrated": (PURPLE, "#E39CC2"),
+    "corrected": (BLUE, _LIGHT_BLUE),
+    "noise": ("#1B1F24", "#E6E9ED"),
+    "soft": ("#5B6570", "#A7B0BA"),
+    "fitted": (GREY, "#7C858F"),
+    "lack": (BLUE, _LIGHT_BLUE),
+    "named": (GREEN, "#2FC79B"),
+    "rest": (RED, _LIGHT_RED),
+    "better": (BLUE, _LIGHT_BLUE),
+    "worse": (RED, _LIGHT_RED),
+    "own": (BLUE, _LIGHT_BLUE),
+    "chosen": (BLUE, _LIGHT_BLUE),
+    "confused": ("#8CC3E6", "#2F6E96"),
+    "other": ("#B5B5B5", "#5F6873"),
+    "first": (ORANGE, _LIGHT_ORANGE),
+    "second": (BLUE, _LIGHT_BLUE),
 }
-"""The same on a dark ground, for pages."""
+"""Entry of a legend to its colour on a light and on a dark ground."""
+
+COLORS = {key: light for key, (light, _) in INKS.items()}
+"""The colour on a light ground."""
+
+DASHES = {
+    "nominal": (4.0, 1.5),
+    "refitted": (4.0, 1.2, 1.0, 1.2),
+    "calibrated": (1.0, 1.0),
+    "named": (3.0, 1.5),
+    "rest": (1.0, 1.0),
+    "noise": (1.0, 1.0),
+}
+"""Dash, gap, ... in widths of the line; lines that are not named are solid."""
+
+WIDTHS = {
+    **{"measured": 3.0, "nominal": 2.4, "refitted": 2.4, "calibrated": 2.0},
+    **{"lack": 2.4, "named": 2.0, "rest": 2.0},
+}
+"""Widths of lines; those not named are thinner, and show what lies below."""
 
 LABELS = {
     "measured": "measured",
@@ -35,14 +61,33 @@ LABELS = {
     "calibrated": "pitch zero",
     "corrected": "corrected",
 }
-"""Model to its name for people."""
+"""Model to its name, in the order in which models are shown."""
 
-DASHES = {
-    "nominal": (0, (4, 1.5)),
-    "refitted": (0, (4, 1.2, 1, 1.2)),
-    "calibrated": (0, (1, 1)),
+TERMS = {
+    "c_normal": "normal force $C_n$",
+    "c_axial": "axial force $C_a$",
+    "c_moment": "moment $C_M$ [m]",
+    "elevator_factor": "force of the tail, factor",
+    "c_lift": "lift $C_L$",
+    "c_drag": "drag $C_D$",
+    "wind_x": "air moving forward [m/s]",
+    "wind_z": "air moving up [m/s]",
 }
-"""Lines differ without colour too; those not named here are solid."""
+"""Term of a curve to its name."""
+
+VARIABLES = {
+    "x": ("x [m]", 1.0),
+    "z": ("z [m]", 1.0),
+    "t": ("time [s]", 1.0),
+    "pitch": ("pitch θ, nose down > 0 [°]", math.degrees(1.0)),
+    "V": ("airspeed V [m/s]", 1.0),
+    "alpha": ("angle of attack α [°]", math.degrees(1.0)),
+    "alphadot": ("rate of α [°/s]", math.degrees(1.0)),
+    "pitchdot": ("pitch rate [°/s]", math.degrees(1.0)),
+    "elevator": ("elevator, up > 0 [°]", math.degrees(1.0)),
+    "elevator_rate": ("elevator rate [°/s]", math.degrees(1.0)),
+}
+"""Variable to its axis label and the factor from SI."""
 
 STYLE: Any = {
     "axes.axisbelow": True,
@@ -65,43 +110,4 @@ STYLE: Any = {
     "ytick.color": "#444444",
     "ytick.labelsize": 8.5,
 }
-"""Settings for `matplotlib.rc_context`, round the making of a figure."""
-
-TERMS = {
-    "c_normal": "normal force $C_n$",
-    "c_axial": "axial force $C_a$",
-    "c_moment": "moment $C_M$ [m]",
-    "elevator_factor": "force of the tail, factor",
-    "c_lift": "lift $C_L$",
-    "c_drag": "drag $C_D$",
-    "wind_x": "air moving forward [m/s]",
-    "wind_z": "air moving up [m/s]",
-}
-"""Term of a curve to its name for people."""
-
-VARIABLES = {
-    "x": ("x [m]", 1.0),
-    "z": ("z [m]", 1.0),
-    "t": ("time [s]", 1.0),
-    "pitch": ("pitch θ, nose down > 0 [°]", math.degrees(1.0)),
-    "V": ("airspeed V [m/s]", 1.0),
-    "alpha": ("angle of attack α [°]", math.degrees(1.0)),
-    "alphadot": ("rate of α [°/s]", math.degrees(1.0)),
-    "pitchdot": ("pitch rate [°/s]", math.degrees(1.0)),
-    "elevator": ("elevator, up > 0 [°]", math.degrees(1.0)),
-    "elevator_rate": ("elevator rate [°/s]", math.degrees(1.0)),
-}
-"""Variable to its axis label and the factor from SI."""
-
-WIDTHS = {"nominal": 2.4, "refitted": 2.4, "calibrated": 2.0}
-"""Widths of lines; those not named here are thinner, and show what lies below."""
-
-
-def line(model):
-    """Returns how a model's line is drawn, for `ax.plot`."""
-    return {
-        "color": COLORS[model],
-        "label": LABELS[model],
-        "lw": WIDTHS.get(model, 1.6),
-        "ls": DASHES.get(model, "-"),
-    }
+"""Settings for `matplotlib.rc_context`, round the making of a picture."""

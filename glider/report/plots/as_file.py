@@ -18,36 +18,13 @@ from matplotlib.figure import Figure as Picture
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
-from glider.report import figure as spec
-from glider.report.palette import COLORS, DASHES
+from glider.report.plots import figure as spec
+from glider.report.plots.style import COLORS, DASHES, STYLE
 
 WIDTH = 10.0
 """Of a picture [inch]."""
 
 DPI = 120
-
-STYLE: Any = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": "#444444",
-    "axes.grid": True,
-    "axes.linewidth": 0.8,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 10,
-    "axes.labelsize": 9.5,
-    "font.family": "DejaVu Sans",  # Comes with matplotlib.
-    "font.size": 9.5,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 9,
-    "legend.frameon": False,
-    "text.usetex": False,
-    "xtick.color": "#444444",
-    "xtick.labelsize": 8.5,
-    "ytick.color": "#444444",
-    "ytick.labelsize": 8.5,
-}
-"""Settings for `matplotlib.rc_context`, round the making of a picture."""
 
 _PIXELS = 92.0
 """Of a page, to an inch."""
@@ -62,9 +39,7 @@ def to_png(figure: spec.Figure, dpi: float = DPI) -> bytes:
         picture = draw(figure)
         buffer = io.BytesIO()
         FigureCanvasAgg(picture)
-        picture.savefig(
-            buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 2}
-        )
+        picture.savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 2})
     return buffer.getvalue()
 
 
@@ -138,8 +113,10 @@ def _legend_rows(figure: spec.Figure, width: float) -> list[list[str]]:
 
 def _entry(figure: spec.Figure, key: str) -> Any:
     """Handle of a key of the legend, as it is drawn."""
-    color, label = color_of(key), _escape(figure.keys[key])
-    marks = [m for panel in figure.shown for m in panel.marks if getattr(m, "key", "") == key]
+    color, label = COLORS[key], _escape(figure.keys[key])
+    marks = [
+        m for panel in figure.shown for m in panel.marks if getattr(m, "key", "") == key
+    ]
     if any(isinstance(m, spec.Bars) for m in marks):
         return Patch(color=color, label=label)
     if marks and all(isinstance(m, (spec.Ground, spec.Points)) for m in marks):
@@ -150,11 +127,6 @@ def _entry(figure: spec.Figure, key: str) -> Any:
     return matplotlib.lines.Line2D(
         [], [], color=color, lw=widest, ls=_dash(key), label=label
     )
-
-
-def color_of(key: str) -> str:
-    """Colour of a key on a light ground."""
-    return COLORS[key][0]
 
 
 def _dash(key: str) -> Any:
@@ -203,13 +175,13 @@ def _draw_mark(ax: Axes, mark: spec.Mark, is_over_points: bool) -> None:
     match mark:
         case spec.Level():
             style = ":" if mark.is_dotted else "-"
-            ax.axhline(mark.value, color=color_of("soft"), lw=0.8, ls=style)
+            ax.axhline(mark.value, color=COLORS["soft"], lw=0.8, ls=style)
         case spec.Ground():
             span = ax.axvspan if mark.along == "x" else ax.axhspan
-            color = color_of(mark.key)
+            color = COLORS[mark.key]
             span(mark.start, mark.end, color=color, alpha=0.14, lw=0, zorder=0)
         case spec.Band():
-            color = color_of(mark.key)
+            color = COLORS[mark.key]
             ax.fill_between(mark.x, mark.low, mark.high, color=color, alpha=0.17, lw=0)
         case spec.Bars():
             _draw_bars(ax, mark)
@@ -218,9 +190,9 @@ def _draw_mark(ax: Axes, mark: spec.Mark, is_over_points: bool) -> None:
         case spec.Points():
             ax.plot(
                 *(mark.x, mark.y, "o"),
-                color=color_of(mark.key),
+                color=COLORS[mark.key],
                 ms=0.55 * mark.size,
-                alpha=0.8 * mark.opacity,
+                alpha=mark.opacity,
                 mew=0,
             )
             for x, y, label in zip(mark.x, mark.y, mark.labels, strict=False):
@@ -236,7 +208,7 @@ def _draw_line(ax: Axes, mark: spec.Line, is_over_points: bool) -> None:
     ax.plot(
         mark.x,
         mark.y,
-        color=color_of(mark.key),
+        color=COLORS[mark.key],
         lw=width,
         ls="-" if mark.is_solid else _dash(mark.key),
         alpha=mark.opacity,
@@ -249,8 +221,8 @@ def _draw_line(ax: Axes, mark: spec.Line, is_over_points: bool) -> None:
 def _draw_bars(ax: Axes, mark: spec.Bars) -> None:
     values = np.nan_to_num(mark.values, posinf=0.0, neginf=0.0)
     bars = ax.barh if mark.is_across else ax.bar
-    bars(mark.places, values, mark.width, color=color_of(mark.key))
-    size = 8.5 if mark.is_across or mark.width > 0.2 else 6.0
+    bars(mark.places, values, mark.width, color=COLORS[mark.key])
+    size = 8.5 if mark.is_across else 6.0
     for place, value, text in zip(mark.places, values, mark.texts, strict=True):
         if mark.is_across:
             _annotate(ax, text, (max(value, 0.0), place), (4, 0), size, va="center")

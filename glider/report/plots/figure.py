@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.report.palette import WIDTHS
+from glider.report.plots.style import WIDTHS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def binned_quantiles(
         index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
         order = np.argsort(index, kind="stable")
         ends = np.searchsorted(index[order], np.arange(bins + 1))
-        members = [order[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        members = [order[a:b] for a, b in pairwise(ends)]
         full = [m for m in members if len(m) >= fewest]
     columns = [np.quantile(y[m], quantiles) for m in full]
     return (

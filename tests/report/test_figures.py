@@ -1,0 +1,266 @@
+"""Figures show the numbers of the result; page and file draw the same of them."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from glider.files.schema import json_text
+from glider.report.as_page import page_data, rounded
+from glider.report.error_table import noise_floor
+from glider.report.figures_of_result import FIGURES, make_figures
+from glider.report.flight_errors import distance
+from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
+from glider.report.model_figures import BAND
+from glider.report.page import to_html
+from glider.report.plots.binning import binned_quantiles, symlog
+from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
+from glider.report.plots.style import INKS
+from tests.report.results import VARIANTS, make_curve, make_flight, make_result
+
+
+def of_kind(panel, kind, key=None):
+    marks = [m for m in panel.marks if isinstance(m, kind)]
+    return [m for m in marks if key is None or m.key == key]
+
+
+@pytest.fixture(params=VARIANTS)
+def variant(request):
+    return VARIANTS[request.param]
+
+
+def test_every_mark_is_in_the_legend_and_has_its_colors(variant):
+    for figure in make_figures(variant).values():
+        marks = [m for panel in figure.every for m in panel.marks]
+        keys = {m.key for m in marks if not isinstance(m, (Level, Ground))}
+        assert keys <= figure.keys.keys() <= INKS.keys()
+        assert {m.key for m in marks if isinstance(m, Ground)} <= INKS.keys()
+
+
+def test_a_page_holds_the_numbers_of_the_figures(variant):
+    """Whatever a column is written as, the page finds the figure's numbers, rounded."""
+    figures = make_figures(variant)
+    data = json.loads(json_text(page_data(figures)))
+
+    def numbers(value):
+        column = data["columns"][int(value[1:])] if isinstance(value, str) else value
+        return np.array(column, dtype=float)
+
+    for name, figure in figures.items():
+        found = data["figures"][name]
+        panels = [*found["panels"], *(p for c in found["choices"] for p in c["panels"])]
+        for panel, drawn in zip(figure.every, panels, strict=True):
+            lines = [t for t in drawn["traces"] if "lines" in t.get("mode", "")]
+            lines = [t for t in lines if t["line"]["width"] > 0]
+            for mark, trace in zip(of_kind(panel, Line), lines, strict=True):
+                finite = np.where(np.isfinite(mark.y), mark.y, math.nan)
+                np.testing.assert_allclose(numbers(trace["y"]), finite, rtol=1e-4)
+    assert len({json.dumps(c) for c in data["columns"]}) == len(data["columns"])
+
+
+def test_bars_are_the_errors_and_their_noise():
+    result = make_result()
+    place = FIGURES["errors"](result).panels[2]
+    (bars,) = of_kind(place, Bars, "nominal")
+    np.testing.assert_allclose(bars.values, [413.0, 900.0, 220.0])
+    assert bars.texts == ["413", "900", "220"]
+    (noise,) = of_kind(place, Line, "noise")
+    floor = [noise_floor(result, f) for f in ("position_rms_m", "position_end_m")]
+    np.testing.assert_allclose(noise.y[[0, 4]], np.array(floor) * 1e3)
+    assert [p.title for p in FIGURES["errors"](result).panels][2:] == [
+        *("position [mm]", "pitch [°]")
+    ]
+
+
+def test_noise_of_accelerations_is_that_of_held_out_flights():
+    result = make_result()
+    table = result.residual_after
+    assert noise_floor(result, "normal") == pytest.approx(0.002)
+    noise = table.noise.copy()
+    noise[table.flight == 0] = 5.0
+    louder = dataclasses.replace(table, noise=noise)
+    unseen = make_result(
+        residual_after=louder, held_out_flights=result.held_out_flights[1:]
+    )
+    assert noise_floor(unseen, "normal") == pytest.approx(0.002)
+    assert noise_floor(make_result(residual_after=louder), "normal") > 1.0
+    assert math.isnan(noise_floor(make_result(held_out_flights=()), "normal"))
+
+
+def test_held_out_flights_are_drawn_as_they_are():
+    result = make_result()
+    figure = FIGURES["held_out"](result)
+    assert [c.label for c in figure.choices] == [
+        f"flight_1{i:02d}" for i in range(6)[::-1]
+    ]
+    assert len(figure.shown) == 3 * sum(c.is_shown for c in figure.choices) == 12
+    flight = result.held_out[5]
+    path, pitch, apart = figure.choices[0].panels
+    (line,) = of_kind(path, Line, "corrected")
+    np.testing.assert_allclose(line.x, flight.flown["corrected"][:, 0])
+    np.testing.assert_allclose(line.extra, flight.time)
+    (line,) = of_kind(pitch, Line, "measured")
+    np.testing.assert_allclose(line.y, np.degrees(flight.measured[:, 2]))
+    (line,) = of_kind(apart, Line, "refitted")
+    away = distance(flight.flown["refitted"], flight.measured)
+    np.testing.assert_allclose(line.y[1:], away[1:])
+    assert math.isnan(line.y[0])  # Of zero there is no logarithm.
+    assert pitch.x.link == apart.x.link != path.x.link
+
+
+def test_points_have_their_flight_and_time():
+    result = make_result()
+    figure = FIGURES["residual"](result)
+    table = result.residual_before
+    assert figure.flights == table.names
+    assert figure.columns == 2
+    for panel in figure.panels:
+        (cloud,) = of_kind(panel, Points, "nominal")
+        np.testing.assert_array_equal(cloud.flight, table.flight)
+        np.testing.assert_array_equal(cloud.time, table.variables["t"])
+
+
+def test_each_flight_has_its_line_of_coefficients():
+    result = make_result()
+    figure = FIGURES["coefficients"](result)
+    table = result.residual_after
+    thin = of_kind(figure.panels[3], Line, "measured")[0]
+    rows = thin.flight == 3
+    assert np.isnan(thin.y[rows][-1])  # A gap before the next flight.
+    lift, alpha = thin.y[rows][:-1], np.radians(thin.x[rows][:-1])
+    np.testing.assert_allclose(lift, np.sin(2.0 * alpha), atol=0.1)
+    assert set(thin.flight) == set(table.flight)
+    for panel in figure.panels:
+        assert len(of_kind(panel, Band)) == 1
+
+
+def test_what_is_unidentified_is_drawn():
+    (panel,) = FIGURES["carried"](VARIANTS["unexplained"]).panels  # Wind along x is 0.
+    (line,) = of_kind(panel, Line)
+    assert panel.title == "air moving up [m/s]"
+    peak = int(np.argmax(line.y))
+    assert line.x[peak] == pytest.approx(-2.0, abs=0.02)
+    assert line.y[peak] == pytest.approx(1.0, rel=0.1)
+
+
+def test_the_unidentified_curve_is_what_effects_leave():
+    curve = make_curve("c_normal")
+    (panel,) = FIGURES["curves"](make_result(curves=(curve,))).panels
+    (rest,) = of_kind(panel, Line, "rest")
+    np.testing.assert_allclose(rest.x, np.degrees(curve.alpha))
+    np.testing.assert_allclose(rest.y, curve.lack - curve.named)
+    (band,) = of_kind(panel, Band)
+    np.testing.assert_allclose(band.high - band.low, 2.0 * BAND * curve.std)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_each_curve_has_its_panel(count):
+    figure = FIGURES["curves"](make_result(curves=(make_curve("c_moment"),) * count))
+    assert [p.title for p in figure.panels] == ["moment $C_M$ [m]"] * count
+
+
+def test_evidence_is_drawn_strongest_on_top():
+    result = make_result(candidates={"mass": math.nan, "wind": 100.0, "camber": -5.0})
+    (panel,) = FIGURES["evidence"](result).panels
+    assert list(panel.y.ticks.values()) == ["mass", "camber", "wind"]
+    bars = {m.key: m for m in of_kind(panel, Bars)}
+    assert bars["chosen"].values == pytest.approx([1.6])
+    assert bars["other"].texts == ["none", "-5.0"]
+
+
+def test_folds_that_get_worse_are_another_color():
+    figure = FIGURES["folds"](make_result())
+    lines = of_kind(figure.panels[0], Line)
+    assert [line.key for line in lines] == ["better", "better", "worse"]
+    np.testing.assert_allclose(lines[0].y, [206.5, 165.2])
+    assert [p.title.partition(", RMS ")[2] for p in figure.panels] == [
+        *("[mm]", "[mm]", "[°]")
+    ]
+
+
+def test_flights_farthest_off_are_named():
+    values = {"a.csv": 0.1, "b.csv": -3.0, "c.csv": math.nan, "d.csv": 2.0, "e": 0.2}
+    spread = dataclasses.replace(
+        make_result().spreads["elevator_trim"], values=values, std=1.0, unit="m/s"
+    )
+    (panel,) = FIGURES["spreads"](make_result(spreads={"wind": spread})).panels
+    (points,) = of_kind(panel, Points)
+    assert points.labels == ["", "b", "", "d", "e"]
+    assert panel.title == "wind [m/s]"
+
+
+def test_spreads_of_angles_are_in_degrees():
+    (panel,) = FIGURES["spreads"](make_result()).panels
+    assert panel.title == "elevator trim [°]"
+    (points,) = of_kind(panel, Points)
+    np.testing.assert_allclose(points.y, np.degrees([0.015, -0.031]))
+
+
+def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
+    time = np.linspace(0.0, 2.0, 480)
+    rng = np.random.default_rng(0)
+    flights = []
+    for i in range(150):
+        pose = rng.normal(size=(480, 3))
+        flown = {m: pose + rng.normal(size=(480, 3)) for m in ("refitted", "corrected")}
+        flights.append(
+            dataclasses.replace(
+                make_flight(f"flight_{i:03d}.csv", 0.1),
+                time=time,
+                measured=pose,
+                flown=flown | {"nominal": pose + rng.normal(size=(480, 3))},
+            )
+        )
+    table = make_result().residual_before
+    more = 100
+    table = dataclasses.replace(
+        table,
+        **{
+            field: {k: np.tile(v, more) for k, v in getattr(table, field).items()}
+            for field in ("variables", "coefficients", "modelled")
+        },
+        residual=np.tile(table.residual, (more, 1)),
+        noise=np.tile(table.noise, (more, 1)),
+        unit=np.tile(table.unit, (more, 1)),
+        flight=np.repeat(np.arange(500), 60),
+        names=tuple(f"flight_{i:03d}.csv" for i in range(500)),
+    )
+    result = make_result(
+        held_out=tuple(flights), residual_before=table, residual_after=table
+    )
+    inside = flights_in_page(result)
+    assert len(inside) <= MOST_FLIGHTS + 4
+    text = to_html(result)
+    assert len(text.encode()) < 5_000_000
+    assert f"({len(inside)} of the 150 held-out flights are here)" in text
+
+
+def test_numbers_of_a_page_have_five_digits():
+    values = np.array([1.0 / 3.0, 123456.7, -2e-9, 0.0, math.nan, math.inf, 1e300])
+    found = rounded(values)
+    assert found[:4].tolist() == [0.33333, 123460.0, -2e-9, 0.0]
+    assert json.loads(json_text(found)) == [
+        *(0.33333, 123460.0, -2e-9, 0.0, None, None, 1e300)
+    ]
+    assert rounded(np.array([-0.00012345678])).tolist() == [-0.00012346]
+
+
+def test_an_axis_of_evidence_is_linear_then_logarithmic():
+    assert symlog(10.0) == pytest.approx(0.6)
+    assert symlog(1000.0) == pytest.approx(2.6)
+    assert symlog(-5.0) == pytest.approx(-0.3)
+    assert symlog(10.0 + 1e-9) == pytest.approx(symlog(10.0))
+
+
+def test_binned_quantiles_are_those_of_each_bin():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.0, 1.0, 20_000)
+    y = 3.0 * x + rng.normal(size=x.size)
+    centers, (low, middle, high) = binned_quantiles(x, y, (0.1587, 0.5, 0.8413))
+    np.testing.assert_allclose(middle, 3.0 * centers, atol=0.15)
+    np.testing.assert_allclose(high - low, 2.0, atol=0.2)
+    centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
+    assert centers.shape == (0,)
+    assert lines.shape == (2, 0)
