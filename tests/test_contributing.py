@@ -104,17 +104,16 @@ def test_what_a_page_names_is_there(page):
     named = CODE.findall(prose_of(page))
     modules = [m.group() for n in named if (m := re.match(rf"({OURS})(\.\w+)+", n))]
     paths = [n for n in named if re.fullmatch(rf"({OURS}|models)/[\w./]*", n)]
-    assert modules
+    assert modules or page == "README.md"
     assert paths
     assert [name for name in modules if not is_there(name)] == []
     assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
-@pytest.mark.parametrize("page", NOW)
-def test_packages_are_told_from_the_ground_up(page):
+def test_packages_are_listed_from_the_ground_up():
     """All that have a floor, in the order of the floors."""
     rows = re.findall(
-        r"^\| (`(?:glider|diagrams|examples)\b.*?) \|", text_of(page), re.M
+        r"^\| (`(?:glider|diagrams|examples)\b.*?) \|", text_of("CONTRIBUTING.md"), re.M
     )
     told = [n.strip("/").replace("/", ".") for row in rows for n in CODE.findall(row)]
     assert [name for name in told if name not in FLOORS] == []
