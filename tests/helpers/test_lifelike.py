@@ -1,6 +1,7 @@
 """The lifelike simulator is a second opinion: it must be right by itself."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -95,6 +96,14 @@ def flown_by_library(effects, start, commands):
     return np.stack(poses, axis=1)
 
 
+@functools.cache
+def planted_flights(kind, form):
+    """Returns what a form plants, and `flown` of a glider with it."""
+    glider = Glider()
+    planted = FORMS[kind][form](np.random.default_rng(0), glider)
+    return planted, flown(glider)
+
+
 @pytest.fixture(scope="module")
 def nominal():
     return flown(Glider())[3]
@@ -112,9 +121,7 @@ def test_the_librarys_forms_are_the_librarys(kind):
     """With its coefficients the library flies the same; sensors and servo too."""
     if kind not in KINDS:
         pytest.skip(f"the library has no {kind} yet")
-    glider = Glider()
-    (planted,) = FORMS[kind]["library"](np.random.default_rng(1), glider)
-    start, commands, _, pose = flown(glider)
+    (planted,), (start, commands, _, pose) = planted_flights(kind, "library")
     effect = KINDS[kind](**planted.coefficients)
     expected = flown_by_library((effect,), start, commands)
     nothing = flown_by_library((), start, commands)
@@ -124,11 +131,10 @@ def test_the_librarys_forms_are_the_librarys(kind):
 
 @pytest.mark.parametrize(("kind", "form"), ALL_FORMS)
 def test_every_form_changes_the_flights_well_beyond_the_noise(kind, form, nominal):
-    glider = Glider()
-    planted = FORMS[kind][form](np.random.default_rng(0), glider)
+    planted, (_, _, _, pose) = planted_flights(kind, form)
     assert kind in {p.name for p in planted}
     assert {p.form for p in planted} == {form}
-    change = (flown(glider)[3] - nominal) / (0.0004, 0.0004, 0.0025)
+    change = (pose - nominal) / (0.0004, 0.0004, 0.0025)
     assert 5.0 < np.sqrt(np.mean(change**2)) < 1000.0
 
 

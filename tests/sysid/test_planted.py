@@ -1,36 +1,46 @@
 """Effects planted in a campaign are traced, each with its coefficients."""
 
+import dataclasses
+
 import pytest
 
+from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.pipeline import close_the_loop
-from tests.helpers.tasks import fly, typical
+from glider.sysid.search.fits import Search
+from glider.sysid.search.pruning import prune
+from glider.sysid.search.tracing import LATE, by_sets
+from tests.helpers.tasks import fly, task_of, typical
+
+SEARCHED = (
+    *("command_delay", "pose_latency", "marker_offset", "pitch_rate_lift"),
+    *("axial_drag", "elevator_blowback", "stalled_downwash", "wind_shear"),
+    "added_mass",
+)
+WHOLE = ("tail_wake", "inertia")  # Which added_mass holds too.
+"""More kinds: lifelike campaigns; and pairs: bench_tracing."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kinds",
-    [
-        ("command_delay",),
-        ("tail_wake",),
-        ("pose_latency",),
-        ("marker_offset",),
-        ("pitch_rate_lift",),
-        ("axial_drag",),
-        ("elevator_blowback",),
-        ("stalled_downwash",),
-        ("wind_shear",),
-        ("added_mass",),
-        ("inertia",),  # Which added_mass holds too.
-    ],  # More kinds: lifelike campaigns; and pairs: bench_tracing.
-    ids="+".join,
-)
-def test_planted_effects_are_traced(kinds):
-    effects = [typical(kind) for kind in kinds]
-    result = close_the_loop(fly(*effects, flights=8))
-    assert sorted(effect.kind for effect in result.effects) == sorted(kinds)
-    for effect in effects:
-        found = next(e for e in result.effects if e.kind == effect.kind.kind)
-        for coefficient, truth in effect.to_dict().items():
-            assert found.coefficients[coefficient].value == pytest.approx(
-                truth, rel=0.15
-            )
+@pytest.mark.parametrize("kind", SEARCHED)
+def test_the_search_finds_planted_effects(kind):
+    effect = typical(kind)
+    task, noise = task_of(fly(effect, flights=5))
+    usual = tuple(k for k in task.kinds if k not in LATE)
+    search = Search(dataclasses.replace(task, kinds=usual), lambda text: None)
+    start = start_of(task, noise, with_curves=True)
+    model, _ = prune(search, by_sets(search, start))
+    assert model.kinds == (kind,)
+    for name, truth in effect.to_dict().items():
+        found = model.theta[task.layout.index[kind, name]]
+        assert found == pytest.approx(truth, rel=0.15), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", WHOLE)
+def test_the_whole_pipeline_names_planted_effects(kind):
+    effect = typical(kind)
+    result = close_the_loop(fly(effect, flights=8))
+    [found] = result.effects
+    assert found.kind == kind
+    for name, truth in effect.to_dict().items():
+        assert found.coefficients[name].value == pytest.approx(truth, rel=0.15)
