@@ -15,7 +15,13 @@ from glider.commands import (
     next_throw,
     samples,
 )
-from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
+from glider.errors import (
+    INTERRUPTED,
+    INTERRUPTED_CODE,
+    InputError,
+    os_error_line,
+    printable,
+)
 
 COMMANDS = (
     close_the_loop,
@@ -41,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {printable(error)}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"error: {os_error_line(error)}", file=sys.stderr)

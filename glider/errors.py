@@ -26,6 +26,11 @@ def os_error_line(error: OSError) -> str:
     return words + "." if error.filename is None else f"{error.filename}: {words}."
 
 
+def printable(text: object) -> str:
+    r"""Returns a text without control characters, which a file may hold: as \x1b."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
 def show(value: object, width: int = 80) -> str:
     """Returns what was found, for a message, cut off after `width` characters.
 

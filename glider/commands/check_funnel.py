@@ -1,7 +1,6 @@
 """The command `check-funnel`: check a saved funnel, exactly and without a solver."""
 
 import argparse
-import json
 import math
 from pathlib import Path
 
@@ -152,6 +151,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
+    from glider.files.schema import json_text
     from glider.physics.model import load_glider
     from glider.planning.problem import PerchingProblem, load_problem
     from glider.verification.funnel.funnel import funnel_of
@@ -199,7 +199,7 @@ def run(args: argparse.Namespace) -> int:
         report |= {"model_compared": model is not None}
         if confidence and trial:
             report["gliders"] = trial_report(funnel, confidence, trial, seed)
-        print(json.dumps(report, indent=2))
+        print(json_text(report))
     else:
         print(describe_check(funnel, verdict, proof, problem, args.model))
         if confidence and trial:

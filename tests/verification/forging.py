@@ -199,17 +199,42 @@ def _half_precision(arrays, notes):
     arrays["S"] = arrays["S"].astype(np.float16)
 
 
+def _huge_margin(arrays, notes):
+    notes["settings"]["margin"] = 10**400
+
+
+def _huge_goal(arrays, notes):
+    notes["settings"]["goal"][0] = 10**400
+
+
+def _endless_computation(arrays, notes):
+    notes["seconds"] = 10**400
+
+
+def _gliders_without_names(arrays, notes):
+    notes["confidence"] = {
+        "names": [],
+        "matrix": [],
+        "level": 0.95,
+        "shape": "ellipsoid",
+    }
+
+
+def _escape_sequence(arrays, notes):
+    notes["state_names"][0] = "\x1b[2J"
+
+
 INVENTED = {
     "a launch in mid-flight": (_late_launch, "the problem's launch has"),
     "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
     "1 cm beside the wire": (_beside_the_wire_at_the_end, "from the wire"),
     "a nominal that trembles": (_trembling, "The nominal is no flight"),
     "times that start at 1 s": (_moved_time, "'times' must increase from 0"),
-    "no number at one time": (_no_number_between, "finite numbers"),
+    "no number at one time": (_no_number_between, "'beta' is infinite or NaN"),
     "a set of two triangles": (_one_sided, "'S' is not symmetric"),
     "no remainder in pitch": (_no_remainder_in_pitch, "The remainder is inf times"),
     "a goal of any pitch": (_turned_goal, "The goal has pitches from"),
-    "a goal in words": (_worded_goal, "positive numbers"),
+    "a goal in words": (_worded_goal, "field 'settings.goal[0]' is '0.05"),
     "swapped names": (_swapped_names, "its states are z, x"),
     "a remainder of 1e200": (_huge, "The Gram matrix proves nothing"),
     "a set that is flat": (_flat, "The Gram matrix proves nothing"),
@@ -227,6 +252,11 @@ INVENTED = {
         "another glider",
     ),
     "negative bounds": (_negative, "'beta' is negative somewhere"),
+    "a margin of 401 digits": (_huge_margin, "field 'settings.margin' is 1000"),
+    "a goal of 401 digits": (_huge_goal, "field 'settings.goal[0]' is 1000"),
+    "seconds of 401 digits": (_endless_computation, "field 'seconds' is 1000"),
+    "gliders without names": (_gliders_without_names, "field 'names' is []"),
+    "an escape sequence": (_escape_sequence, "its states are \\x1b[2J, z"),
     "sets of half precision": (_half_precision, "'S' is of type float16"),
 }
 """More of them."""

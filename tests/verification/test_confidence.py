@@ -1,5 +1,7 @@
 """A confidence set holds what it says, and gliders that deviate are the ones meant."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,13 +11,13 @@ from glider.physics.effects import KINDS, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import (
     ConfidenceSet,
-    confidence_of,
     describe_set,
     make_confidence,
-    notes_of,
 )
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.dynamics.gliders import glider_at, physical, theta_at
+from glider.verification.funnel.file import GlidersNote
+from glider.verification.funnel.funnel import noted_confidence
 
 MODEL = GliderModel(effects=(WIND(x=-0.6, z=0.1), KINDS["profile_drag"](cd0=0.05)))
 NAMES = ("wind.z", "mass", "profile_drag.cd0")
@@ -79,20 +81,22 @@ def test_only_what_changes_a_flight_is_in_it():
 
 
 def test_it_comes_back_from_its_notes():
-    allowed = ConfidenceSet(covariance=KNOWN, level=0.9, shape="box")
-    again = confidence_of(MODEL, notes_of(allowed))
+    note = GlidersNote(
+        names=NAMES, matrix=KNOWN.matrix.tolist(), level=0.9, shape="box"
+    )
+    again = noted_confidence(MODEL, note)
     assert (again.names, again.level, again.shape) == (NAMES, 0.9, "box")
+    allowed = ConfidenceSet(covariance=KNOWN, level=0.9, shape="box")
     np.testing.assert_array_equal(again.factor, allowed.factor)
     assert describe_set(again).startswith("90 % box of wind.z ± 0.0021, mass ±")
-    for change in ({"level": 2.0}, {"shape": "ball"}, {"names": ["wind.z"]}):
+    for change in ({"level": 2.0}, {"shape": "ball"}, {"names": ("wind.z",)}):
         with pytest.raises(InputError):
-            confidence_of(MODEL, notes_of(allowed) | change)
-    with pytest.raises(InputError, match="'names', 'matrix', 'level' and"):
-        confidence_of(MODEL, {"names": []})
+            noted_confidence(MODEL, dataclasses.replace(note, **change))
+    offset = GliderModel(effects=(KINDS["pitch_offset"](angle=0.1),))
+    names = ("mass", "pitch_offset.angle")
+    note = dataclasses.replace(note, names=names, matrix=np.eye(2).tolist())
     with pytest.raises(InputError, match="of which a flight depends on mass only"):
-        covariance = Covariance(names=("mass", "pitch_offset.angle"), matrix=np.eye(2))
-        offset = GliderModel(effects=(KINDS["pitch_offset"](angle=0.1),))
-        confidence_of(offset, notes_of(ConfidenceSet(covariance=covariance)))
+        noted_confidence(offset, note)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, -1.0, float("nan"), True, "0.95"])

@@ -5,6 +5,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -139,8 +140,30 @@ def test_a_proof_goes_on_where_it_was_broken_off(proven, fake, tmp_path, monkeyp
     with pytest.raises(InputError, match="cannot be resumed: it is of another funnel"):
         prove_flights(other, every=50, workers=1, resume=path)
     path.write_text("no\n")
-    with pytest.raises(InputError, match="cannot be resumed"):
+    with pytest.raises(InputError, match="line 1: not readable as JSON"):
         prove_flights(proven, every=50, workers=1, resume=path)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('{"interval": 0, "boxes": "many"}', "field 'boxes' is 'many'"),
+        ('{"interval": 0, "boxes": -1}', "field 'boxes' is -1"),
+        ('{"interval": 0.5}', "field 'interval' is 0.5"),
+        ('{"interval": 0, "ratio": 1e999}', "field 'ratio' is inf"),
+        ('{"interval": 0, "proof": 1}', "unknown field 'proof'"),
+        ("[0]", "a mapping of fields"),
+        ("{}", "'interval' is missing"),
+    ],
+)
+def test_a_forged_record_of_a_proof_is_refused(line, words, proven, fake, tmp_path):
+    path = tmp_path / "proof.jsonl"
+    prove_flights(proven, every=200, workers=1, resume=path)
+    with path.open("a") as stream:
+        stream.write(line + "\n")
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        prove_flights(proven, every=200, workers=1, resume=path)
+    assert str(error.value).startswith(f"{path}: line 4: ")
 
 
 def with_stop(funnel, stop):

@@ -1,5 +1,8 @@
 """No forged file passes `check-funnel`, and each is refused in a sentence."""
 
+import zipfile
+
+import numpy as np
 import pytest
 
 from glider.__main__ import main
@@ -34,6 +37,36 @@ def test_a_forged_file_is_refused_in_a_sentence(
     assert sentences, said
     assert len(sentences[0]) < 300
     assert sentences[0].endswith(".")
+    assert "".join(said.splitlines()).isprintable()
+
+
+@pytest.mark.parametrize("shape", [(10**12,), (10**7, 7, 7), (10**400,)])
+def test_a_header_of_more_than_the_memory_is_refused_unread(
+    shape, source, tmp_path, capsys
+):
+    path = tmp_path / "funnel.npz"
+    with zipfile.ZipFile(source) as good, zipfile.ZipFile(path, "w") as forged:
+        for name in good.namelist():
+            with forged.open(name, "w") as stream:
+                if name == "S.npy":
+                    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+                    np.lib.format.write_array_header_1_0(stream, header)
+                else:
+                    stream.write(good.read(name))
+    assert main(["check-funnel", str(path), *FEW]) == 2
+    assert "'S' has shape" in capsys.readouterr().err
+
+
+def test_an_effects_name_reaches_no_terminal_raw(source, tmp_path, capsys):
+    path = tmp_path / "funnel.npz"
+
+    def change(arrays, notes):
+        effect = 'effects:\n- kind: "\\e[2J"\n  coefficients: {}'
+        notes["model"] = notes["model"].replace("effects: []", effect)
+
+    forge(source, path, change)
+    assert main(["check-funnel", str(path), *FEW]) == 2
+    assert "unknown effect '\\x1b[2J'" in capsys.readouterr().err
 
 
 def test_a_copy_by_the_forger_passes(source, vehicle, tmp_path, capsys):
@@ -71,4 +104,4 @@ def test_another_problem_and_glider_are_refused(source, tmp_path, capsys):
     assert main([*command, "--model", model]) == 1
     assert "'effects: []' where" in capsys.readouterr().out
     assert main([*command, "--model", str(problem)]) == 2
-    assert "not a glider model" in capsys.readouterr().err
+    assert "unknown field 'wire'" in capsys.readouterr().err

@@ -15,13 +15,12 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from glider.errors import InputError, show
-from glider.physics.covariance import Covariance, check_names, covariance_of_rows
+from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 
 LEVEL = 0.95
@@ -167,40 +166,3 @@ def describe_set(confidence: ConfidenceSet) -> str:
         for name, width in zip(confidence.names, widths, strict=True)
     )
     return f"{100.0 * confidence.level:g} % {confidence.shape} of {within or 'nothing'}"
-
-
-def notes_of(confidence: ConfidenceSet) -> dict[str, Any]:
-    """Returns a set as JSON has it; `confidence_of` gives it back unchanged."""
-    return {
-        "names": list(confidence.names),
-        "matrix": confidence.covariance.matrix.tolist(),
-        "level": confidence.level,
-        "shape": confidence.shape,
-    }
-
-
-def confidence_of(model: GliderModel, notes: Any) -> ConfidenceSet:
-    """Returns the set that was noted.
-
-    Raises:
-        InputError: it is none, or of another glider.
-    """
-    try:
-        names, rows = list(notes["names"]), notes["matrix"]
-        check_names(names, model.effects)
-        covariance = covariance_of_rows(names, rows)
-        level, shape = notes["level"], notes["shape"]
-    except InputError:
-        raise
-    except (TypeError, KeyError, ValueError):
-        raise InputError(
-            "the confidence set is spoilt; 'names', 'matrix', 'level' and 'shape' are "
-            "needed."
-        ) from None
-    confidence = make_confidence(model, covariance, level, shape)
-    if confidence.names != tuple(names):
-        raise InputError(
-            f"the confidence set is of {', '.join(names)}, of which a flight depends "
-            f"on {', '.join(confidence.names) or 'none'} only."
-        )
-    return confidence

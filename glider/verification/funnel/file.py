@@ -1,6 +1,4 @@
-"""The file of a funnel: notes and arrays in one .npz, read before they mean anything.
-
-NumPy is all that this needs, so that a file that is no funnel is refused at once.
+"""The file of a funnel: notes and arrays in one .npz.
 
 A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`
 (float32 is read too, and nothing else),
@@ -15,38 +13,32 @@ A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `
                        polynomial
     beta    (T, n)     bounds β of the Taylor remainder of each rate [m/s², rad/s²]
     weights (T, n)     λ that brings β into V̇, `glider.verification.funnel.remainder`
-    grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, for they are a
-                       hint that the check mends; lower triangles, column by column, in
-                       the basis of `glider.verification.sos.sphere`
+    grams   (T, E)     Gram matrices of -V̇/V on the boundary: float32, as the check
+                       corrects them; lower triangles, column by column, in the
+                       basis of `glider.verification.sos.sphere`
 
-and `notes`, a JSON text with
-
-    format       "drake-glider funnel 1"
-    state_names  n names: STATE_NAMES, then the effects' own states
-    settings     the fields of FunnelSettings
-    solver       name of the solver that was tried first
-    seconds      duration of the computation [s]
-    model        the glider, the text of a file of `glider.physics.model`
-    confidence   null or left out, or for a funnel of more gliders than that one
-                 {"names", "matrix", "level", "shape"} of the set that they deviate in,
-                 `glider.verification.dynamics.confidence`
+and `notes`, a JSON text with the fields of `Notes`.
 """
 
 import dataclasses
 import hashlib
 import io
-import json
+import math
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
+from glider.files import schema
 from glider.files.writing import replace_file
+from glider.verification.funnel.settings import FunnelSettings
 
-_FORMAT = "drake-glider funnel 1"
+FORMAT = "drake-glider funnel 1"
+
+MOST_BYTES = 100_000_000
+"""Largest file, and largest sum of its arrays; shipped funnels have 2 MB of them."""
 
 _FAULTS = (
     OSError,
@@ -54,26 +46,47 @@ _FAULTS = (
     ValueError,
     TypeError,
     KeyError,
-    AttributeError,
     RuntimeError,
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What reading a file may raise that somebody cut short, edited or made otherwise."""
+"""Exceptions on reading a file that was truncated, edited or made elsewhere."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FunnelFile:
-    """What a file holds."""
+class GlidersNote:
+    """The set of gliders that a funnel was made for, see `dynamics.confidence`."""
+
+    names: tuple[str, ...]
+    """Names of the numbers that deviate."""
+
+    matrix: list[list[float]]
+    """Their covariance."""
+
+    level: float
+    """Probability with which the true numbers are in the set."""
+
+    shape: str
+    """One of `dynamics.confidence.SHAPES`."""
+
+    def __post_init__(self):
+        """Raises InputError where no number deviates."""
+        if not self.names:
+            raise InputError("field 'names' is []; expected at least one name.")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Notes:
+    """What a file says besides its arrays."""
 
     state_names: tuple[str, ...]
     """STATE_NAMES, then the effects' own states; n of them."""
 
-    settings: dict[str, Any]
-    """Field of FunnelSettings to its value."""
+    settings: FunnelSettings
+    """Settings that the funnel was made with."""
 
     model: str
-    """Text of the glider's model file."""
+    """The glider, text of a file of `glider.physics.model`."""
 
     solver: str
     """Name of the solver that was tried first."""
@@ -81,18 +94,29 @@ class FunnelFile:
     seconds: float
     """Duration of the computation [s]."""
 
+    confidence: GlidersNote | None = None
+    """Set of gliders that it was made for; None for the model's glider alone."""
+
+    format: str = FORMAT
+    """FORMAT."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FunnelFile:
+    """The content of a file."""
+
+    notes: Notes
+    """Its notes."""
+
     arrays: dict[str, np.ndarray]
     """Name to finite doubles, of the shapes in `_shapes`."""
 
-    confidence: dict[str, Any] | None = None
-    """What the set of gliders is that it was made for; None for the model's own."""
-
-    sha256: str = ""
-    """Hash of the file that was read, in hexadecimal."""
+    sha256: str
+    """Hash of the file, in hexadecimal."""
 
 
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
-    """Returns the shape of each array, for so many times and states."""
+    """Returns the shape of each array, given the numbers of times and states."""
     size = n + n * (n + 1) // 2
     return {
         "times": (count,),
@@ -107,14 +131,10 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     }
 
 
-def write_file(path: Path | str, file: FunnelFile) -> None:
-    """Writes a file at once; `read_file` gives it back unchanged."""
-    notes = {f.name: getattr(file, f.name) for f in dataclasses.fields(file)}
-    arrays = notes.pop("arrays")
-    del notes["sha256"]
-    text = json.dumps({"format": _FORMAT, **notes})
+def write_file(path: Path | str, notes: Notes, arrays: dict[str, np.ndarray]) -> None:
+    """Writes a file at once; `read_file` reads it."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, notes=np.array(text), **arrays)
+    np.savez_compressed(buffer, notes=np.array(schema.json_text(notes)), **arrays)
     replace_file(Path(path), lambda file: file.write_bytes(buffer.getvalue()))
 
 
@@ -127,68 +147,89 @@ def read_file(path: Path | str) -> FunnelFile:
                 "examples/perching_funnel.py --save wrote (.npz)."
             )
         content = Path(path).read_bytes()
-        with np.load(io.BytesIO(content), allow_pickle=False) as data:
-            notes = json.loads(str(data["notes"]))
-            arrays = {name: data[name] for name in _shapes(0, 0)}
-        if notes["format"] != _FORMAT:
-            raise ValueError(f"its format is {notes['format']!r}, not {_FORMAT!r}")
-        file = FunnelFile(
-            state_names=tuple(notes["state_names"]),
-            settings={
-                key: tuple(value) if isinstance(value, list) else value
-                for key, value in notes["settings"].items()
-            },
-            model=str(notes["model"]),
-            solver=str(notes["solver"]),
-            seconds=float(notes["seconds"]),
-            confidence=notes.get("confidence"),
-            arrays=_checked(arrays, len(notes["state_names"])),
-            sha256=hashlib.sha256(content).hexdigest(),
-        )
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            notes = _read_notes(archive, str(path))
+            count = _header(archive, "times")[0]
+            if len(count) != 1:
+                raise ValueError(f"'times' has shape {show(count)}; expected one axis")
+            shapes = _shapes(*count, len(notes.state_names))
+            if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
+                raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
+            arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
+        _check(arrays)
+        digest = hashlib.sha256(content).hexdigest()
+        return FunnelFile(notes=notes, arrays=arrays, sha256=digest)
     except InputError:
         raise
     except _FAULTS as error:
         reason = error.strerror if isinstance(error, OSError) else None
         reason = " ".join(str(reason or error).split()).rstrip(".")
-        what = "cannot be read" if isinstance(error, OSError) else "is a spoilt funnel"
+        what = "cannot be read" if isinstance(error, OSError) else "is a damaged funnel"
         raise InputError(f"{path}: {what}: {reason}.") from None
-    return file
 
 
 def _may_be_a_funnel(path: Path | str) -> bool:
-    """Returns whether a file is an archive with the notes that a funnel has."""
-    if Path(path).is_dir():
+    """Determines whether a file is an archive with the notes that a funnel has."""
+    if Path(path).is_dir() or Path(path).stat().st_size > MOST_BYTES:
         return False
-    with open(path, "rb") as stream:
-        if not zipfile.is_zipfile(stream):
-            return False
-        with zipfile.ZipFile(stream) as archive:
-            return "notes.npy" in archive.namelist()
+    if not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return "notes.npy" in archive.namelist()
 
 
-def _checked(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
-    """Returns the arrays as doubles; what a check relies on, it may rely on from here.
+def _header(archive, name):
+    """Returns shape and type of an array that is not read yet."""
+    with archive.open(f"{name}.npy") as stream:
+        if np.lib.format.read_magic(stream) == (1, 0):
+            shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+        else:
+            shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+    return shape, dtype
 
-    Whole, complex and other numbers are refused: arithmetic on them is another.
+
+def _read(archive, name):
+    with archive.open(f"{name}.npy") as stream:
+        return np.lib.format.read_array(stream, allow_pickle=False)
+
+
+def _read_notes(archive, source):
+    shape, dtype = _header(archive, "notes")
+    if shape or dtype.kind != "U" or dtype.itemsize > MOST_BYTES:
+        raise ValueError("'notes' is not a text")
+    data = schema.parse_json(str(_read(archive, "notes")), source)
+    if isinstance(data, dict) and data.get("format") != FORMAT:
+        raise ValueError(f"its format is {show(data.get('format'))}, not '{FORMAT}'")
+    return schema.convert(data, Notes, source)
+
+
+def _read_array(archive, name, shape):
+    """Reads an array as doubles, once its header is seen to be right.
+
+    Integers and complex numbers are refused: their arithmetic is another.
     """
-    times, checked = arrays["times"], {}
-    for name, shape in _shapes(np.size(times), n).items():
-        array = arrays[name]
-        if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
-            raise ValueError(f"'{name}' is of type {array.dtype}; float64 is needed")
-        if array.shape != shape or not np.all(np.isfinite(array)):
-            raise ValueError(
-                f"'{name}' has shape {array.shape}; finite numbers of shape {shape} "
-                "are needed"
-            )
-        checked[name] = array.astype(np.float64)
+    found, dtype = _header(archive, name)
+    if dtype.kind != "f" or dtype.itemsize not in (4, 8):
+        raise ValueError(f"'{name}' is of type {dtype}; expected float64")
+    if found != shape:
+        raise ValueError(
+            f"'{name}' has shape {show(found)}; expected {show(shape)}, as 'times' "
+            "and 'state_names' have it"
+        )
+    array = _read(archive, name).astype(np.float64)
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"'{name}' is infinite or NaN somewhere; expected numbers")
+    return array
+
+
+def _check(arrays: dict[str, np.ndarray]) -> None:
+    """Raises ValueError unless times increase, S is symmetric and bounds are >= 0."""
+    times = arrays["times"]
     if len(times) < 2 or times[0] != 0.0 or not np.all(np.diff(times) > 0.0):
         raise ValueError("'times' must increase from 0")
     for name in ("S", "slopes"):
-        array = checked[name]
-        if not np.array_equal(array, np.swapaxes(array, 1, 2)):
+        if not np.array_equal(arrays[name], np.swapaxes(arrays[name], 1, 2)):
             raise ValueError(f"'{name}' is not symmetric")
     for name in ("beta", "weights"):
-        if np.any(checked[name] < 0.0):
+        if np.any(arrays[name] < 0.0):
             raise ValueError(f"'{name}' is negative somewhere")
-    return checked

@@ -9,12 +9,19 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.errors import InputError
+from glider.physics.covariance import check_names, covariance_of_rows
 from glider.physics.model import GliderModel, load_model, model_text
-from glider.verification.dynamics.confidence import confidence_of, notes_of
+from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.dynamics.nominal_path import nominal_path
-from glider.verification.funnel.file import FunnelFile, read_file, write_file
+from glider.verification.funnel.file import (
+    FunnelFile,
+    GlidersNote,
+    Notes,
+    read_file,
+    write_file,
+)
 from glider.verification.funnel.settings import FunnelSettings
 
 
@@ -120,19 +127,29 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
     """Writes a funnel as .npz, its glider included; `load_funnel` reads it."""
     arrays = {name: getattr(funnel.nominal, name) for name in ARRAYS}
     arrays |= {name: getattr(funnel, name) for name in _OWN_ARRAYS}
-    # The check mends a Gram matrix: half of its digits are enough.
+    # The check corrects a Gram matrix: half of its digits are enough.
     arrays["grams"] = funnel.grams.astype(np.float32)
-    write_file(
-        path,
-        FunnelFile(
-            state_names=tuple(funnel.nominal.state_names),
-            settings=dataclasses.asdict(funnel.settings),
-            model=model_text(funnel.nominal.model),
-            solver=funnel.solver,
-            seconds=funnel.seconds,
-            confidence=notes_of(funnel.gliders.confidence) if funnel.gliders else None,
-            arrays=arrays,
-        ),
+    notes = Notes(
+        state_names=tuple(funnel.nominal.state_names),
+        settings=funnel.settings,
+        model=model_text(funnel.nominal.model),
+        solver=funnel.solver,
+        seconds=funnel.seconds,
+        confidence=gliders_note(funnel),
+    )
+    write_file(path, notes, arrays)
+
+
+def gliders_note(funnel: Funnel) -> GlidersNote | None:
+    """Returns the set of gliders of a funnel as its file has it; None without one."""
+    if funnel.gliders is None:
+        return None
+    confidence = funnel.gliders.confidence
+    return GlidersNote(
+        names=confidence.names,
+        matrix=confidence.covariance.matrix.tolist(),
+        level=confidence.level,
+        shape=confidence.shape,
     )
 
 
@@ -140,8 +157,8 @@ def load_funnel(path: Path | str) -> Funnel:
     """Loads a funnel.
 
     Its numbers are finite doubles of the right shapes, S and Ṡ are symmetric, and its
-    states are those of its glider. Nothing else is taken on trust; whether they are a
-    certificate is for `glider.verification.proof.check`.
+    states are those of its glider. Whether they are a certificate is for
+    `glider.verification.proof.check`.
 
     Raises:
         InputError: the file holds no funnel, or one of a time-varying glider.
@@ -153,43 +170,51 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
     """Returns the funnel of a file that was read from a path.
 
     Raises:
-        InputError: its settings are none, or its glider can have no funnel.
+        InputError: its glider can have no funnel.
     """
-    try:
-        settings = FunnelSettings(**file.settings)
-    except (TypeError, InputError) as error:
-        reason = str(error).rstrip(".")
-        raise InputError(f"{path}: not a funnel: {reason}.") from None
-    model = _read_model(file.model, path)
+    notes = file.notes
+    model = _read_model(notes.model, path)
     if model.is_time_varying:
         raise InputError(f"{path}: not a funnel: its glider's dynamics vary with time.")
-    names = ", ".join(map(str, file.state_names))
-    if file.state_names != model.state_names:
+    if notes.state_names != model.state_names:
         raise InputError(
-            f"{path}: not a funnel: its states are {names}; its "
+            f"{path}: not a funnel: its states are {', '.join(notes.state_names)}; its "
             f"glider's are {', '.join(model.state_names)}."
         )
     nominal = Nominal(
         model=model,
-        state_names=file.state_names,
+        state_names=notes.state_names,
         **{name: file.arrays[name] for name in ARRAYS},
     )
     gliders = None
-    if file.confidence is not None:
+    if notes.confidence is not None:
         try:
-            confidence = confidence_of(model, file.confidence)
+            confidence = noted_confidence(model, notes.confidence)
         except InputError as error:
             raise InputError(f"{path}: not a funnel: its gliders: {error}") from None
         gliders = make_moving_center(nominal, confidence)
     return Funnel(
         nominal=nominal,
-        settings=settings,
-        solver=file.solver,
-        seconds=file.seconds,
+        settings=notes.settings,
+        solver=notes.solver,
+        seconds=notes.seconds,
         sha256=file.sha256,
         gliders=gliders,
         **{name: file.arrays[name] for name in _OWN_ARRAYS},
     )
+
+
+def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
+    """Returns the set in a file's notes; InputError if it is not of the model."""
+    check_names(note.names, model.effects)
+    covariance = covariance_of_rows(note.names, note.matrix)
+    confidence = make_confidence(model, covariance, note.level, note.shape)
+    if confidence.names != note.names:
+        raise InputError(
+            f"the confidence set is of {', '.join(note.names)}, of which a flight "
+            f"depends on {', '.join(confidence.names) or 'none'} only."
+        )
+    return confidence
 
 
 def _read_model(text: str, source: Path | str) -> GliderModel:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import numbers
 
 import numpy as np
 
@@ -66,31 +65,28 @@ class FunnelSettings:
     slow enough for commands that are held for 20 ms."""
 
     def __post_init__(self):
-        """Raises InputError where a setting makes no sense."""
+        """Raises InputError where a setting is out of range."""
         for name in ("goal", "sizes", "launch_sizes"):
             values = getattr(self, name)
             if name == "launch_sizes" and values is None:
                 continue
-            is_list = isinstance(values, (tuple, list)) and len(values) == NUM_STATES
-            if not (is_list and all(map(_is_positive, values))):
+            if len(values) != NUM_STATES or not all(map(_is_positive, values)):
                 raise InputError(
-                    f"FunnelSettings: '{name}' is {show(getattr(self, name))}; "
-                    f"{NUM_STATES} "
-                    f"positive numbers ({', '.join(STATE_NAMES)}) are needed."
+                    f"field '{name}' is {show(values)}; expected {NUM_STATES} positive "
+                    f"numbers ({', '.join(STATE_NAMES)})."
                 )
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin"):
             value = getattr(self, name)
             if not _is_positive(value):
                 raise InputError(
-                    f"FunnelSettings: '{name}' is {show(value)}; a positive number "
-                    "is needed."
+                    f"field '{name}' is {show(value)}; expected a positive number."
                 )
         for name in ("remainder", "elevator_gain"):
             value = getattr(self, name)
             if not (_is_positive(value) or value == 0.0):
                 raise InputError(
-                    f"FunnelSettings: '{name}' is {show(value)}; a number that is "
-                    "not negative is needed."
+                    f"field '{name}' is {show(value)}; expected a number that is "
+                    "zero or positive."
                 )
 
     def goal_axes(self, num_states: int) -> np.ndarray:
@@ -107,5 +103,5 @@ class FunnelSettings:
         return np.append(self.sizes, [self.sizes_extra] * (num_states - NUM_STATES))
 
 
-def _is_positive(value: object) -> bool:
-    return isinstance(value, numbers.Real) and 0.0 < float(value) < math.inf
+def _is_positive(value: float) -> bool:
+    return 0.0 < value < math.inf

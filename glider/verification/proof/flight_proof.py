@@ -6,15 +6,17 @@ each. A proof that was broken off goes on from there.
 """
 
 import dataclasses
-import json
+import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
 
 from glider.errors import InputError
+from glider.files import schema
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.counterexample import Candidate, worst_candidate
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
@@ -130,7 +132,7 @@ def prove_flights(
     for k, outcome in zip(left, found, strict=False):
         done[k] = outcome
         if resume and outcome.proven:
-            _append(resume, {"interval": k} | dataclasses.asdict(outcome))
+            _append(resume, _Record(interval=k, **dataclasses.asdict(outcome)))
         if progress:
             progress(len(done) / len(wanted))
         if not outcome.proven:
@@ -149,37 +151,61 @@ def prove_flights(
     )
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Header:
+    """First line of a file that a proof resumes from."""
+
+    format: str
+    funnel: str
+    """Hash of the funnel's file."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Record(IntervalProof):
+    """Each other line: an interval that was proven."""
+
+    interval: int
+
+    def __post_init__(self):
+        for name in ("interval", "boxes", "parts", "ratio"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(
+                    f"field '{name}' is {value}; expected a number that is zero or "
+                    "positive."
+                )
+
+
 def _read(path, funnel):
-    """Returns what a file says is proven of a funnel; starts it where there is none."""
-    header = {"format": _FORMAT, "funnel": funnel.sha256}
+    """Returns the proven intervals in a file; starts it where there is none."""
+    header = _Header(format=_FORMAT, funnel=funnel.sha256)
     if not path.exists():
         _append(path, header)
         return {}
-    try:
-        # A line that was cut short is the last, and proven again.
-        text = path.read_text(encoding="utf-8")
-        whole = text[: text.rfind("\n") + 1]
-        first, *lines = map(json.loads, whole.splitlines())
-        if first != header:
-            raise ValueError("it is of another funnel or of another kind")
-        known = {line.pop("interval"): IntervalProof(**line) for line in lines}
-    except (OSError, ValueError, TypeError, AttributeError, KeyError) as error:
-        reason = " ".join(str(error).split()).rstrip(".")
+    text = schema.read_text(path, "a record of a proof")
+    # A line that was cut short is the last, and proven again.
+    whole = text[: text.rfind("\n") + 1]
+    lines: list[Any] = []
+    for line in whole.splitlines():
+        source = f"{path}: line {len(lines) + 1}"
+        kind = _Record if lines else _Header
+        lines.append(schema.convert(schema.parse_json(line, source), kind, source))
+    if not lines or lines[0] != header:
         raise InputError(
-            f"{path}: cannot be resumed: {reason}; a file that --resume wrote for "
-            "this funnel, or a new name, is needed."
-        ) from None
+            f"{path}: cannot be resumed: it is of another funnel or another kind; "
+            "expected a file that --resume wrote for this funnel, or a new name."
+        )
     if whole != text:
         path.write_text(whole, encoding="utf-8")
-    return {k: outcome for k, outcome in known.items() if outcome.proven}
+    return {record.interval: record for record in lines[1:] if record.proven}
 
 
 def _append(path, line):
     try:
         with path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(line) + "\n")
+            stream.write(schema.json_text(line, indent=-1) + "\n")
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be written ({error.strerror}); a file that you may write "
-            "is needed."
+            f"{path}: cannot be written ({error.strerror}); expected a file that you "
+            "may write."
         ) from None

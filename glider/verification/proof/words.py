@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.confidence import describe_set, notes_of
-from glider.verification.funnel.funnel import Funnel
+from glider.verification.dynamics.confidence import describe_set
+from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof
@@ -32,7 +32,7 @@ def check_report(
         "end": dataclasses.asdict(arrival(funnel, problem)),
         "hook_takes_all": not hook_faults(funnel, problem),
         "remainder": remainder_status(funnel, proof),
-        "made_for": notes_of(funnel.gliders.confidence) if funnel.gliders else None,
+        "made_for": gliders_note(funnel),
     }
     if proof:
         report |= {
