@@ -69,14 +69,15 @@ print_summary(result, Console(width=88, force_jupyter=False, force_terminal=Fals
 #   sets of flights* means that it does not depend on a few launches.
 # - The **errors** are those of free rollouts: each model flies on its own from a launch
 #   state fitted on the first fifth of a held-out flight. The columns are the nominal
-#   model, the flat plate with its own parameters refitted, and the corrected model.
-#   *Noise* is what the cameras alone would leave.
+#   model, the flat plate with its own parameters refitted, the same with a constant
+#   error of the pitch reading, and the corrected model. *Noise* is what the cameras
+#   alone would leave.
 
 # %%
-corrected, drawn = result.errors["corrected"], result.errors["nominal"]
+corrected, nominal = result.errors["corrected"], result.errors["nominal"]
 assert result.verdict == "effect_found"
 assert [effect.kind for effect in result.effects] == ["attached_lift"]
-gain = drawn.position_rms_m / corrected.position_rms_m
+gain = nominal.position_rms_m / corrected.position_rms_m
 print(f"held-out position error: {gain:.0f} times smaller")
 
 # %% [markdown]

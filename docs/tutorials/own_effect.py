@@ -157,8 +157,8 @@ assert [effect.kind for effect in result.effects] == ["thread_drag"]
 # %% [markdown]
 # The coefficient agrees with the one that we simulated. The next cell shows what single
 # effects would gain on their own, in nats. The closest rival comes near, and the
-# flights still distinguish it. A rival within a few nats would be listed as *could be
-# confused with*.
+# flights still distinguish it. A rival within a few nats would be reported as
+# indistinguishable.
 
 # %%
 ranked = sorted(result.candidates.items(), key=lambda item: -item[1])
