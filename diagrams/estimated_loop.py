@@ -25,9 +25,9 @@ from glider.estimation.running import Belief
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-from glider.simulation.flights import Perches
+from glider.simulation.flown_flights import Perches
 from glider.simulation.fly import AFTER
-from glider.systems.servo import ElevatorServo
+from glider.systems.elevator_servo import ElevatorServo
 
 CAPTURED = ("x", "z", "pitch", "elevator")
 """States that motion capture measures, in its order."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from glider.planning.hook import Hook
+from glider.planning.problem import Hook
 from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import COLORS, RED
 

@@ -5,7 +5,7 @@ import numpy as np
 from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
 from glider.planning.plan import Plan
-from glider.simulation.flights import INSTANT, FlownFlight
+from glider.simulation.flown_flights import INSTANT, FlownFlight
 from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]

@@ -15,9 +15,9 @@ from diagrams.marks import AddMarks
 from diagrams.scene import AddScene
 from glider.physics.model import GliderModel
 from glider.physics.state import POSE_NAMES, STATE_NAMES
+from glider.systems.elevator_servo import ElevatorServo
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
-from glider.systems.servo import ElevatorServo
 
 LONGEST = 3.0
 """Duration of the longest flight with noise [s]: how long its tapes are."""

@@ -29,7 +29,7 @@ from diagrams.simulate import simulate_flights
 from diagrams.tracks import flight_track
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flown_flights import FlownFlight
 from glider.systems.plant import GliderPlant
 
 LARGEST_ACCELERATION = 1e-8

@@ -1,4 +1,4 @@
-"""The errors that a user of this package can meet and mend."""
+"""Errors that a user of this package can meet and fix."""
 
 import errno
 
@@ -6,9 +6,22 @@ import errno
 class InputError(ValueError):
     """Input that cannot be used; the message is one sentence for the user.
 
-    It names the file, the column or field, what was found and what is needed.
+    It names the file, the column or field, what was found and what was expected.
     The command line prints it and exits with code 2.
     """
+
+
+def expect(holds: object, what: str, found: object, expected: str) -> None:
+    """Raises InputError "{what} is {found}; expected {expected}." where it is false.
+
+    Args:
+        holds: the condition.
+        what: was checked, e.g. "field 'mass'".
+        found: its value.
+        expected: values, in words.
+    """
+    if not holds:
+        raise InputError(f"{what} is {show(found)}; expected {expected}.")
 
 
 INTERRUPTED = "interrupted: nothing half-done was kept; what was finished stays."

@@ -18,7 +18,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.problem import PerchingProblem, load_problem
-from glider.simulation.flights import Perches
+from glider.simulation.flown_flights import Perches
 
 AFTER = 0.2
 """Time that a flight goes on after the plan's end [s]: who plans anew may come later

@@ -12,7 +12,7 @@ from diagrams.studies.rehearsal import Rehearsal
 from glider.physics.state import ELEVATOR
 from glider.report.plots.axes import legend_beside
 from glider.report.plots.style import STYLE
-from glider.simulation.flights import FlownFlight
+from glider.simulation.flown_flights import FlownFlight
 
 
 def save_perch_figure(path: Path, study: PerchStudy) -> None:

@@ -3,7 +3,7 @@
 import dataclasses
 
 from glider.planning.plan import Plan
-from glider.simulation.flights import FlownFlight, Perches
+from glider.simulation.flown_flights import FlownFlight, Perches
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.report.wording import headline
-from glider.simulation.flights import Perches
+from glider.simulation.flown_flights import Perches
 from glider.simulation.fly import AFTER
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from glider.sysid.pipeline import close_the_loop

@@ -25,8 +25,11 @@ import numpy as np
 
 from glider.control.policy import TrackingPolicy
 from glider.estimation.ekf import WIND_NAMES, Ekf, SlowState, make_ekf
-from glider.estimation.flights import WatchedFlights, fly_watched
-from glider.estimation.knowledge import information_bound
+from glider.estimation.noisy_flights import (
+    WatchedFlights,
+    fly_watched,
+    information_bound,
+)
 from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
 from glider.physics.effects import THRUST
 from glider.physics.model import GliderModel

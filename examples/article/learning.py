@@ -24,7 +24,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem, goal_cost, goal_problem
-from glider.simulation.flights import Flights, FlownFlight
+from glider.simulation.flown_flights import Flights, FlownFlight
 from glider.simulation.fly import fly
 from glider.sysid.pipeline import close_the_loop
 from ilqr import ARTICLE, DivergedError, IlqrSettings, ilqr

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from glider.planning.hook import Hook
+from glider.planning.problem import Hook
 from glider.report.plots.axes import few_ticks, legend_beside, limit
 from glider.report.plots.style import COLORS, RED, STYLE
 from learning_study import LearningStudy

@@ -12,8 +12,7 @@ from glider.compiled.constants import TINY
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import NO_FIELD, THRUST
-from glider.physics.numbers import Theta
-from glider.physics.parameters import GliderParameters
+from glider.physics.parameters import GliderParameters, Theta
 
 
 def level_flight(parameters: GliderParameters, speed: float) -> np.ndarray:

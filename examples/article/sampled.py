@@ -15,7 +15,7 @@ from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem, load_problem
-from glider.simulation.flights import Perches
+from glider.simulation.flown_flights import Perches
 
 COMMAND_RATE = 50.0
 """Rate of the commands, held between [Hz]."""

@@ -9,5 +9,5 @@ slopes. rollouts, closed_loop: batches of gliders under tapes and under feedback
 replay: flights along a log. actuators: an elevator behind a user's own actuator. ekf,
 riccati, sampling: the loops of the filter and of the planners. points: a glider
 along a collocated path. collocation, stages, barrier, interior_point: the solver of
-direct collocation, compiled once for all gliders. ahead: a second process compiles.
+direct collocation, compiled once for all gliders.
 """

@@ -1,4 +1,4 @@
-"""Extended Kalman filters, and flights for them to watch.
+"""Extended Kalman filters along flights.
 
 All numbers that a glider's motion depends on stand in one vector z, as in
 `derivatives_of`. Behind the state each of them is a constant, an input that is known
@@ -15,7 +15,6 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import put
 from glider.physics.chain import NUM_INPUTS, derivatives_of, measure, theta_of
 from glider.physics.model import GliderModel
-from glider.physics.servo import limited_rate
 
 
 def ekf_advance(t, z, estimated, step, count, field, value, slopes):
@@ -78,26 +77,22 @@ def ekf_measure(z, estimated, field, value, slopes):
     Args:
         z, estimated, field: as in `ekf_advance`.
         value: (M,), written; M from 3 to n.
-        slopes: (M, N), written; or (0, 0).
+        slopes: (M, N), written.
     """
-    n, seen = estimated.n, estimated.seen
+    n = estimated.n
     y = z.astype(np.complex128)
-    exact = slopes.shape[0] > 0
     slopes[:] = 0.0
-    for k in seen if exact else seen[:1]:
+    for k in estimated.seen:
         i = estimated.places[k]
-        if exact:
-            y[i] = z[i] + 1j * TINY
+        y[i] = z[i] + 1j * TINY
         pose = measure(y, theta_of(y[n + NUM_INPUTS :], field))
         y[i] = z[i]
         for j in range(3):
             value[j] = pose[j].real
-            if exact:
-                slopes[j, k] = pose[j].imag / TINY
+            slopes[j, k] = pose[j].imag / TINY
     for j in range(3, value.shape[0]):
         value[j] = z[j]
-        if exact:
-            slopes[j, j] = 1.0
+        slopes[j, j] = 1.0
 
 
 def ekf_predict(n, covariance, slopes, process, scratch):
@@ -275,54 +270,9 @@ def ekf_run(
                 put(covariance[i], covariances[b, k + 1, i])
 
 
-def ekf_fly(
-    t, z, estimated, clock, field, gain, servo, shaken, inputs, states, measured
-):
-    """Flies a batch of gliders under feedback and noise, for a filter to watch.
-
-    The motion is exactly what `ekf_run` takes it for.
-
-    Args:
-        t, z, estimated, clock, field: as in `ekf_run`.
-        gain: (K, f, n) of the feedback of the true state to the first f inputs.
-        servo: limits of the first input, the elevator's rate.
-        shaken: what is added to x̄ at the end of each sample (B, K, N), and to the
-            measurements (B, K, M).
-        inputs: (B, K, r); the feedback is subtracted and the limits kept, in place.
-        states: (B, K + 1, N); the first is given, the others are written.
-        measured: (B, K, M), written.
-    """
-    step, count = clock
-    shocks, errors = shaken
-    n, places, entry = estimated.n, estimated.places, estimated.entry
-    size = states.shape[2]
-    now = np.empty(size)
-    none = np.empty((0, 0))
-    for b in range(states.shape[0]):
-        put(states[b, 0], now)
-        for k in range(inputs.shape[1]):
-            for i in range(gain.shape[1]):
-                for j in range(n):
-                    inputs[b, k, i] -= gain[k, i, j] * now[j]
-            inputs[b, k, 0] = limited_rate(inputs[b, k, 0], now[3], servo)
-            for i in range(entry.shape[0]):
-                z[entry[i]] = inputs[b, k, i]
-            for i in range(size):
-                z[places[i]] = now[i]
-            start = t + k * count * step
-            ekf_advance(start, z, estimated, step, count, field, now, none)
-            for i in range(size):
-                now[i] += shocks[b, k, i]
-                z[places[i]] = now[i]
-            ekf_measure(z, estimated, field, measured[b, k], none)
-            for i in range(measured.shape[2]):
-                measured[b, k, i] += errors[b, k, i]
-            put(now, states[b, k + 1])
-
-
 LOOPS = Family(
-    (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run, ekf_fly),
-    (ekf_advance, ekf_run, ekf_fly),
+    (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run),
+    (ekf_advance, ekf_run),
 )
 
 
@@ -440,49 +390,3 @@ def filter_flights(
         seen,
     )
     return *belief, *seen
-
-
-def fly_believed(
-    model: GliderModel,
-    z: np.ndarray,
-    estimated: EstimatedFlight,
-    clock: SampleClock,
-    gain: np.ndarray,
-    shaken: tuple[np.ndarray, np.ndarray],
-    inputs: np.ndarray,
-    starts: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flies gliders as a filter takes them to fly, see `ekf_fly`.
-
-    Args:
-        model: the glider.
-        z: constants in their places.
-        estimated: what is.
-        clock: of a sample.
-        gain: (K, f, n) of the true state, subtracted from the first f inputs.
-        shaken: shocks of x̄ (B, K, N) and errors of measurements (B, K, M).
-        inputs: (B, K, r) without the feedback.
-        starts: (B, N) x̄.
-
-    Returns:
-        inputs (B, K, r), x̄ (B, K + 1, N) and what is measured of it (B, K, M).
-    """
-    shocks, errors = shaken
-    batch, samples, size = shocks.shape
-    states, measured = np.empty((batch, samples + 1, size)), np.empty(errors.shape)
-    states[:, 0] = starts
-    inputs = inputs.copy()
-    LOOPS.over(model.kinds, model.has_field).ekf_fly(
-        0.0,
-        z.copy(),
-        estimated,
-        clock,
-        model.residual_field,
-        np.ascontiguousarray(gain),
-        model.parameters.servo,
-        shaken,
-        inputs,
-        states,
-        measured,
-    )
-    return inputs, states, measured

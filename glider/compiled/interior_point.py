@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.ahead import compile_ahead, wait_for
 from glider.compiled.barrier import (
     Optimum,
     Program,
@@ -147,25 +146,15 @@ def optimize(
         UncompilableError: a formula is not of what numba compiles.
     """
     at = Optimum(*(part.copy() for part in guess))
-    n, knots = model.num_states, len(guess.multipliers) + 1
+    knots = len(guess.multipliers) + 1
     dynamics = PathDynamics(model, knots)
     path, scratch = dynamics.path, make_scratch(program, knots)
-    end = slice(-n - 2, -n)
-
-    def measure(w):
-        missed = dynamics.collocate(w)
-        if program.is_held:
-            missed += float(np.abs(w[end] - program.place).sum())
-        return missed
-
     penalty = limits.penalty if program.is_held else 0.0
-    compile_ahead(newton_step, *_newton(0.0, penalty, path, at, scratch))
     enter(program, barrier, scratch, at.w, at.forces)
-    missed = measure(at.w)
+    missed = _missed(program, dynamics, at.w)
     known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
-    fine, near = False, NEAR * limits.tolerance
-    if limits.tolerance >= COARSE:
-        near = -np.inf
+    fine = False
+    near = -np.inf if limits.tolerance >= COARSE else NEAR * limits.tolerance
     dynamics.linearize(fine)
     status, error = "out of steps", np.inf
     for iteration in range(limits.iterations + 1):
@@ -173,17 +162,16 @@ def optimize(
             lean_on(program, at, scratch)
             weigh(at.w[-1], path, at.multipliers, scratch.back, scratch.lagrangian)
             dual, touch, scale = assess(program, at, scratch)
-            error = max(dual / scale, missed, touch / scale)
+            off = max(dual / scale, missed)
+            error = max(off, touch / scale)
             if fine or error > near:
                 break
             fine = True
             dynamics.linearize(fine)
         if error <= limits.tolerance:
             status = "solved"
+        if status == "solved" or iteration == limits.iterations:
             break
-        if iteration == limits.iterations:
-            break
-        off = max(dual / scale, missed)
         lower = lower_barrier(barrier, least, off, scale, scratch, at.forces)
         if lower < barrier:
             known.forget()
@@ -199,14 +187,15 @@ def optimize(
         before = missed, weigh_path(program, at.w, barrier)
         for _ in range(HALVINGS):
             tried = at.w + share * scratch.change
-            after = measure(tried), weigh_path(program, tried, barrier)
+            missed = _missed(program, dynamics, tried)
+            after = missed, weigh_path(program, tried, barrier)
             if known.accepts(before, after, share, expected):
                 break
             share *= 0.5
         else:
-            status = "stuck"
+            missed, status = before[0], "stuck"
             break
-        missed, at.w[:] = after[0], tried
+        at.w[:] = tried
         change_multipliers(program, barrier, share, share_of_forces, at, scratch)
         dynamics.linearize(fine)
     return Outcome(
@@ -219,6 +208,15 @@ def optimize(
     )
 
 
+def _missed(program: Program, dynamics: PathDynamics, w: np.ndarray) -> float:
+    """Returns the sum of the defects, and of what the end misses its place by."""
+    missed = dynamics.collocate(w)
+    if program.is_held:
+        end = slice(-program.goal.size - 2, -program.goal.size)
+        missed += float(np.abs(w[end] - program.place).sum())
+    return missed
+
+
 def _step_down(
     penalty: float, damping: float, path: Path, at: Optimum, scratch: Scratch
 ) -> float | None:
@@ -227,7 +225,6 @@ def _step_down(
     Returns:
         what was added to its diagonal, None where nothing helps.
     """
-    wait_for(newton_step)
     added = 0.0
     while added <= STIFFEST:
         if newton_step(*_newton(added, penalty, path, at, scratch)):

@@ -6,7 +6,7 @@ from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family, UncompilableError, compile_errors
 from glider.physics.chain import NUM_INPUTS, derivatives_of
 from glider.physics.model import GliderModel
-from glider.physics.numbers import Theta
+from glider.physics.parameters import Theta
 
 
 def directional(t, z, directions, n, field, value, slopes):

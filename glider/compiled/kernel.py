@@ -25,7 +25,7 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
-from glider.compiled import runge_kutta, trigonometry
+from glider.compiled import fast_trigonometry, runge_kutta
 from glider.compiled.fingerprint import fingerprint
 from glider.errors import InputError
 from glider.paths import cache_folder
@@ -33,8 +33,7 @@ from glider.physics import chain
 from glider.physics.compose import formulas, source
 from glider.physics.effects import EffectKind, Field
 from glider.physics.formulas import tell_compiler
-from glider.physics.numbers import Theta
-from glider.physics.parameters import Parameters
+from glider.physics.parameters import Parameters, Theta
 from glider.physics.servo import Servo
 
 FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
@@ -176,7 +175,7 @@ class Family:
         exec(_HEAD, head)
         physics = [f for f in vars(chain).values() if isinstance(f, FunctionType)]
         called = [*head.values(), *physics, *formulas(kinds).values()]
-        hidden = trigonometry.OVERLOADS  # Of sin, cos and sqrt, under no name.
+        hidden = fast_trigonometry.OVERLOADS  # Of sin, cos and sqrt, under no name.
         texts = [text, _KERNEL, self._module]
         texts += [family.text + family._module for family in self.uses]
         texts += [numba.__version__, llvmlite.__version__, np.__version__, sys.version]

@@ -10,8 +10,7 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import put
 from glider.physics.chain import accelerations, derivatives, measure, meet_air, theta_of
 from glider.physics.effects import NO_FIELD, EffectKind, Field
-from glider.physics.numbers import Theta
-from glider.physics.parameters import Parameters
+from glider.physics.parameters import Parameters, Theta
 
 
 def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from glider.control.policy import sample_plan
-from glider.errors import InputError
+from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
@@ -25,7 +25,7 @@ SETTINGS = MppiSettings(
 
 
 class MppiController(LeafSystem):
-    """Plans anew from each measured state and gives the first command of the plan.
+    """Plans again from each measured state and applies the plan's first command.
 
     state -> [ MppiController ] -> elevator_rate
 
@@ -35,7 +35,7 @@ class MppiController(LeafSystem):
 
     The discrete state is the sequence (N,), then the number of updates so far. The
     random numbers of an update follow from the seed and that number, so that a
-    context says all of what comes.
+    context determines all future commands.
 
     Args:
         cost: of a sequence, as `replanning_cost` makes it.
@@ -56,11 +56,9 @@ class MppiController(LeafSystem):
         """Declares the ports, the state and its periodic update."""
         super().__init__()
         sequence = np.zeros(cost.steps) if sequence is None else sequence
-        if np.shape(sequence) != (cost.steps,):
-            raise InputError(
-                f"MppiController: the sequence has shape {np.shape(sequence)}; "
-                f"({cost.steps},) is needed."
-            )
+        shape, needed = np.shape(sequence), f"({cost.steps},)"
+        what = "MppiController: the shape of 'sequence'"
+        expect(shape == (cost.steps,), what, shape, needed)
         self.set_name("mppi")
         self._cost, self._settings = cost, settings
         self._seed, self._iterations = seed, iterations
@@ -97,7 +95,7 @@ def replanning_cost(
     wrongly comes early or late.
 
     Args:
-        model: the glider that is believed in.
+        model: the glider that is planned with.
         problem: whose goal and weights to use.
         command_rate: of updates [Hz].
         steps: commands in a sequence.

@@ -1,7 +1,7 @@
-"""Estimation: extended Kalman filters for gliders, and what proves them consistent.
+"""Estimation: extended Kalman filters for gliders, and checks of their consistency.
 
-ekf: the filter as numbers. running: beliefs, and the filter along whole flights.
-system: the same as a Drake System. flights: noisy flights for a filter to watch.
-consistency: NEES and NIS. perching: the filter that perches. knowledge: what a flight
-could tell about a number.
+ekf: the filter's settings. running: beliefs, and the filter along whole flights.
+system: the filter as a Drake System. noisy_flights: flights with the filter's noise,
+and the least covariance that a flight allows. consistency: NEES and NIS. perching: the
+filter for perches.
 """

@@ -8,7 +8,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.control.policy import TrackingPolicy
 from glider.estimation.consistency import Consistency, assess
 from glider.estimation.ekf import Ekf, SlowState, make_ekf
-from glider.estimation.flights import draw_starts, fly_watched
+from glider.estimation.noisy_flights import draw_starts, fly_watched
 from glider.estimation.running import Belief, make_prior, run_ekf
 from glider.physics.model import GliderModel
 

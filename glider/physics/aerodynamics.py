@@ -7,8 +7,7 @@ exp, tanh, arctan; no branch on a value, no abs or atan2.
 
 import numpy as np
 
-from glider.physics.formulas import scalar
-from glider.physics.trigonometry import sqrt
+from glider.physics.formulas import scalar, sqrt
 
 SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at

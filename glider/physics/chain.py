@@ -11,9 +11,8 @@ text. Frames and signs: `glider.physics.state`.
 
 from glider.physics.aerodynamics import airspeed, elevator_velocity, plate_force
 from glider.physics.effects.effect import Flow, Motion
-from glider.physics.numbers import Theta
-from glider.physics.parameters import NUM_PARAMETERS, Parameters
-from glider.physics.trigonometry import cos, sin
+from glider.physics.formulas import cos, sin
+from glider.physics.parameters import NUM_PARAMETERS, Parameters, Theta
 
 NUM_INPUTS = 3
 """Command [rad/s] and wind (x, z) [m/s]."""

@@ -1,7 +1,6 @@
-"""How well the numbers of a model are known: the covariance of their errors.
+"""The covariance of a model's parameters.
 
-It is knowledge about a glider and does not change how it flies, so that a model's file
-has it beside the model.
+It does not change how a glider flies, so a model's file has it beside the model.
 """
 
 import dataclasses
@@ -9,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import expect, show
 from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
 
@@ -34,44 +33,28 @@ class Covariance:
 
     def __post_init__(self):
         """Raises InputError where this is no covariance."""
-        count, matrix = len(self.names), self.matrix
-        twice = [name for name in self.names if self.names.count(name) > 1]
-        if twice:
-            raise InputError(f"covariance: '{twice[0]}' is in 'names' twice.")
-        if matrix.shape != (count, count):
-            raise InputError(
-                f"covariance: 'matrix' has shape {matrix.shape}; {(count, count)}, a "
-                "row for each of 'names', is needed."
-            )
-        if not np.all(np.isfinite(matrix)):
-            raise InputError(
-                f"covariance: 'matrix' has {matrix[~np.isfinite(matrix)][0]}; finite "
-                "numbers are needed."
-            )
+        names, matrix, count = self.names, self.matrix, len(self.names)
+        unique = len(set(names)) == count
+        expect(unique, "covariance: 'names'", names, "each name once, none twice")
+        shape, square = matrix.shape, (count, count)
+        expect(shape == square, "covariance: the matrix's shape", shape, str(square))
+        finite = bool(np.all(np.isfinite(matrix)))
+        expect(finite, "covariance: 'matrix'", matrix, "finite numbers")
         variances = np.diag(matrix)
-        if np.any(variances < 0.0):
-            worst = int(np.argmin(variances))
-            raise InputError(
-                f"covariance: the variance of '{self.names[worst]}' is "
-                f"{variances[worst]:.3g}; a number not negative is needed."
-            )
+        for name, variance in zip(names, variances, strict=True):
+            what = f"covariance: the variance of '{name}'"
+            expect(variance >= 0.0, what, variance, "a number not negative")
         size = np.sqrt(np.outer(variances, variances))
-        skew = np.abs(matrix - matrix.T) - ROUNDING * size
-        if np.any(skew > 0.0):
-            i, j = np.unravel_index(np.argmax(skew), skew.shape)
-            raise InputError(
-                f"covariance: 'matrix' has {matrix[i, j]:.3g} in row {i + 1} and "
-                f"column {j + 1} and {matrix[j, i]:.3g} in its mirror image; a "
-                "symmetric matrix is needed."
-            )
+        for i, j in np.argwhere(np.abs(matrix - matrix.T) > ROUNDING * size)[:1]:
+            what = f"covariance: the pair {i + 1}, {j + 1} of 'matrix'"
+            pair = [matrix[i, j], matrix[j, i]]
+            expect(False, what, pair, "one value in a symmetric matrix")
         # Where a variance is zero, all of its row has to be.
         scaled = matrix / np.where(size > 0.0, size, np.where(matrix == 0.0, 1.0, 1e-9))
         least = np.linalg.eigvalsh(scaled).min(initial=0.0)
-        if least < -ROUNDING * max(count, 1):
-            raise InputError(
-                "covariance: the correlations in 'matrix' have the eigenvalue "
-                f"{least:.3g}; none that is negative is needed."
-            )
+        what = "covariance: the least eigenvalue of the correlations"
+        good = least >= -ROUNDING * max(count, 1)
+        expect(good, what, float(least), "none that is negative")
 
     def part(self, names: Sequence[str]) -> "Covariance":
         """Returns the covariance of some of the names, in their order."""
@@ -83,7 +66,7 @@ class Covariance:
     def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":
         """Returns the part of it that the flight of a glider depends on.
 
-        A fault of sensor or log changes what is measured, not how the glider flies.
+        A fault of sensor or log changes what is measured, not the flight.
 
         Args:
             kinds: of its effects that act.
@@ -94,7 +77,7 @@ class Covariance:
 
 
 def known_names(effects: Sequence[Effect]) -> tuple[str, ...]:
-    """Returns the names of all numbers of a glider with these effects."""
+    """Names of all parameters and coefficients of a glider with these effects."""
     coefficients = (
         f"{e.kind.kind}.{c.name}" for e in effects for c in e.kind.coefficients
     )
@@ -104,17 +87,14 @@ def known_names(effects: Sequence[Effect]) -> tuple[str, ...]:
 def covariance_of_rows(
     names: Sequence[str], rows: Sequence[Sequence[float]]
 ) -> Covariance:
-    """Returns the covariance that rows of numbers are.
+    """Converts rows of numbers to a covariance.
 
     Raises:
-        InputError: they are none; their lengths may differ.
+        InputError: they are no covariance, e.g. of different lengths.
     """
     count, lengths = len(names), [len(row) for row in rows]
-    if lengths != [count] * count:
-        raise InputError(
-            f"covariance: 'matrix' has rows of {', '.join(map(str, lengths)) or 'no'} "
-            f"numbers; {count} rows of {count}, one for each of 'names', are needed."
-        )
+    what = "covariance: the lengths of the matrix's rows"
+    expect(lengths == [count] * count, what, lengths, show([count] * count))
     matrix = np.array(rows, dtype=float).reshape(count, count)
     return Covariance(names=tuple(names), matrix=matrix)
 
@@ -123,8 +103,4 @@ def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
     """Raises InputError unless all names are of a glider with these effects."""
     known = known_names(effects)
     for name in names:
-        if name not in known:
-            raise InputError(
-                f"covariance: 'names' has '{name}', which the model has not; it has "
-                f"{', '.join(known)}."
-            )
+        expect(name in known, "covariance: a name", name, f"one of {', '.join(known)}")

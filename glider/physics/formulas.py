@@ -1,12 +1,14 @@
-"""The mark of a formula that compiled code may call.
+"""Formulas that run on any kind of number and in compiled code, and how to mark them.
 
-The compiler takes a third of a second to import. Whoever needs only the names and the
-numbers of effects need not wait for it: until `glider.compiled.kernel` imports it, a
-mark is only noted.
+The compiler takes a third of a second to import, so a mark is only noted until
+`glider.compiled.kernel` imports it. In Python sine, cosine and root are NumPy's, in
+compiled code those of `glider.compiled.fast_trigonometry`.
 """
 
 from collections.abc import Callable
 from typing import TypeVar
+
+import numpy as np
 
 F = TypeVar("F", bound=Callable)
 
@@ -27,3 +29,18 @@ def tell_compiler(register: Callable[[Callable], object]) -> None:
     for formula in _MARKED:
         register(formula)
     _COMPILERS.append(register)
+
+
+def sin(angle):
+    """Sine of a float, AutoDiffXd, Expression or complex number [rad]."""
+    return np.sin(angle)
+
+
+def cos(angle):
+    """Cosine of a float, AutoDiffXd, Expression or complex number [rad]."""
+    return np.cos(angle)
+
+
+def sqrt(square):
+    """Square root of a float, AutoDiffXd, Expression or complex number."""
+    return np.sqrt(square)

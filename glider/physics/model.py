@@ -21,15 +21,14 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.files import schema
 from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
 from glider.physics.covariance import Covariance, check_names, covariance_of_rows
 from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.physics.numbers import Theta
-from glider.physics.parameters import GliderParameters, load_parameters
+from glider.physics.parameters import GliderParameters, Theta, load_parameters
 from glider.physics.state import NUM_STATES, STATE_NAMES
 
 _TINY = 1e-30
@@ -45,7 +44,7 @@ class GliderModel:
 
     Attributes:
         parameters: the vehicle.
-        effects: from the library or the user's own. One with states whose
+        effects: from the library, or custom ones. One with states whose
             coefficients are all zero, as a servo_lag of no duration, does not act.
         field: the residual field as data, or None.
 
@@ -95,7 +94,7 @@ class GliderModel:
 
     @property
     def numbers(self) -> Theta:
-        """All numbers of the dynamics; the field's arrays are to be read only."""
+        """All parameters of the dynamics; the field's arrays are read-only."""
         return Theta(
             p=self.parameters.numbers,
             c=np.array([value for effect in self._acting for value in effect.values]),
@@ -104,7 +103,7 @@ class GliderModel:
 
     @functools.cached_property
     def residual_field(self) -> Field:
-        """The arrays of the residual field; read them only."""
+        """The arrays of the residual field, read-only."""
         return NO_FIELD if self.field is None else make_field(self.field)
 
     @property
@@ -150,13 +149,11 @@ class GliderModel:
         x, n = np.asarray(state, dtype=float), self.num_states
         if len(x) == n:
             return x
-        if len(x) != NUM_STATES:
-            raise InputError(
-                f"initial_state: the state has {len(x)} numbers; {NUM_STATES} or {n} "
-                "are needed."
-            )
+        sizes = f"{NUM_STATES} or {n}"
+        what = "initial_state: the length of the state"
+        expect(len(x) == NUM_STATES, what, len(x), sizes)
         theta = self.numbers
-        # The plates meet the air before any effect has a state to look at.
+        # The flow of the plates depends on no effect's states.
         full = np.concatenate([x, np.zeros((n - NUM_STATES, *x.shape[1:]))])
         flow, _ = self.chain.meet_air(0.0, full, 0.0, 0.0, 0.0, theta)
         for k, value in enumerate(initial_extra(self.kinds, flow, 0.0, theta.c)):
@@ -164,13 +161,13 @@ class GliderModel:
         return full
 
 
-@dataclasses.dataclass(kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class _EffectFile:
-    kind: str = ""
+    kind: str
     coefficients: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
-@dataclasses.dataclass(kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Origin:
     """Where a model comes from, for people: it does not change how it flies."""
 
@@ -190,19 +187,48 @@ class Origin:
     """What was assumed, as sentences."""
 
 
-@dataclasses.dataclass(kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class _CovarianceFile:
     names: list[str] = dataclasses.field(default_factory=list)
     matrix: list[list[float]] = dataclasses.field(default_factory=list)
 
 
-@dataclasses.dataclass(kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
     field: FieldData | None = None
     covariance: _CovarianceFile | None = None
     origin: Origin | None = None
+
+    def unpack(
+        self, kinds: dict[str, EffectKind]
+    ) -> tuple[GliderModel, Covariance | None]:
+        """Returns the model and its covariance, or None.
+
+        Args:
+            kinds: that the file may name.
+
+        Raises:
+            InputError: what the file says is no model, or no covariance of it.
+        """
+        for entry in self.effects:
+            if entry.kind not in kinds:
+                raise InputError(
+                    f"unknown effect '{entry.kind}'; expected one of "
+                    f"{', '.join(kinds)}, or a custom effect given in own_effects."
+                )
+        effects = [kinds[entry.kind](**entry.coefficients) for entry in self.effects]
+        if self.field is not None:
+            make_field(self.field)
+        model = GliderModel(
+            parameters=self.parameters, effects=tuple(effects), field=self.field
+        )
+        if self.covariance is None:
+            return model, None
+        names = tuple(self.covariance.names)
+        check_names(names, effects)
+        return model, covariance_of_rows(names, self.covariance.matrix)
 
 
 def save_model(
@@ -244,7 +270,7 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
 
     Args:
         path: of the file.
-        own_effects: kinds that the library lacks and the file may name.
+        own_effects: custom kinds that the file may name.
     """
     return _load(path, own_effects)[0]
 
@@ -252,14 +278,14 @@ def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> Glid
 def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
-    """Loads how well a model is known, from its file; None where that does not say.
+    """Loads the covariance of a model's parameters from its file; None without one.
 
     Args:
         path: of the file.
         own_effects: as for `load_model`.
 
     Raises:
-        InputError: the file holds no model, or what it says is no covariance.
+        InputError: the file holds no model, or no valid covariance.
     """
     return _load(path, own_effects)[1]
 
@@ -268,31 +294,10 @@ def _load(path, own_effects):
     """Returns the model in a file and its covariance, or None."""
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
     data = schema.load_yaml(_ModelFile, path, "a glider model")
-    effects: list[Effect] = []
-    for entry in data.effects:
-        if entry.kind not in kinds:
-            raise InputError(
-                f"{path}: unknown effect '{entry.kind}'; known are {', '.join(kinds)} "
-                "(an effect of your own must be given in own_effects)."
-            )
-        try:
-            effects.append(kinds[entry.kind](**entry.coefficients))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
     try:
-        if data.field is not None:
-            make_field(data.field)
-        model = GliderModel(
-            parameters=data.parameters, effects=tuple(effects), field=data.field
-        )
-        known = None
-        if data.covariance is not None:
-            names, rows = tuple(data.covariance.names), data.covariance.matrix
-            check_names(names, effects)
-            known = covariance_of_rows(names, rows)
+        return data.unpack(kinds)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return model, known
 
 
 def load_glider(path: Path | str) -> GliderModel:
@@ -307,9 +312,9 @@ def load_glider(path: Path | str) -> GliderModel:
 
 
 def has_parameters_only(path: Path | str) -> bool:
-    """Returns whether a file is a vehicle's, without effects and what is known of them.
+    """Checks whether a file is a vehicle's, with parameters alone.
 
-    A file that cannot be read is none: `load_model` says what is wrong with it.
+    A file that cannot be read is none: `load_model` reports what is wrong with it.
     """
     try:
         names = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
@@ -329,7 +334,7 @@ def as_model(model: GliderModel | Path | str) -> GliderModel:
         return load_model(model)
     if not isinstance(model, GliderModel):
         raise InputError(
-            f"a glider model: found {type(model).__name__}; a GliderModel or the "
-            "path of its file is needed."
+            f"a glider model: found {type(model).__name__}; expected a GliderModel or "
+            "the path of its file."
         )
     return model

@@ -1,12 +1,15 @@
-"""The nominal parameters of a glider, and how they are read and checked."""
+"""The nominal parameters of a glider: names, file and checks."""
 
 import dataclasses
 import math
 from pathlib import Path
 from typing import NamedTuple
 
-from glider.errors import InputError, show
+import numpy as np
+
+from glider.errors import InputError, expect
 from glider.files import schema
+from glider.physics.effects.field import Field
 from glider.physics.servo import Servo
 
 
@@ -25,6 +28,19 @@ class Parameters(NamedTuple):
     elevator_offset: float
     air_density: float
     gravity: float
+
+
+class Theta(NamedTuple):
+    """All parameters of a glider's dynamics, as compiled loops take them."""
+
+    p: Parameters
+    """Parameters of the flat-plate glider."""
+
+    c: np.ndarray
+    """Coefficients of the acting effects, one effect after the other."""
+
+    field: Field
+    """The residual field."""
 
 
 PARAMETER_NAMES = Parameters._fields
@@ -68,14 +84,14 @@ class GliderParameters:
     elevator_limits: list[float] | None = dataclasses.field(
         default_factory=lambda: [-0.4463, 0.9473]
     )
-    """Travel of the elevator: trailing edge down, up [rad]; None where nobody told."""
+    """Travel of the elevator: trailing edge down, up [rad]; None if unknown."""
 
     elevator_rate_limit: float | None = 13.0
-    """Largest rate of the servo, either way [rad/s]; None where nobody told."""
+    """Largest rate of the servo, either way [rad/s]; None if unknown."""
 
     def __post_init__(self):
         """Raises InputError where a value is not physical."""
-        check_parameters(dataclasses.asdict(self))
+        check_parameters(vars(self))
 
     @property
     def numbers(self) -> Parameters:
@@ -84,12 +100,11 @@ class GliderParameters:
 
     @property
     def servo(self) -> Servo:
-        """The limits of the elevator's servo; InputError where nobody told them."""
+        """The limits of the elevator's servo; InputError where they are unknown."""
         if self.elevator_limits is None or self.elevator_rate_limit is None:
             raise InputError(
-                "this glider's model tells no limits of a servo; to plan or to fly "
-                "with one, elevator_limits and elevator_rate_limit are needed in its "
-                "parameters."
+                "this glider's model has no servo limits; expected elevator_limits and "
+                "elevator_rate_limit in its parameters, to plan or to fly with a servo."
             )
         low, high = map(float, self.elevator_limits)
         return Servo(low, high, float(self.elevator_rate_limit))
@@ -112,31 +127,22 @@ def check_parameters(values: dict) -> None:
         values: field name to value; fields may be absent (unknown), the servo's None.
     """
     for name, value in values.items():
-        if value is None and name in ("elevator_limits", "elevator_rate_limit"):
+        what = f"field '{name}'"
+        if name in ("elevator_limits", "elevator_rate_limit") and value is None:
             continue
         if name == "elevator_limits":
-            _check_limits(value)
+            pair = isinstance(value, (list, tuple)) and len(value) == 2
+            rises = pair and all(map(_is_number, value)) and value[0] < value[1]
+            expect(rises, what, value, "[lower, upper] in radians with lower < upper")
             continue
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (number and math.isfinite(value)):
-            raise InputError(
-                f"field '{name}' is {show(value)}; a finite number is needed."
-            )
-        if name in POSITIVE and value <= 0:
-            raise InputError(f"field '{name}' is {value:g}; it must be greater than 0.")
-        if name == "gravity" and value < 0:
-            raise InputError(f"field 'gravity' is {value:g}; it must not be negative.")
+        expect(_is_number(value), what, value, "a finite number")
+        expect(name not in POSITIVE or value > 0, what, value, "a positive number")
+        expect(name != "gravity" or value >= 0, what, value, "a number not negative")
 
 
-def _check_limits(value: object) -> None:
-    if isinstance(value, (list, tuple)) and len(value) == 2:
-        numbers = all(isinstance(v, (int, float)) and math.isfinite(v) for v in value)
-        if numbers and value[0] < value[1]:
-            return
-    raise InputError(
-        f"field 'elevator_limits' is {show(value)}; "
-        "[lower, upper] in radians with lower < upper is needed."
-    )
+def _is_number(value: object) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and math.isfinite(value)
 
 
 def load_parameters(path: Path | str) -> GliderParameters:

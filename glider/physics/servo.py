@@ -79,6 +79,6 @@ def limited_rates(
         elevators: (...) angles that they meet [rad].
         servo: its limits.
     """
-    pairs = zip(commands.ravel(), elevators.ravel(), strict=True)
-    rates = [limited_rate(command, angle, servo) for command, angle in pairs]
-    return np.array(rates, dtype=float).reshape(commands.shape)
+    top = np.clip((servo.high - elevators) / STOPPING_TIME, -servo.rate, servo.rate)
+    low = np.maximum((servo.low - elevators) / STOPPING_TIME, -servo.rate)
+    return np.clip(commands, np.minimum(low, top), top)

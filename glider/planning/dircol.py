@@ -1,13 +1,12 @@
 """Plans a perch by direct collocation: first on few knots, then on more.
 
 A ladder of attempts: first our own solver, which takes the stages one by one. Where it
-fails, a search from many guesses tells whether the wire can be reached at all; if so,
-Drake's solvers, other guesses and a looser tolerance are tried. The plan tells what was
-tried.
+fails, a search from many guesses determines whether the wire can be reached at all; if
+so, Drake's solvers, other guesses and a looser tolerance are tried. The plan records
+what was tried.
 """
 
 import contextlib
-import dataclasses
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -24,16 +23,17 @@ from pydrake.solvers import (
 )
 
 from glider.compiled.kernel import UncompilableError
-from glider.errors import InputError
+from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.planning.audit import path_defect, segment_drift
-from glider.planning.closest import Closest, find_closest
 from glider.planning.guess import Guess, straight_line, swoop
 from glider.planning.plan import Attempt, Plan
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
+from glider.planning.reach import Closest, find_closest
 from glider.planning.structured import (
     COARSE_TOLERANCE,
+    STRETCH,
     CollocatedFlight,
     solve_structured,
 )
@@ -60,11 +60,6 @@ Progress = Callable[[str], None]
 Solution = tuple[DirectCollocation, MathematicalProgramResult]
 Found = Solution | CollocatedFlight
 
-STRETCH = 1.4
-"""Duration of the straight lines that our own solver starts from, relative to those of
-`straight_line`: a slow flight has room to brake, and of fast launches' minima it is
-the better one that is found."""
-
 
 class PlanningError(RuntimeError):
     """No attempt found a plan.
@@ -76,7 +71,7 @@ class PlanningError(RuntimeError):
         arrived: whether some flight kept every constraint, but no solver went on
             from it to one of least cost. If not, and without violations, no flight
             within the limits was found at all.
-        closest: what a search from many guesses says, None where there was none.
+        closest: result of a search from many guesses, None where there was none.
     """
 
     def __init__(
@@ -86,7 +81,7 @@ class PlanningError(RuntimeError):
         arrived: bool = False,
         closest: Closest | None = None,
     ):
-        """Takes what `PlanningError` holds."""
+        """Composes the message of the attributes."""
         self.closest = closest
         self.violations = violations
         self.attempts = attempts
@@ -128,7 +123,7 @@ def plan(
             are the vehicle's.
         knots: numbers of knots; each plan is the guess for the next.
         guess: to start from instead of straight lines.
-        progress: told about each attempt.
+        progress: called with a description of each attempt.
         fast: whether to compile the dynamics.
         structured: whether our own solver goes first, where the dynamics compile; else
             it is Drake's alone.
@@ -137,8 +132,8 @@ def plan(
         InputError: where the glider or the problem cannot be planned for.
         PlanningError: where no attempt succeeds.
     """
-    if not knots or min(knots) < 3:
-        raise InputError(f"plan: knots is {tuple(knots)}; at least 3 are needed.")
+    good = knots and min(knots) >= 3
+    expect(good, "plan: 'knots'", tuple(knots), "one number or more, each at least 3")
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
     check_plannable(model, problem)
@@ -171,7 +166,7 @@ def plan(
 
 
 class _Ladder:
-    """Tries one way after another and writes down what it did."""
+    """Tries one solver and guess after another and records the attempts."""
 
     def __init__(
         self,
@@ -305,7 +300,7 @@ class _Ladder:
         with _quiet():
             result = solver().Solve(program.prog(), None, _options(solver, tolerance))
         seconds = time.perf_counter() - start
-        # A solver's word is not enough.
+        # A solver's own verdict is not enough.
         solved = result.is_success() and not violated(program, result, tolerance)
         self.attempts.append(
             Attempt(
@@ -323,7 +318,7 @@ class _Ladder:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps Drake from warning of an attempt that the ladder knows how to follow."""
+    """Silences Drake's warnings of failed attempts, which the ladder handles."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -352,37 +347,19 @@ def _status(result: MathematicalProgramResult) -> str:
     return f"{result.get_solution_result().name.lstrip('k')} ({code})"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class _Path:
-    """What a plan takes over, whoever found it."""
-
-    times: np.ndarray
-    states: np.ndarray
-    inputs: np.ndarray
-    cost: float
-
-
-def _path_of(found: Found) -> _Path:
+def _path_of(found: Found) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Returns times (N,), states (N, n), inputs (N,) and cost of either solver's."""
     if isinstance(found, CollocatedFlight):
-        return _Path(
-            times=found.times,
-            states=found.knots[:, :-1].copy(),
-            inputs=found.knots[:, -1].copy(),
-            cost=found.cost,
-        )
+        states, inputs = found.knots[:, :-1].copy(), found.knots[:, -1].copy()
+        return found.times, states, inputs, found.cost
     dc, result = found
-    times = dc.GetSampleTimes(result)
-    return _Path(
-        times=times - times[0],
-        states=dc.GetStateSamples(result).T,
-        inputs=dc.GetInputSamples(result)[0],
-        cost=result.get_optimal_cost(),
-    )
+    times, states = dc.GetSampleTimes(result), dc.GetStateSamples(result).T
+    inputs = dc.GetInputSamples(result)[0]
+    return times - times[0], states, inputs, result.get_optimal_cost()
 
 
 def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> Plan:
-    path = _path_of(found)
-    times, states, inputs = path.times, path.states, path.inputs
+    times, states, inputs, cost = _path_of(found)
     slopes = dynamics.rates(np.column_stack([states, inputs]))
     middle = np.array([0.5])
     at_middle = path_defect(dynamics, times, states, slopes, inputs, middle)
@@ -392,7 +369,7 @@ def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> 
         slopes=slopes,
         inputs=inputs,
         state_names=dynamics.model.state_names,
-        cost=path.cost,
+        cost=cost,
         max_defect=float(at_middle.max()),
         path_defect=float(path_defect(dynamics, times, states, slopes, inputs).max()),
         drift=float(segment_drift(dynamics, times, states, inputs).max()),

@@ -2,15 +2,14 @@
 
 import dataclasses
 import functools
-import json
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.errors import InputError
+from glider.errors import expect, show
+from glider.files import schema
 from glider.files.writing import write_text
 from glider.physics.model import GliderModel
 
@@ -141,41 +140,14 @@ def held_plan(
     )
 
 
-_ARRAYS = ("times", "states", "slopes", "inputs")
-_NUMBERS = ("cost", "max_defect", "path_defect", "drift")
-
-
 def save_plan(path: Path | str, plan: Plan) -> None:
     """Writes a plan as JSON; `load_plan` gives it back unchanged."""
-    data = {f.name: getattr(plan, f.name) for f in dataclasses.fields(plan)}
-    for name in (*_ARRAYS, "gains"):
-        data[name] = None if data[name] is None else data[name].tolist()
-    data["attempts"] = [dataclasses.asdict(attempt) for attempt in plan.attempts]
-    write_text(Path(path), json.dumps(data, indent=1) + "\n")
+    write_text(Path(path), schema.json_text(plan, indent=1) + "\n")
 
 
 def load_plan(path: Path | str) -> Plan:
     """Loads a plan; a file that is none is an InputError."""
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-        for name in (*_ARRAYS, "gains"):
-            if name in _ARRAYS or data.get(name) is not None:
-                data[name] = np.array(data[name], dtype=float)
-        for name in _NUMBERS:
-            if name == "cost" or data[name] is not None:
-                data[name] = float(data[name])
-        data["attempts"] = tuple(Attempt(**attempt) for attempt in data["attempts"])
-        data["state_names"] = tuple(data["state_names"])
-        data["costs"] = tuple(map(float, data.get("costs", ())))
-        plan = Plan(**data)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(f"{path}: not a plan: {error}") from None
-    _check(plan, path)
-    return plan
-
-
-def _check(plan: Plan, path: Path | str) -> None:
-    """Raises InputError where the numbers of a file are no plan."""
+    plan = schema.load_json(Plan, path, "a plan")
     knots, n = plan.times.size, len(plan.state_names)
     shapes = {
         "times": (knots,),
@@ -184,20 +156,15 @@ def _check(plan: Plan, path: Path | str) -> None:
         "inputs": (knots - 1,) if plan.is_held else (knots,),
         "gains": (knots - 1, n),
     }
-    for name, needed in shapes.items():
+    for name, shape in shapes.items():
         found = getattr(plan, name)
         if found is None and name == "gains":
             continue
-        if found.shape != needed or not np.all(np.isfinite(found)):
-            raise InputError(
-                f"{path}: '{name}' has shape {found.shape}; finite numbers of shape "
-                f"{needed} are needed."
-            )
-    if knots < 2 or plan.times[0] != 0.0 or not np.all(np.diff(plan.times) > 0.0):
-        raise InputError(
-            f"{path}: 'times' must increase from 0, over at least two knots."
-        )
-    for name in _NUMBERS:
-        value = getattr(plan, name)
-        if value is not None and not math.isfinite(value):
-            raise InputError(f"{path}: '{name}' must be a finite number.")
+        what, needed = f"{path}: the shape of '{name}'", show(list(shape))
+        expect(found.shape == shape, what, list(found.shape), needed)
+        finite = np.all(np.isfinite(found))
+        expect(finite, f"{path}: '{name}'", found, "finite numbers")
+    rises = knots > 1 and plan.times[0] == 0.0 and np.all(np.diff(plan.times) > 0.0)
+    needed = "two or more times that increase from 0"
+    expect(rises, f"{path}: 'times'", plan.times, needed)
+    return plan

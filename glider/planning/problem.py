@@ -1,4 +1,4 @@
-"""The problem of a perch, apart from whoever solves it."""
+"""The problem of a perch, independent of its solvers."""
 
 import dataclasses
 import math
@@ -6,11 +6,44 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import expect, show
 from glider.files import schema
 from glider.paths import models_path
-from glider.physics.state import NUM_STATES, STATE_NAMES
-from glider.planning.hook import Hook
+from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+
+_PITCH = STATE_NAMES.index("pitch")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Hook:
+    """Limits within which a glider that passes a wire is held by it.
+
+    Their sources are in models/problems/perching.yaml.
+    """
+
+    reach: float = 0.05
+    """Distance of the center of mass from the wire within which the hook is [m]."""
+
+    speed_limit: float = 2.8
+    """Largest speed that it stops the glider from [m/s]."""
+
+    pitch_limits: list[float] = dataclasses.field(
+        default_factory=lambda: [-1.17, -0.35]
+    )
+    """Pitch between which its mouth meets the wire [rad]."""
+
+    def takes(self, miss: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
+        """Whether it holds gliders that pass the wire, (...).
+
+        Args:
+            miss: (...) least distances of the center of mass from the wire [m].
+            arrivals: (..., 7 or more) the states there.
+        """
+        low, high = self.pitch_limits
+        speed = np.linalg.norm(arrivals[..., VELOCITY], axis=-1)
+        pitch = arrivals[..., _PITCH]
+        is_slow = speed <= self.speed_limit
+        return (miss < self.reach) & is_slow & (low <= pitch) & (pitch <= high)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,11 +102,11 @@ class PerchingProblem:
     """Bounds of the step between knots, times the number of knots [s]."""
 
     hook: Hook = dataclasses.field(default_factory=Hook)
-    """Hook at the glider: no part of the plan, it tells which flights perch."""
+    """Hook at the glider: no part of the plan, it determines which flights perch."""
 
     def __post_init__(self):
-        """Raises InputError where the problem makes no sense."""
-        check_problem(self)
+        """Raises InputError, naming the field, where a value is out of range."""
+        _check(self)
 
 
 _STATES = ("launch", "goal", "goal_weights")
@@ -85,53 +118,36 @@ _INTERVALS = (
     "duration_limits",
     "hook.pitch_limits",
 )
+_SIZES = dict.fromkeys(_STATES, NUM_STATES) | dict.fromkeys((*_INTERVALS, "wire"), 2)
 _POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 
 
-def check_problem(problem: PerchingProblem) -> None:
-    """Raises InputError, naming the field, where a value cannot be."""
+def _check(problem: PerchingProblem) -> None:
     values = dataclasses.asdict(problem)
     hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
     for name, value in (values | hook).items():
-        size = NUM_STATES if name in _STATES else np.size(value)
-        if name in (*_INTERVALS, "wire"):
-            size = 2
         numbers = np.asarray(value, dtype=object).ravel()
-        if len(numbers) != size or not all(_is_number(v) for v in numbers):
-            needed = "a finite number" if size == 1 else f"{size} finite numbers"
-            if name in _STATES:
-                needed += f" ({', '.join(STATE_NAMES)})"
-            raise InputError(f"field '{name}' is {show(value)}; {needed} needed.")
-        if name in _INTERVALS and not value[0] < value[1]:
-            raise InputError(
-                f"field '{name}' is {show(value)}; [lower, upper] with "
-                "lower < upper is needed."
-            )
-        if name in ("goal_weights", "rate_cost") and min(numbers) < 0.0:
-            raise InputError(
-                f"field '{name}' is {show(value)}; weights must not be negative."
-            )
-        if name in _POSITIVE and value <= 0.0:
-            raise InputError(
-                f"field '{name}' is {show(value)}; a positive number is needed."
-            )
-    if problem.duration_limits[0] <= 0.0:
-        raise InputError(
-            f"field 'duration_limits' is {show(problem.duration_limits)}; "
-            "a flight "
-            "takes more than 0 s."
-        )
-    if not any(problem.launch[4:6]):
-        raise InputError(
-            "field 'launch' has xdot = zdot = 0; a glider is needed that moves."
-        )
+        size = _SIZES.get(name, 1)
+        needed = "a finite number" if size == 1 else f"{size} finite numbers"
+        if name in _STATES:
+            needed += f" ({', '.join(STATE_NAMES)})"
+        good = len(numbers) == size and all(map(_is_number, numbers))
+        expect(good, f"field '{name}'", value, needed)
+        if name in _INTERVALS:
+            rises = value[0] < value[1]
+            expect(rises, f"field '{name}'", value, "[lower, upper], lower < upper")
+        if name in ("goal_weights", "rate_cost"):
+            expect(min(numbers) >= 0.0, f"field '{name}'", value, "nothing negative")
+        if name in _POSITIVE:
+            expect(value > 0.0, f"field '{name}'", value, "a positive number")
+    shortest = problem.duration_limits[0]
+    expect(shortest > 0.0, "field 'duration_limits'", shortest, "more than 0 s")
+    moves = any(problem.launch[4:6])
+    expect(moves, "field 'launch'", problem.launch, "xdot or zdot other than 0")
     for name, place in zip(("x_limits", "z_limits"), problem.wire, strict=True):
         low, high = getattr(problem, name)
-        if not low <= place <= high:
-            raise InputError(
-                f"field 'wire' is {show(problem.wire)}, outside '{name}', "
-                f"{show([low, high])}."
-            )
+        inside = f"a place within '{name}', {show([low, high])}"
+        expect(low <= place <= high, "field 'wire'", problem.wire, inside)
 
 
 def _is_number(value: object) -> bool:
@@ -168,7 +184,7 @@ def goal_cost(problem: PerchingProblem, states: np.ndarray) -> np.ndarray:
 
 
 def load_problem(path: Path | str) -> PerchingProblem:
-    """Loads a problem; a misspelt field or a value that cannot be is an InputError.
+    """Loads a problem; a misspelt field or a value out of range is an InputError.
 
     A file gives only the fields that differ from the article's problem.
 

@@ -1,4 +1,11 @@
-"""Which launches can perch at all: a plan for each, or how near it comes."""
+"""Which launches can perch at all: a plan for each, or how near to the wire it comes.
+
+Where no planner finds a plan, the planner or the launch may be the reason. So a search
+asks for a flight that keeps everything a plan has to keep except its place at the end,
+which is only drawn to the wire: such a flight exists from everywhere. Each search is
+local; if all of them, from guesses of many shapes, end at the same distance, there is
+most probably no plan. That is evidence, not a proof.
+"""
 
 import dataclasses
 import time
@@ -7,18 +14,23 @@ from collections.abc import Callable
 import joblib
 import numpy as np
 
-from glider.errors import InputError
+from glider.compiled.interior_point import Limits, optimize
+from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.planning.closest import REACHED, find_closest
-from glider.planning.guess import straight_line
+from glider.planning.guess import straight_line, swoop
 from glider.planning.problem import PerchingProblem
-from glider.planning.structured import solve_structured
+from glider.planning.structured import (
+    COLD_BARRIER,
+    STRETCH,
+    CollocatedFlight,
+    make_program,
+    solve_structured,
+    to_flight,
+    to_optimum,
+)
 
 KNOTS = 25
 """Number of knots of each plan."""
-
-STRETCH = 1.4
-"""Duration of the straight line that each plan starts from, as in `planning.dircol`."""
 
 TRIES = 2
 """Number of searches for the closest flight where there is no plan at once."""
@@ -26,10 +38,100 @@ TRIES = 2
 CHUNK = 100
 """Number of launches that a worker gets at a time."""
 
+CLOSEST_TRIES = 40
+"""Number of guesses."""
+
+DIPS, STRETCHES = (-0.3, 0.8), (0.8, 1.8)
+"""Depth of the guesses below a straight line [m], and their durations, relative to
+it."""
+
+PLACE_WEIGHT, RATE_COST = 1e4, 1e-3
+"""Weight of the squared distance [1/m²] against that of the commands, which is there to
+make the flight unique: it moves the end by less than 0.1 mm."""
+
+REACHED = 1e-3
+"""Distance within which the wire counts as reached [m]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Closest:
+    """Flights that end as near to the wire as they can."""
+
+    tries: int
+    """Number of guesses."""
+
+    misses: np.ndarray
+    """Distances of those that were found, in rising order [m]."""
+
+    flight: CollocatedFlight | None
+    """The nearest, None where none was found."""
+
+    @property
+    def agreeing(self) -> int:
+        """Number of flights that end as near as the nearest, to 1 %."""
+        least = self.misses[:1]
+        return int(np.sum(self.misses <= 1.01 * least)) if len(least) else 0
+
+    @property
+    def is_out_of_reach(self) -> bool:
+        """Whether most were found and none of them comes to the wire."""
+        found = 2 * len(self.misses) > self.tries
+        return found and bool(self.misses[0] > REACHED)
+
+    def describe(self) -> str:
+        """Describes the search's result, as part of a sentence."""
+        return (
+            f"of {self.tries} searches for the nearest flight that keeps all other "
+            f"limits, {len(self.misses)} end, {self.agreeing} of them "
+            f"{1e3 * self.misses[0]:.1f} mm from the wire and none nearer"
+        )
+
+
+def find_closest(
+    model: GliderModel, problem: PerchingProblem, knots: int, tries: int = CLOSEST_TRIES
+) -> Closest:
+    """Searches from many guesses for the flight that ends nearest to the wire.
+
+    Args:
+        model: the glider.
+        problem: all of whose limits hold but the place at the end.
+        knots: at least 3.
+        tries: number of guesses; always the same ones.
+
+    Raises:
+        UncompilableError: a formula is not of what numba compiles.
+    """
+    rng, n = np.random.default_rng(0), model.num_states
+    soft = dataclasses.replace(problem, rate_cost=RATE_COST)
+    program = make_program(model, soft, knots)._replace(
+        is_held=False,
+        goal=np.append(problem.wire, np.zeros(n - 2)),
+        goal_weights=np.append([PLACE_WEIGHT] * 2, np.zeros(n - 2)),
+    )
+    line = straight_line(model, problem).states.end_time()
+    found: list[tuple[float, CollocatedFlight]] = []
+    for _ in range(tries):
+        begin = time.perf_counter()
+        dip, duration = rng.uniform(*DIPS), line * rng.uniform(*STRETCHES)
+        start = to_optimum(swoop(model, problem, dip, duration), knots)
+        start.w[:n] = model.initial_state(problem.launch)
+        outcome = optimize(model, program, start, COLD_BARRIER, Limits(1e-5))
+        name, seconds = "the flight that comes closest", time.perf_counter() - begin
+        flight = to_flight(outcome, n, name, seconds)
+        if flight.solved:
+            end = flight.knots[-1, :2] - np.array(problem.wire)
+            found.append((float(np.hypot(*end)), flight))
+    found.sort(key=lambda pair: pair[0])
+    return Closest(
+        tries=tries,
+        misses=np.array([miss for miss, _ in found]),
+        flight=found[0][1] if found else None,
+    )
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Reach:
-    """Launches, and what can become of them."""
+    """Launches, and whether each has a plan."""
 
     launches: np.ndarray
     """(B, 7)."""
@@ -73,23 +175,21 @@ def find_reach(
     launches: np.ndarray,
     progress: Callable[[str], None] | None = None,
 ) -> Reach:
-    """Plans from many launches, by the workers of joblib that the caller has chosen.
+    """Plans from many launches, by the joblib workers that the caller has chosen.
 
     Args:
         model: the glider.
         problem: whose launch is replaced.
         launches: (B, 7).
-        progress: told how many are done.
+        progress: called with how many are done.
 
     Raises:
         InputError: the launches are no states.
         UncompilableError: a formula is not of what numba compiles.
     """
     launches, begin = np.asarray(launches, dtype=float), time.perf_counter()
-    if launches.ndim != 2 or launches.shape[1] != 7 or not len(launches):
-        raise InputError(
-            f"find_reach: the launches have shape {launches.shape}; (B, 7) is needed."
-        )
+    good = launches.ndim == 2 and launches.shape[1] == 7 and len(launches)
+    expect(good, "find_reach: the launches' shape", launches.shape, "(B, 7)")
     parts = [launches[k : k + CHUNK] for k in range(0, len(launches), CHUNK)]
     tasks = (joblib.delayed(_reach_of)(model, problem, part) for part in parts)
     found: list[tuple[bool, float]] = []

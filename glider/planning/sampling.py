@@ -1,9 +1,8 @@
 """Planning without gradients: the cross-entropy method and MPPI.
 
-Both draw command sequences, fly each through the compiled dynamics and move
-towards those that cost little. What changes is a mean sequence (and for the
-cross-entropy method a variance), which the two update functions take and return;
-the random generator is passed in.
+Both draw command sequences, fly each through the compiled dynamics and move the mean
+sequence (and for the cross-entropy method a variance) towards those that cost little.
+The random generator is passed in.
 """
 
 import dataclasses
@@ -13,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.compiled.sampling import FlightCost, cost_sequences
-from glider.errors import InputError, show
+from glider.compiled.sequence_costs import FlightCost, cost_sequences
+from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, rate_bounds
 from glider.physics.state import ELEVATOR
@@ -44,11 +43,8 @@ class CemSettings:
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
         _check_positive(self)
-        if not 2 <= self.elites <= self.samples:
-            raise InputError(
-                f"CemSettings: {self.elites} elites of {self.samples} samples; at "
-                "least 2, and no more than the samples, are needed."
-            )
+        good = 2 <= self.elites <= self.samples
+        expect(good, "CemSettings: 'elites'", self.elites, f"2 to {self.samples}")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,24 +72,21 @@ class MppiSettings:
         _check_positive(self)
 
     @property
-    def price(self) -> float:
-        """Weight of the likelihood ratio, see `glider.compiled.sampling`."""
+    def penalty(self) -> float:
+        """Weight of the likelihood ratio, see `glider.compiled.sequence_costs`."""
         return self.temperature / self.deviation**2 if self.likelihood_ratio else 0.0
 
 
 def _check_positive(settings: CemSettings | MppiSettings) -> None:
     for name, value in dataclasses.asdict(settings).items():
-        if not isinstance(value, bool) and not (math.isfinite(value) and value > 0):
-            raise InputError(
-                f"{type(settings).__name__}: '{name}' is {show(value)}; a positive "
-                "number "
-                "is needed."
-            )
+        good = isinstance(value, bool) or (math.isfinite(value) and value > 0)
+        what = f"{type(settings).__name__}: '{name}'"
+        expect(good, what, value, "a positive number")
 
 
 Watch = Callable[[int, np.ndarray], None]
-"""Callback, told the number of an iteration, from 1, and the sequences (B, N) drawn in
-it [rad/s]."""
+"""Callback of the number of an iteration, from 1, and the sequences (B, N) drawn in it
+[rad/s]."""
 
 
 class SequenceCost:
@@ -119,7 +112,7 @@ class SequenceCost:
         within_limits: bool = False,
         free_end: bool = False,
     ) -> None:
-        """Takes what to fly and how to price it.
+        """Sets what is flown and its cost.
 
         Args:
             model: the glider.
@@ -136,13 +129,10 @@ class SequenceCost:
         Raises:
             InputError: a step or a number that cannot be.
         """
-        if not (math.isfinite(step) and step > 0.0) or steps < 1:
-            raise InputError(
-                f"SequenceCost: {steps} steps of {show(step)} s; at least one, of a "
-                "positive duration, is needed."
-            )
-        if order not in (1, 4):
-            raise InputError(f"SequenceCost: the order is {order}; 1 or 4 is needed.")
+        positive = math.isfinite(step) and step > 0.0
+        expect(positive, "SequenceCost: 'step'", step, "a positive number")
+        expect(steps >= 1, "SequenceCost: 'steps'", steps, "at least 1")
+        expect(order in (1, 4), "SequenceCost: 'order'", order, "1 or 4")
         self.step, self.steps = step, steps
         self.num_states = model.num_states
         self.model, self._order = model, order
@@ -159,7 +149,7 @@ class SequenceCost:
         start: np.ndarray,
         commands: np.ndarray,
         nominal: np.ndarray | None = None,
-        price: float = 0.0,
+        penalty: float = 0.0,
     ) -> np.ndarray:
         """Returns the costs-to-go S_k of sequences, shape (B, N + 1).
 
@@ -167,9 +157,9 @@ class SequenceCost:
             start: (n,) state at launch.
             commands: (B, N) [rad/s].
             nominal: (N,) that the likelihood ratio is taken about [rad/s].
-            price: its weight, see `glider.compiled.sampling`.
+            penalty: its weight, see `glider.compiled.sequence_costs`.
         """
-        return self._fly(start, commands, nominal, price, False)[0]
+        return self._fly(start, commands, nominal, penalty, False)[0]
 
     def fly(self, start: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """Returns the states of the flights, shape (B, N + 1, n)."""
@@ -189,16 +179,15 @@ class SequenceCost:
         start: np.ndarray,
         commands: np.ndarray,
         nominal: np.ndarray | None,
-        price: float,
+        penalty: float,
         keep: bool,
     ) -> tuple[np.ndarray, np.ndarray]:
         start = np.ascontiguousarray(start, dtype=float)
         commands = np.ascontiguousarray(commands, dtype=float)
-        if start.shape != (self.num_states,) or commands.shape[1:] != (self.steps,):
-            raise InputError(
-                f"SequenceCost: a start {start.shape} and commands {commands.shape} "
-                f"are given; ({self.num_states},) and (B, {self.steps}) are needed."
-            )
+        good = start.shape == (self.num_states,) and commands.shape[1:] == (self.steps,)
+        what, shapes = "SequenceCost: the shapes", (start.shape, commands.shape)
+        needed = f"a start ({self.num_states},) and commands (B, {self.steps})"
+        expect(good, what, shapes, needed)
         return cost_sequences(
             self.model,
             start,
@@ -208,7 +197,7 @@ class SequenceCost:
             self._servo,
             order=self._order,
             nominal=nominal,
-            price=price,
+            penalty=penalty,
             keep_states=keep,
         )
 
@@ -247,15 +236,6 @@ def mppi_update(
     return mean + np.sum(weights * noise, axis=0) / np.sum(weights, axis=0)
 
 
-def _check_search(cost: SequenceCost, mean: np.ndarray | None, iterations: int) -> None:
-    shape = (cost.steps,) if mean is None else np.shape(mean)
-    if shape != (cost.steps,) or iterations < 1:
-        raise InputError(
-            f"A search of {iterations} iterations from a mean of shape {shape}; at "
-            f"least one, and ({cost.steps},), are needed."
-        )
-
-
 def cem(
     cost: SequenceCost,
     start: np.ndarray,
@@ -275,27 +255,24 @@ def cem(
         settings: None for the article's.
         iterations: their number.
         mean: (N,) to start from; None for zero [rad/s].
-        watch: told what is drawn.
+        watch: called with what is drawn.
 
     Returns:
         a plan with held commands, the last mean. Its costs are those of the mean before
         the first and after each iteration.
     """
-    _check_search(cost, mean, iterations)
     settings = CemSettings() if settings is None else settings
-    mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
     variance = np.full(cost.steps, settings.variance)
-    begin, costs = time.perf_counter(), np.empty(iterations + 1)
-    for k in range(iterations):
+
+    def improve(mean):
+        nonlocal variance
         noise = rng.standard_normal((settings.samples, cost.steps))
         commands = np.vstack([mean, mean + np.sqrt(variance) * noise])
         total = cost.to_go(start, commands)[:, 0]
-        costs[k] = total[0]
-        if watch:
-            watch(k + 1, commands[1:])
         mean, variance = cem_update(commands[1:], total[1:], settings)
-    costs[-1] = cost.to_go(start, mean[None])[0, 0]
-    return _plan_of(cost, start, mean, costs, begin)
+        return mean, commands, total
+
+    return _search(cost, start, improve, 0.0, iterations, mean, watch)
 
 
 def mppi(
@@ -313,26 +290,35 @@ def mppi(
     With the likelihood ratio the costs of the result hold λ/(2σ²) Σ u², which is
     then part of what is minimized.
     """
-    _check_search(cost, mean, iterations)
     settings = MppiSettings() if settings is None else settings
+
+    def improve(mean):
+        return mppi_step(cost, start, mean, rng, settings)
+
+    return _search(cost, start, improve, settings.penalty, iterations, mean, watch)
+
+
+def _search(
+    cost: SequenceCost,
+    start: np.ndarray,
+    improve: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    penalty: float,
+    iterations: int,
+    mean: np.ndarray | None,
+    watch: Watch | None,
+) -> Plan:
+    """Iterates `improve`, which returns what `mppi_step` does."""
     mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
+    needed = f"({cost.steps},)"
+    expect(mean.shape == (cost.steps,), "the shape of the mean", mean.shape, needed)
+    expect(iterations >= 1, "the number of iterations", iterations, "at least 1")
     begin, costs = time.perf_counter(), np.empty(iterations + 1)
     for k in range(iterations):
-        mean, commands, total = mppi_step(cost, start, mean, rng, settings)
+        mean, commands, total = improve(mean)
         costs[k] = total[0]
         if watch:
             watch(k + 1, commands[1:])
-    costs[-1] = cost.to_go(start, mean[None], mean, settings.price)[0, 0]
-    return _plan_of(cost, start, mean, costs, begin)
-
-
-def _plan_of(
-    cost: SequenceCost,
-    start: np.ndarray,
-    mean: np.ndarray,
-    costs: np.ndarray,
-    begin: float,
-) -> Plan:
+    costs[-1] = cost.to_go(start, mean[None], mean, penalty)[0, 0]
     seconds = time.perf_counter() - begin
     return held_plan(
         cost.model,
@@ -352,7 +338,7 @@ def mppi_step(
     rng: np.random.Generator,
     settings: MppiSettings,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draws, flies and weighs once.
+    """Draws, flies and weights sequences once.
 
     Returns:
         the new mean (N,), the commands (1 + B, N) with the old mean as the first,
@@ -360,7 +346,7 @@ def mppi_step(
     """
     noise = settings.deviation * rng.standard_normal((settings.samples, cost.steps))
     commands = np.vstack([mean, mean + noise])
-    to_go = cost.to_go(start, commands, mean, settings.price)
+    to_go = cost.to_go(start, commands, mean, settings.penalty)
     new = mppi_update(mean, noise, to_go[1:, :-1], settings.temperature)
     return new, commands, to_go[:, 0]
 

@@ -1,9 +1,9 @@
 """Direct collocation solved stage by stage, in milliseconds.
 
 The problem is that of `glider.planning.transcription`, knot by knot, and what is found
-is a minimum of Drake's program too (`glider.planning.optimality` looks). The solver is
-`glider.compiled.interior_point`. Of what installs from a registry, fatrop within CasADi
-was measured: it takes a second to build the program and longer to solve it.
+is a minimum of Drake's program (tests/planning/test_structured.py checks it). The
+solver is `glider.compiled.interior_point`. CasADi's fatrop was measured: it takes a
+second to build the program and longer to solve it.
 """
 
 import dataclasses
@@ -25,6 +25,11 @@ fifty launches 47 can be planned and all are, 46 at the least cost that is known
 
 WARM_BARRIER = 1e-2
 """Barrier's weight from a plan that was optimal nearby."""
+
+STRETCH = 1.4
+"""Duration of the straight lines to start from, relative to those of `straight_line`: a
+slow flight has margin to brake, and of fast launches' minima it is the better one that
+is found."""
 
 COARSE_TOLERANCE = 1e-2
 """Tolerance of a solution that only leads on to more knots."""

@@ -10,7 +10,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
 from pydrake.planning import DirectCollocation, DirectCollocationConstraint
 from pydrake.solvers import MathematicalProgramResult
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.planning.guess import Guess
@@ -59,15 +59,12 @@ def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
     """
     if model.is_time_varying:
         raise InputError(
-            "plan: the glider's motion depends on time, and direct "
-            "collocation would take it as at time 0; plan with a field over x."
+            "plan: the glider's motion depends on time, which direct collocation does "
+            "not support; expected a field over x instead."
         )
     for i, (name, (low, high)) in enumerate(_limits(model, problem).items()):
-        if not low <= problem.launch[i] <= high:
-            raise InputError(
-                f"plan: the launch has {name} = {problem.launch[i]:g}, and its "
-                f"limits are {low:g} and {high:g}."
-            )
+        value, between = problem.launch[i], f"a value from {low:g} to {high:g}"
+        expect(low <= value <= high, f"plan: the launch's {name}", value, between)
 
 
 def _limits(model, problem):
@@ -103,7 +100,7 @@ def transcribe(
     check_plannable(model, problem)
     low, high = np.array(problem.duration_limits) / knots
     launch = model.initial_state(problem.launch)
-    dynamics.linearize(launch, 0.0)  # Tells whether they compile.
+    dynamics.linearize(launch, 0.0)  # Shows whether they compile.
     plant = GliderPlant(model, fast=dynamics.fast)
     dc = DirectCollocation(plant, plant.CreateDefaultContext(), knots, low, high)
     dc.AddEqualTimeIntervalsConstraints()

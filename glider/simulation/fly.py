@@ -14,7 +14,7 @@ from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
 from glider.physics.stiffness import count_laps
 from glider.planning.problem import PerchingProblem
-from glider.simulation.flights import Flights
+from glider.simulation.flown_flights import Flights
 
 STEP = 0.002
 """Longest Runge-Kutta step [s]."""

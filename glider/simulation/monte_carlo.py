@@ -18,7 +18,7 @@ from glider.errors import InputError, show
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
-from glider.simulation.flights import Flights
+from glider.simulation.flown_flights import Flights
 from glider.simulation.fly import AFTER, STEP, Policy, fly, make_clock
 
 CHUNK = 2500

@@ -12,8 +12,7 @@ from glider.compiled.jacobian import differentiate
 from glider.compiled.kernel import UncompilableError
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel, as_model
-from glider.physics.numbers import Theta
-from glider.physics.parameters import Parameters
+from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import POSE_NAMES
 
 FORCE_NAMES = ("wing", "elevator", "force_x", "force_z", "moment")

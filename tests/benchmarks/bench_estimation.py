@@ -11,7 +11,7 @@ import numpy as np
 
 from diagrams.estimated_loop import fly_on_estimate
 from glider.estimation.ekf import make_ekf
-from glider.estimation.flights import draw_starts, fly_watched
+from glider.estimation.noisy_flights import draw_starts, fly_watched
 from glider.estimation.perching import (
     CAPTURE,
     PROCESS,

@@ -16,13 +16,13 @@ from glider.compiled import (
     barrier,
     collocation,
     constants,
+    fast_trigonometry,
     filter_error,
     jacobian,
     kernel,
     riccati,
     rollouts,
     stages,
-    trigonometry,
 )
 from glider.compiled.constants import BLOCK
 from glider.compiled.fingerprint import reached
@@ -166,7 +166,7 @@ def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
         (chain, "NUM_INPUTS", 6),
         (servo, "STOPPING_TIME", 0.01),
         (constants, "TINY", 1e-40),
-        (trigonometry, "_PI", (math.pi, 0.0, 0.0)),
+        (fast_trigonometry, "_PI", (math.pi, 0.0, 0.0)),
     ],
 )
 def test_an_edit_of_the_physics_gets_another_file(

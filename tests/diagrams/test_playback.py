@@ -16,7 +16,7 @@ from diagrams.tracks import flight_track
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.planning.problem import PerchingProblem
-from glider.simulation.flights import hooked
+from glider.simulation.flown_flights import hooked
 from tests.helpers.meshcat import place_of, property_of
 
 

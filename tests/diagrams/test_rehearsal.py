@@ -12,7 +12,7 @@ from glider.paths import models_path
 from glider.physics.effects import PITCH_DAMPING, WIND
 from glider.physics.model import GliderModel, save_model
 from glider.planning.problem import PerchingProblem
-from glider.simulation.flights import Perches
+from glider.simulation.flown_flights import Perches
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.physics import FIELD
 

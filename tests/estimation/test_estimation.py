@@ -21,8 +21,7 @@ from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.consistency import assess, chi_square_band, squared_errors
 from glider.estimation.ekf import SlowState, make_ekf
-from glider.estimation.flights import draw_starts, fly_watched
-from glider.estimation.knowledge import information_bound
+from glider.estimation.noisy_flights import draw_starts, fly_watched, information_bound
 from glider.estimation.perching import (
     CAPTURE,
     PROCESS,
@@ -41,8 +40,7 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.physics.model import GliderModel
-from glider.physics.numbers import Theta
-from glider.physics.parameters import GliderParameters, Parameters
+from glider.physics.parameters import GliderParameters, Parameters, Theta
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states

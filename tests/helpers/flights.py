@@ -9,8 +9,7 @@ from glider.control.tvlqr_drake import policy_of, tracking_gains
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
-from glider.planning.hook import Hook
-from glider.planning.problem import PerchingProblem
+from glider.planning.problem import Hook, PerchingProblem
 
 PROBLEM = PerchingProblem()
 NO_HOOK = PerchingProblem(hook=Hook(reach=1e-9))

@@ -7,8 +7,7 @@ from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import NO_FIELD
 from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.effects.field import FieldData
-from glider.physics.numbers import Theta
-from glider.physics.parameters import GliderParameters, Parameters
+from glider.physics.parameters import GliderParameters, Parameters, Theta
 from glider.physics.state import STATE_NAMES
 
 GliderState = namedview("GliderState", STATE_NAMES)

@@ -10,7 +10,7 @@ from pydrake.symbolic import MakeVectorContinuousVariable
 
 from glider.compiled.jacobian import differentiate
 from glider.compiled.rollouts import fly_tapes
-from glider.physics import trigonometry
+from glider.physics import formulas
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters
 from tests.helpers.physics import (
@@ -134,7 +134,7 @@ def test_floats_autodiff_symbols_complex_and_compiled_agree():
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_the_compiled_sine_is_numpys(name):
-    ours = getattr(trigonometry, name)
+    ours = getattr(formulas, name)
 
     @numba.njit
     def over(values, out):
@@ -166,7 +166,7 @@ def test_the_compiled_root_is_numpys():
     @numba.njit
     def over(values, out):
         for i in range(len(values)):
-            out[i] = trigonometry.sqrt(values[i])
+            out[i] = formulas.sqrt(values[i])
 
     real = np.array([1e-8, 0.5, 49.0, 1e6])
     out = np.empty_like(real)

@@ -18,7 +18,7 @@ from glider.physics.effects import (
     STALLED_DOWNWASH,
     WIND_SHEAR,
 )
-from glider.physics.numbers import Theta
+from glider.physics.parameters import Theta
 from tests.helpers.physics import (
     PARAMETERS,
     GliderState,

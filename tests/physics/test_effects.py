@@ -24,8 +24,7 @@ from glider.physics.effects import (
 )
 from glider.physics.effects.field import make_field
 from glider.physics.model import GliderModel
-from glider.physics.numbers import Theta
-from glider.physics.parameters import Parameters
+from glider.physics.parameters import Parameters, Theta
 from glider.systems.plant import GliderPlant
 from tests.helpers.physics import (
     FIELD,

@@ -112,21 +112,27 @@ def test_the_arrays_of_a_field():
         ("field: {variables: [x], widths: [1.0], centers: [[1.0, 2.0]]}", "center 0"),
         ("field: {constant: true, weights: {c_lift: [1.0, 2.0]}}", "'c_lift'"),
         ("field: {weights: {c_left: [1.0]}}", "'c_left'"),
-        ("covariance: {names: [wind.x], matrix: [[1.0]]}", "'wind.x', which the"),
-        ("covariance: {names: [mass, mass], matrix: [[1, 0], [0, 1]]}", "twice"),
-        ("covariance: {names: [mass], matrix: [[1.0, 0.0]]}", "2 numbers; 1 rows of 1"),
-        ("covariance: {names: [mass, wing_area], matrix: [[1.0]]}", "1 numbers; 2"),
-        ("covariance: {names: [], matrix: [[1.0]]}", "1 numbers; 0 rows"),
-        ("covariance: {names: [mass]}", "no numbers"),
-        ("covariance: {names: [mass], matrix: [[.nan]]}", "nan; finite"),
-        ("covariance: {names: [mass], matrix: [[-1.0]]}", "variance of 'mass' is -1"),
+        (
+            "covariance: {names: [wind.x], matrix: [[1.0]]}",
+            "a name is 'wind.x'; expected",
+        ),
+        ("covariance: {names: [mass, mass], matrix: [[1, 0], [0, 1]]}", "none twice"),
+        ("covariance: {names: [mass], matrix: [[1.0, 0.0]]}", "[2]; expected [1]"),
+        (
+            "covariance: {names: [mass, wing_area], matrix: [[1.0]]}",
+            "[1]; expected [2, 2]",
+        ),
+        ("covariance: {names: [], matrix: [[1.0]]}", "rows is [1]; expected []"),
+        ("covariance: {names: [mass]}", "rows is []; expected [1]"),
+        ("covariance: {names: [mass], matrix: [[.nan]]}", "expected finite numbers"),
+        ("covariance: {names: [mass], matrix: [[-1.0]]}", "variance of 'mass' is -1.0"),
         (
             "covariance: {names: [mass, wing_area], matrix: [[1, 0.1], [0.2, 1]]}",
-            "0.1 in row 1 and column 2 and 0.2",
+            "[0.1, 0.2]; expected one value",
         ),
         (
             "covariance: {names: [mass, wing_area], matrix: [[1, 2], [2, 1]]}",
-            "eigenvalue -1",
+            "correlations is -1.0",
         ),
         (
             "covariance: {names: [mass, wing_area], matrix: [[0, 1], [1, 1]]}",
@@ -180,7 +186,9 @@ def test_a_path_stands_for_the_model_in_its_file(tmp_path):
     ],
 )
 def test_what_is_neither_a_model_nor_a_path_is_refused(thing, found):
-    with pytest.raises(InputError, match=f"found {found}; a GliderModel or the path"):
+    with pytest.raises(
+        InputError, match=f"found {found}; expected a GliderModel or the"
+    ):
         as_model(thing)
 
 
@@ -197,13 +205,13 @@ def test_a_field_that_is_no_number_is_refused(name):
         make_field(data)
 
 
-def test_a_servo_that_nobody_told_is_not_invented(tmp_path):
-    """Its limits are none in the file, and none when it is read again."""
+def test_an_unknown_servo_is_not_invented(tmp_path):
+    """Its limits are null in the file, and None when it is read again."""
     parameters = GliderParameters(elevator_limits=None, elevator_rate_limit=None)
     save_model(tmp_path / "model.yaml", GliderModel(parameters=parameters))
     model = load_model(tmp_path / "model.yaml")
     assert model.parameters == parameters
-    with pytest.raises(InputError, match="tells no limits of a servo"):
+    with pytest.raises(InputError, match="has no servo limits"):
         _ = model.parameters.servo
 
 

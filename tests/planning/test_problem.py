@@ -36,7 +36,7 @@ def test_a_file_gives_only_what_differs(tmp_path):
         ("launhc: [0.0]", ("unknown field 'launhc'", "did you mean 'launch'?")),
         ("launch: fast", ("'launch' is 'fast'; expected a list",)),
         ("5: 6", ("unknown field 5, expected one of launch",)),
-        ("launch: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]", ("'launch'", "zdot = 0")),
+        ("launch: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]", ("'launch'", "other than 0")),
         ("wire: [1.1, 0.0]", ("'wire'", "'x_limits'")),
         ("wire: [0.0, -1.1]", ("'wire'", "'z_limits'")),
     ],

@@ -79,12 +79,12 @@ def fly_by_hand(model, start, commands, step, order, limits):
     return np.array(states)
 
 
-def costs_by_hand(problem, states, commands, nominal, price, step, free_end):
+def costs_by_hand(problem, states, commands, nominal, penalty, step, free_end):
     """Returns S_k by its definition: a sum for each k and each step to end at."""
     error = states[:, :7] - problem.goal
     final = np.sum(np.array(problem.goal_weights) * error**2, axis=1)
     stage = problem.rate_cost * step * commands**2
-    stage = stage + price * (nominal * commands - 0.5 * nominal**2)
+    stage = stage + penalty * (nominal * commands - 0.5 * nominal**2)
     last = len(commands)
 
     def best(k):
@@ -95,7 +95,7 @@ def costs_by_hand(problem, states, commands, nominal, price, step, free_end):
 
 
 @pytest.mark.parametrize(
-    ("model", "order", "within_limits", "free_end", "price"),
+    ("model", "order", "within_limits", "free_end", "penalty"),
     [
         (HEAVY, 1, False, False, 0.0),
         (HEAVY, 4, True, True, 0.02),
@@ -104,7 +104,7 @@ def costs_by_hand(problem, states, commands, nominal, price, step, free_end):
     ids=["article", "replanning", "another plant"],
 )
 def test_a_sequence_costs_what_its_flight_costs(
-    model, order, within_limits, free_end, price
+    model, order, within_limits, free_end, penalty
 ):
     """Against loops over the formulas, without compiled code."""
     steps, step = 60, 0.015
@@ -124,12 +124,12 @@ def test_a_sequence_costs_what_its_flight_costs(
     commands, nominal = draw(3, steps, scale), draw(1, steps, 2.0, seed=1)[0]
     # High up: below its ground, the ground effect knows no bounds.
     start = model.initial_state(LAUNCH + np.array([0, 4, 0, 0, 0, 0, 0]))
-    to_go = cost.to_go(start, commands, nominal, price)
+    to_go = cost.to_go(start, commands, nominal, penalty)
     states = cost.fly(start, commands)
     for u, x, s in zip(commands, states, to_go, strict=True):
         flown = fly_by_hand(model, start, u, step, order, kept)
         np.testing.assert_allclose(x, flown, rtol=1e-9, atol=1e-9)
-        expected = costs_by_hand(ARTICLE, flown, u, nominal, price, step, free_end)
+        expected = costs_by_hand(ARTICLE, flown, u, nominal, penalty, step, free_end)
         np.testing.assert_allclose(s, expected, rtol=1e-8)
     if within_limits:  # They were at work.
         low, high, _ = limits
@@ -341,17 +341,17 @@ def test_a_plan_becomes_a_sequence(article_plan):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: CemSettings(elites=31), "31 elites of 30"),
-        (lambda: CemSettings(elites=1), "1 elites"),
+        (lambda: CemSettings(elites=31), "'elites' is 31; expected 2 to 30"),
+        (lambda: CemSettings(elites=1), "'elites' is 1"),
         (lambda: CemSettings(variance=-1.0), "'variance' is -1.0"),
         (lambda: MppiSettings(temperature=0.0), "'temperature' is 0.0"),
         (lambda: MppiSettings(deviation=np.nan), "'deviation' is nan"),
-        (lambda: article_cost(step=0.0), "of 0.0 s"),
-        (lambda: article_cost(steps=0), "0 steps"),
-        (lambda: article_cost(order=2), "order is 2"),
-        (lambda: article_cost().to_go(LAUNCH, np.zeros((2, 7))), r"\(2, 7\)"),
-        (lambda: article_cost().to_go(LAUNCH[:6], np.zeros((2, 75))), r"\(6,\)"),
-        (lambda: small_controller(sequence=np.zeros(3)), r"\(3,\)"),
+        (lambda: article_cost(step=0.0), "'step' is 0.0"),
+        (lambda: article_cost(steps=0), "'steps' is 0"),
+        (lambda: article_cost(order=2), "'order' is 2"),
+        (lambda: article_cost().to_go(LAUNCH, np.zeros((2, 7))), r"\[2, 7\]"),
+        (lambda: article_cost().to_go(LAUNCH[:6], np.zeros((2, 75))), r"\[6\]"),
+        (lambda: small_controller(sequence=np.zeros(3)), r"\[3\]; expected \(20,\)"),
     ],
 )
 def test_what_cannot_be_is_refused(make, words):
@@ -364,7 +364,7 @@ def test_a_sequence_costs_a_quick_servo_what_it_costs_none():
     commands = draw(50, 40, 4.0)
     near, quick = (
         replanning_cost(model, REPLANNING).to_go(
-            model.initial_state(LAUNCH), commands, draw(1, 40)[0], SETTINGS.price
+            model.initial_state(LAUNCH), commands, draw(1, 40)[0], SETTINGS.penalty
         )
         for model in (GliderModel(), QUICK)
     )
@@ -388,5 +388,5 @@ def test_a_plan_within_limits_is_what_the_servo_makes_of_the_sequence(search):
 def test_a_search_that_cannot_be_is_one_sentence(options):
     cost = SequenceCost(GliderModel(), PerchingProblem())
     start = np.array(PerchingProblem().launch)
-    with pytest.raises(InputError, match="are needed"):
+    with pytest.raises(InputError, match="; expected"):
         cem(cost, start, np.random.default_rng(0), **options)

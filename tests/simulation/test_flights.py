@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glider.physics.servo import limited_rate
-from glider.simulation.flights import hooked
+from glider.simulation.flown_flights import hooked
 from glider.simulation.fly import fly
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, QUICK, draw_noise, policy

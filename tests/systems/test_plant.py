@@ -27,8 +27,7 @@ from glider.physics.effects import (
 )
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel, load_model, save_model
-from glider.physics.numbers import Theta
-from glider.physics.parameters import GliderParameters
+from glider.physics.parameters import GliderParameters, Theta
 from glider.physics.state import STATE_NAMES
 from glider.systems.plant import GliderPlant
 from tests.helpers.own_kinds import LEAK

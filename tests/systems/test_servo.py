@@ -8,7 +8,7 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import STOPPING_TIME, Servo, limited_rate
-from glider.systems.servo import ElevatorServo
+from glider.systems.elevator_servo import ElevatorServo
 
 LOW, HIGH, LIMIT = -0.4463, 0.9473, 13.0
 COMMANDS = st.floats(-100.0, 100.0)

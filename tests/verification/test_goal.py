@@ -7,8 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.planning.hook import Hook
-from glider.planning.problem import PerchingProblem, load_problem
+from glider.planning.problem import Hook, PerchingProblem, load_problem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.goal import hook_goal
 from glider.verification.proof.purpose import hook_faults

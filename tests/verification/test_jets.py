@@ -7,7 +7,7 @@ from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
 from glider.physics.compose import compose
 from glider.physics.effects import ATTACHED_LIFT, NO_FIELD, SERVO_LAG
-from glider.physics.numbers import Theta
+from glider.physics.parameters import Theta
 from glider.verification.dynamics.jets import coefficients_of, monomials, variables
 from tests.helpers.physics import PARAMETERS, random_states
 

@@ -2,8 +2,7 @@
 
 from glider.physics.aerodynamics import attached_share, elevator_velocity, plate_force
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
-from glider.physics.formulas import scalar
-from glider.physics.trigonometry import cos, sin
+from glider.physics.formulas import cos, scalar, sin
 
 
 @scalar

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.ahead import wait_for
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
@@ -180,7 +179,6 @@ def whiten(
     rates = 1.0 / np.array(times)
     innovations = np.empty((rows, 4, flight.inputs.shape[2]))
     variances = np.empty((rows, 4))
-    wait_for(filter_flight)
     filter_flight(
         record.time,
         flight.by_x,

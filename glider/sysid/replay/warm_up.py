@@ -3,7 +3,6 @@
 import numpy as np
 
 from glider.compiled import filter_error, replay
-from glider.compiled.ahead import compile_ahead
 from glider.physics.effects import NO_FIELD
 from glider.physics.parameters import GliderParameters
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
@@ -11,7 +10,7 @@ from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     """Compiles the loops, or loads them where they have been compiled before."""
-    compile_ahead(filter_error.filter_flight, *filter_error.no_flight())
+    filter_error.filter_flight(*filter_error.no_flight())
     kinds, n = layout.compiled_kinds, layout.num_states
     theta = layout.dynamics(layout.default_theta(GliderParameters()))
     times, free = np.array([0.0, 0.01, 0.02]), np.zeros(0, dtype=np.int64)

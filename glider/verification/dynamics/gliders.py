@@ -9,8 +9,7 @@ import numpy as np
 
 from glider.physics.compose import coefficient_slices
 from glider.physics.model import GliderModel
-from glider.physics.numbers import Theta
-from glider.physics.parameters import POSITIVE
+from glider.physics.parameters import POSITIVE, Theta
 
 
 def physical(

@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.errors import InputError, show
 from glider.physics.state import NUM_STATES, STATE_NAMES
-from glider.planning.hook import Hook
+from glider.planning.problem import Hook
 
 LAUNCH_SIZES = (0.02, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)
 """Errors of a launch that matter alike where height is what is wanted, in the order of

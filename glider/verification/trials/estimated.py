@@ -16,11 +16,11 @@ import numpy as np
 from glider.compiled.ekf import filter_flights
 from glider.errors import InputError, show
 from glider.estimation.ekf import Ekf, make_ekf
-from glider.estimation.flights import fly_watched
+from glider.estimation.noisy_flights import fly_watched
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
-from glider.planning.hook import Hook
+from glider.planning.problem import Hook
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import closest_pass
 from glider.verification.funnel.funnel import Funnel

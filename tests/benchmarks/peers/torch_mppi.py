@@ -71,7 +71,7 @@ def pairs() -> tuple[Pair, ...]:
         for _ in range(ITERATIONS):
             planner.command(start, shift_nominal_trajectory=False)
         commands = planner.U.numpy().T
-        costs["theirs"] = cost.to_go(launch, commands, commands[0], settings.price)[
+        costs["theirs"] = cost.to_go(launch, commands, commands[0], settings.penalty)[
             0, 0
         ]
 

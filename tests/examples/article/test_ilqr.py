@@ -216,7 +216,7 @@ def no_weights():
         ),
         (
             lambda: dataclasses.replace(REGULAR, goal_weights=[-1.0] + [1.0] * 6),
-            "'goal_weights' .* not be negative",
+            "'goal_weights' .* nothing negative",
         ),
         (
             lambda: IlqrSettings(state_weights=(1.0,) * 6),

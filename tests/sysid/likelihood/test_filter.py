@@ -166,14 +166,14 @@ def test_changed_coefficients_are_one_column(flight):
     np.testing.assert_allclose(moved, [[mix @ gram @ mix]], rtol=1e-8)
 
 
-def test_every_flight_takes_the_filter_that_is_compiled_ahead(flight, monkeypatch):
-    told, filter_flight = [], scales.filter_flight
+def test_every_flight_takes_the_filter_that_is_compiled_first(flight, monkeypatch):
+    types, filter_flight = [], scales.filter_flight
 
     def spy(*arguments):
-        told.append(tuple(map(numba.typeof, arguments)))
+        types.append(tuple(map(numba.typeof, arguments)))
         filter_flight(*arguments)
 
     monkeypatch.setattr(scales, "filter_flight", spy)
     for asked in (flight, flight.error_only(), flight.with_launch()):
         whiten(asked, SCALES)
-    assert set(told) == {tuple(map(numba.typeof, no_flight()))}
+    assert set(types) == {tuple(map(numba.typeof, no_flight()))}

@@ -8,8 +8,7 @@ import numpy as np
 from glider.campaign.logs import Flight
 from glider.physics.actuator_replay import latest_command
 from glider.physics.state import STATE_NAMES, VELOCITY
-from glider.planning.hook import Hook
-from glider.planning.problem import PerchingProblem
+from glider.planning.problem import Hook, PerchingProblem
 from glider.simulation.miss import closest_pass
 
 INSTANT = 1e-9

@@ -1,4 +1,4 @@
-"""Costs of command sequences, sampled by the dozen or by the thousand."""
+"""Costs of many command sequences from one launch."""
 
 from typing import NamedTuple
 
@@ -14,8 +14,8 @@ from glider.physics.servo import Servo, rate_bounds
 from glider.physics.stiffness import count_laps
 
 
-def cost_to_go(states, command, nominal, price, step, cost, to_go):
-    """Writes what a flight costs from each of its steps on; see `sampled_costs`."""
+def cost_to_go(states, command, nominal, penalty, step, cost, to_go):
+    """Writes the cost-to-go of a flight at each of its steps; see `sampled_costs`."""
     steps = command.shape[0]
     for k in range(steps, -1, -1):
         final = 0.0
@@ -28,20 +28,31 @@ def cost_to_go(states, command, nominal, price, step, cost, to_go):
         else:
             v = command[k]
             pull = nominal[k] * (v - 0.5 * nominal[k])
-            least += cost.rate * step * v * v + price * pull
-            # A flight that has left the numbers (NaN) ends before.
+            least += cost.rate * step * v * v + penalty * pull
+            # A flight that has diverged (NaN) ends before.
             if may_end and not least < final:
                 least = final
         to_go[k] = least
 
 
 def sampled_costs(
-    start, command, nominal, price, step, order, laps, servo, cost, theta, to_go, states
+    start,
+    command,
+    nominal,
+    penalty,
+    step,
+    order,
+    laps,
+    servo,
+    cost,
+    theta,
+    to_go,
+    states,
 ):
-    """Flies one launch under many command sequences and says what each costs.
+    """Flies one launch under many command sequences and computes their costs.
 
     With the stage cost
-        l_k = rate step v_k² + price (ν_k v_k - ν_k² / 2)
+        l_k = rate step v_k² + penalty (ν_k v_k - ν_k² / 2)
     of commands v about a nominal sequence ν and the final cost
         f(x) = (x - goal)ᵀ diag(weights) (x - goal)
     the cost-to-go is S_N = f(x_N), S_k = l_k + S_{k+1}; with a free end it is
@@ -52,7 +63,7 @@ def sampled_costs(
         start: (n,) state at launch.
         command: (B, N) elevator-rate commands, each held for one step [rad/s].
         nominal: (N,) [rad/s].
-        price: of the likelihood ratio; 0 for none.
+        penalty: of the likelihood ratio; 0 for none.
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
         laps: equal steps of the integrator to one of them.
@@ -82,7 +93,7 @@ def sampled_costs(
         rollouts(starts, given, step, order, laps, theta, path)
         for j in range(count):
             row = first + j
-            cost_to_go(path[j], command[row], nominal, price, step, cost, to_go[row])
+            cost_to_go(path[j], command[row], nominal, penalty, step, cost, to_go[row])
             if states.shape[0] > 0:
                 for k in range(steps + 1):
                     put(path[j, k], states[row, k])
@@ -117,7 +128,7 @@ def cost_sequences(
     *,
     order: int,
     nominal: np.ndarray | None = None,
-    price: float = 0.0,
+    penalty: float = 0.0,
     keep_states: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the costs-to-go of command sequences, and their flights.
@@ -132,7 +143,7 @@ def cost_sequences(
         order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
             where the effects' own states ask for it.
         nominal: (N,) that the likelihood ratio is taken about [rad/s].
-        price: its weight.
+        penalty: its weight.
         keep_states: whether to return the flights.
 
     Returns:
@@ -145,7 +156,7 @@ def cost_sequences(
         start,
         commands,
         np.zeros(steps) if nominal is None else nominal,
-        price,
+        penalty,
         step,
         order,
         count_laps(model, step, order),

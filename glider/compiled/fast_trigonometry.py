@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numba.extending import overload
 
-from glider.physics.trigonometry import cos, sin, sqrt
+from glider.physics.formulas import cos, sin, sqrt
 
 # π in parts, so that subtracting multiples of it rounds only once: the first
 # has few enough digits for its multiples to be exact (Cody and Waite 1980).
@@ -88,4 +88,4 @@ def _compiled_sqrt(square):
 
 
 OVERLOADS = (_compiled_sin, _compiled_cos, _compiled_sqrt)
-"""What compiled code has in the place of functions of glider.physics.trigonometry."""
+"""What compiled code has in the place of functions of glider.physics.formulas."""

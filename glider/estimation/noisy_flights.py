@@ -1,0 +1,145 @@
+"""Flights with the noise that a filter assumes, and the least covariance they allow."""
+
+import dataclasses
+
+import numpy as np
+
+from glider.compiled.runge_kutta import advance
+from glider.errors import InputError
+from glider.estimation.ekf import Ekf
+from glider.estimation.running import Belief, run_ekf
+from glider.physics.chain import NUM_INPUTS
+from glider.physics.servo import limited_rates
+from glider.physics.state import ELEVATOR
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WatchedFlights:
+    """B flights of K samples; of x̄ all are known."""
+
+    times: np.ndarray
+    """(K + 1,) [s]."""
+
+    states: np.ndarray
+    """(B, K + 1, N) x̄."""
+
+    inputs: np.ndarray
+    """(B, K, 1 + known) held between the samples."""
+
+    measured: np.ndarray
+    """(B, K, M) behind each."""
+
+
+def draw_starts(prior: Belief, flights: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws x̄ from what is believed of it, (flights, N)."""
+    return rng.multivariate_normal(prior.mean, prior.covariance, flights)
+
+
+def fly_watched(
+    ekf: Ekf,
+    starts: np.ndarray,
+    inputs: np.ndarray,
+    rng: np.random.Generator | None = None,
+    *,
+    gain: np.ndarray | None = None,
+    is_shaken: bool = True,
+) -> WatchedFlights:
+    """Flies a filter's own glider, with the filter's noise on it.
+
+    Args:
+        ekf: the filter, whose glider, samples and noise are taken.
+        starts: (B, N) x̄ at launch; slow states that no noise moves are constants.
+        inputs: (K, 1 + known) for all flights or (B, K, 1 + known).
+        rng: draws the noise; None for none at all.
+        gain: (K, f, n), a feedback of the true state that is subtracted from the
+            first f inputs; None for none.
+        is_shaken: whether the process noise acts; the measurements' does.
+
+    Raises:
+        InputError: what is given does not fit the filter.
+    """
+    starts = np.array(starts, dtype=float, ndmin=2)
+    batch, size = starts.shape
+    inputs = np.asarray(inputs, dtype=float)
+    given = inputs.ndim in (2, 3) and inputs.shape[:-2] in ((), (1,), (batch,))
+    if size != len(ekf.names) or not given or inputs.shape[-1] != ekf.num_inputs:
+        raise InputError(
+            f"fly_watched: starts of shape {starts.shape} and inputs of shape "
+            f"{inputs.shape} are given; (B, {len(ekf.names)}) and "
+            f"(B, K, {ekf.num_inputs}) are needed."
+        )
+    samples, n, rows = inputs.shape[-2], ekf.num_states, len(ekf.noise)
+    gain = np.zeros((samples, 0, n)) if gain is None else np.asarray(gain, dtype=float)
+    if gain.ndim != 3 or (
+        (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > ekf.num_inputs
+    ):
+        raise InputError(
+            f"fly_watched: the gain has shape {gain.shape}; ({samples}, f, {n}) with "
+            f"f at most {ekf.num_inputs} is needed."
+        )
+    servo = ekf.model.parameters.servo
+    shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
+    if rng is not None:
+        if is_shaken:
+            shocks = rng.normal(size=shocks.shape) * np.sqrt(ekf.process * ekf.period)
+        errors = rng.normal(size=errors.shape) @ np.linalg.cholesky(ekf.noise).T
+    given = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs)).copy()
+    states = np.empty((batch, samples + 1, size))
+    measured = np.empty_like(errors)
+    states[:, 0] = starts
+    z = np.repeat(ekf.z[:, None], batch, axis=1)
+    for k in range(samples):
+        now = states[:, k]
+        given[:, k, : gain.shape[1]] -= now[:, :n] @ gain[k].T
+        given[:, k, 0] = limited_rates(given[:, k, 0], now[:, ELEVATOR], servo)
+        z[ekf.estimated.places], z[ekf.estimated.entry] = now.T, given[:, k].T
+        _advance(ekf, k * ekf.period, z)
+        z[ekf.estimated.places] += shocks[:, k].T
+        states[:, k + 1] = z[ekf.estimated.places].T
+        measured[:, k] = _measure(ekf, z) + errors[:, k]
+    times = ekf.period * np.arange(samples + 1)
+    return WatchedFlights(times=times, states=states, inputs=given, measured=measured)
+
+
+def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
+    """Advances x̄ within z (Z, B) by a sample, with the steps of `compiled.ekf`."""
+    n, slow = ekf.num_states, ekf.estimated.places[ekf.num_states :]
+    field, chain, step = ekf.model.residual_field, ekf.model.chain, ekf.clock.step
+    half = np.exp(-0.5 * step * ekf.estimated.decay)[:, None]
+    work = np.empty((3, n, z.shape[1]))
+
+    def slope(t, node, x, start, rate):
+        z[:n], z[slow] = x, start * half**node
+        for i, derivative in enumerate(chain.derivatives_of(t, z, n, field)):
+            rate[i] = derivative
+
+    x = z[:n].copy()
+    for lap in range(ekf.clock.steps):
+        start = z[slow]
+        advance(slope, t + lap * step, x, step, 4, start, work)
+        z[:n], z[slow] = x, start * half**2
+
+
+def _measure(ekf: Ekf, z: np.ndarray) -> np.ndarray:
+    """Returns what is measured of the numbers z (Z, B), shape (B, M)."""
+    n, chain = ekf.num_states, ekf.model.chain
+    theta = chain.theta_of(z[n + NUM_INPUTS :], ekf.model.residual_field)
+    return np.column_stack([*chain.measure(z[:n], theta), *z[3 : len(ekf.noise)]])
+
+
+def information_bound(ekf: Ekf, prior: Belief, inputs: np.ndarray) -> np.ndarray:
+    """Returns the least covariances that a flight allows, (K + 1, N, N) of x̄.
+
+    Without process noise a flight is a function of its start and its slow states, and
+    the inverse of prior plus Fisher information, J₀ + Σ Gᵀ R⁻¹ G with the sensitivities
+    G = ∂y/∂x̄₀, bounds every estimator's covariance (Van Trees). A Kalman filter along
+    the true flight computes that inverse, moved along with the flight.
+
+    Args:
+        ekf: the filter; its process noise is omitted.
+        prior: about the true x̄ at launch.
+        inputs: (K, 1 + known) of the flight.
+    """
+    quiet = dataclasses.replace(ekf, process=np.zeros(len(ekf.names)))
+    flight = fly_watched(quiet, prior.mean, inputs)
+    return run_ekf(quiet, prior, flight.inputs, flight.measured).covariances[0]
