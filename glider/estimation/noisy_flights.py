@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from glider.compiled.runge_kutta import advance
-from glider.errors import InputError
+from glider.errors import expect
 from glider.estimation.ekf import Ekf
 from glider.estimation.running import Belief, run_ekf
 from glider.physics.chain import NUM_INPUTS
@@ -61,44 +61,39 @@ def fly_watched(
     starts = np.array(starts, dtype=float, ndmin=2)
     batch, size = starts.shape
     inputs = np.asarray(inputs, dtype=float)
-    given = inputs.ndim in (2, 3) and inputs.shape[:-2] in ((), (1,), (batch,))
-    if size != len(ekf.names) or not given or inputs.shape[-1] != ekf.num_inputs:
-        raise InputError(
-            f"fly_watched: starts of shape {starts.shape} and inputs of shape "
-            f"{inputs.shape} are given; (B, {len(ekf.names)}) and "
-            f"(B, K, {ekf.num_inputs}) are needed."
-        )
     samples, n, rows = inputs.shape[-2], ekf.num_states, len(ekf.noise)
+    good = inputs.ndim in (2, 3) and inputs.shape[:-2] in ((), (1,), (batch,))
+    good = good and (size, inputs.shape[-1]) == (len(ekf.names), ekf.num_inputs)
+    needed = f"(B, {len(ekf.names)}) and (B, K, {ekf.num_inputs})"
+    shapes = (starts.shape, inputs.shape)
+    expect(good, "fly_watched: the shape of starts and inputs", shapes, needed)
     gain = np.zeros((samples, 0, n)) if gain is None else np.asarray(gain, dtype=float)
-    if gain.ndim != 3 or (
-        (gain.shape[0], gain.shape[2]) != (samples, n) or gain.shape[1] > ekf.num_inputs
-    ):
-        raise InputError(
-            f"fly_watched: the gain has shape {gain.shape}; ({samples}, f, {n}) with "
-            f"f at most {ekf.num_inputs} is needed."
-        )
+    good = gain.ndim == 3 and (gain.shape[0], gain.shape[2]) == (samples, n)
+    good = good and gain.shape[1] <= ekf.num_inputs
+    needed = f"({samples}, f, {n}) with f at most {ekf.num_inputs}"
+    expect(good, "fly_watched: the gain's shape", gain.shape, needed)
     servo = ekf.model.parameters.servo
     shocks, errors = np.zeros((batch, samples, size)), np.zeros((batch, samples, rows))
     if rng is not None:
         if is_shaken:
             shocks = rng.normal(size=shocks.shape) * np.sqrt(ekf.process * ekf.period)
         errors = rng.normal(size=errors.shape) @ np.linalg.cholesky(ekf.noise).T
-    given = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs)).copy()
+    held = np.broadcast_to(inputs, (batch, samples, ekf.num_inputs)).copy()
     states = np.empty((batch, samples + 1, size))
     measured = np.empty_like(errors)
     states[:, 0] = starts
     z = np.repeat(ekf.z[:, None], batch, axis=1)
     for k in range(samples):
         now = states[:, k]
-        given[:, k, : gain.shape[1]] -= now[:, :n] @ gain[k].T
-        given[:, k, 0] = limited_rates(given[:, k, 0], now[:, ELEVATOR], servo)
-        z[ekf.estimated.places], z[ekf.estimated.entry] = now.T, given[:, k].T
+        held[:, k, : gain.shape[1]] -= now[:, :n] @ gain[k].T
+        held[:, k, 0] = limited_rates(held[:, k, 0], now[:, ELEVATOR], servo)
+        z[ekf.estimated.places], z[ekf.estimated.entry] = now.T, held[:, k].T
         _advance(ekf, k * ekf.period, z)
         z[ekf.estimated.places] += shocks[:, k].T
         states[:, k + 1] = z[ekf.estimated.places].T
         measured[:, k] = _measure(ekf, z) + errors[:, k]
     times = ekf.period * np.arange(samples + 1)
-    return WatchedFlights(times=times, states=states, inputs=given, measured=measured)
+    return WatchedFlights(times=times, states=states, inputs=held, measured=measured)
 
 
 def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:

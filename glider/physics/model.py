@@ -149,7 +149,7 @@ class GliderModel:
         x, n = np.asarray(state, dtype=float), self.num_states
         if len(x) == n:
             return x
-        sizes = f"{NUM_STATES} or {n}"
+        sizes = " or ".join(map(str, sorted({NUM_STATES, n})))
         what = "initial_state: the length of the state"
         expect(len(x) == NUM_STATES, what, len(x), sizes)
         theta = self.numbers

@@ -65,9 +65,7 @@ def GliderPlant_(T):
         def _construct(self, model=None, fast=True, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self.set_name("glider")
-            model = GliderModel() if model is None else as_model(model)
-            parameters = dataclasses.replace(model.parameters)  # A copy, checked.
-            self.model = dataclasses.replace(model, parameters=parameters)
+            self.model = GliderModel() if model is None else as_model(model)
             self.fast = fast
             self.state_names = self.model.state_names
             self._field = self.model.residual_field

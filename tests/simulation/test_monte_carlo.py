@@ -171,7 +171,7 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
         ({"after": -1.0}, "'after' is -1.0"),
         ({"starts": np.zeros(7)}, r"shape \(7,\)"),
         ({"starts": np.full((1, 7), np.nan)}, "finite"),
-        ({"starts": np.zeros((1, 6))}, "6 numbers"),
+        ({"starts": np.zeros((1, 6))}, "is 6; expected 7"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, message):

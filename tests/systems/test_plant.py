@@ -68,10 +68,10 @@ def test_the_path_of_a_model_stands_for_it(tmp_path, kind):
     ("thing", "words"),
     [
         ("absent.yaml", "absent.yaml: not a glider model: No such file"),
-        (models_path("problems", "perching.yaml"), "perching.yaml: not a glider model"),
+        (models_path("problems", "perching.yaml"), "unknown field 'launch'"),
         (models_path(), "not a glider model: Is a directory"),
-        (0.08, "found float; a GliderModel or the path of its file is needed"),
-        (GliderParameters(), "found GliderParameters; a GliderModel or the path"),
+        (0.08, "found float; expected a GliderModel or the path of its file"),
+        (GliderParameters(), "found GliderParameters; expected a GliderModel"),
     ],
 )
 def test_what_is_no_model_is_refused_in_one_sentence(thing, words):
@@ -206,7 +206,7 @@ def test_effects_with_states_enlarge_the_state():
     at_rest = rates(plant, set_up(plant, x, [0.0]))
     np.testing.assert_allclose(at_rest[7:], 0.0, atol=1e-12)
     np.testing.assert_allclose(at_rest[:7], nominal_derivatives(x[:7], 0.0), atol=1e-12)
-    with pytest.raises(InputError, match="8 numbers; 7 or 11"):
+    with pytest.raises(InputError, match="is 8; expected 7 or 11"):
         plant.model.initial_state(np.zeros(8))
 
 
@@ -365,16 +365,6 @@ def test_a_clone_flies_the_same():
     clone.GetInputPort("wrapped_elevator_rate").FixValue(context, [2.0])
     expected = rates(plant, set_up(plant, x, [2.0]))
     np.testing.assert_array_equal(rates(clone, context), expected)
-
-
-def test_a_change_of_the_model_given_does_not_reach_the_plant():
-    parameters = GliderParameters()
-    plant = GliderPlant(GliderModel(parameters=parameters))
-    parameters.mass = 5.0
-    context = plant.CreateDefaultContext()
-    assert context.get_numeric_parameter(0).CopyToVector()[0] == 0.08
-    twin = plant.ToAutoDiffXd().CreateDefaultContext()
-    assert twin.get_numeric_parameter(0).CopyToVector()[0].value() == 0.08
 
 
 # --------------------------------------------------------------------- flights
