@@ -353,7 +353,6 @@ def test_a_copy_keeps_model_and_way(convert):
     assert copy.model == model
     assert copy.fast is False
     assert copy.state_names == plant.state_names
-    assert copy.model.parameters is not model.parameters
 
 
 def test_a_clone_flies_the_same():
