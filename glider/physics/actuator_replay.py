@@ -109,5 +109,22 @@ def command_steps(
             best = 0
         by_chance = float(np.median(after - before)) / period
         if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _ALIKE):
-            switches = np.where(fits[best], ticks[best], switches)
+            is_tick = fits[best] & ~_on_ramps(before, after, period - slack)
+            switches = np.where(is_tick, ticks[best], switches)
     return np.concatenate([time[:1], switches]), commands
+
+
+def _on_ramps(before: np.ndarray, after: np.ndarray, period: float) -> np.ndarray:
+    """Returns which changes are samples of a rate that changes all the time, (k,).
+
+    Three changes or more that follow each other sooner than a clock ticks are no
+    commands of the clock: so does a servo that slows down before a stop.
+
+    Args:
+        before: (k,) times of the rows before each change [s].
+        after: (k,) times of the rows after it [s].
+        period: of the clock [s].
+    """
+    soon = np.pad(after[1:] - before[:-1] < period, 1)
+    runs = soon[1:-1] & (soon[:-2] | soon[2:])
+    return np.append(runs, False) | np.append(False, runs)

@@ -1,6 +1,6 @@
 """The analysis of a campaign that `glider.sysid.pipeline` has read.
 
-log -> inspect -> smooth -> signs -> trace -> errors before and after -> verdict
+log -> inspect -> smooth -> signs -> search -> errors before and after -> verdict
 """
 
 import dataclasses
@@ -18,19 +18,28 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.sysid.fit.folds import HeldOut, flown_by, hold_out
-from glider.sysid.fit.prediction import (
-    Prediction,
-    RolloutModel,
-    beginning_rows,
-    measure_errors,
+from glider.sysid.evaluation import (
+    Evaluation,
+    FlownRecords,
+    ResidualTables,
+    evaluate,
+    evaluate_in_folds,
+    residual_tables,
+    rollout_models,
 )
+from glider.sysid.fit.folds import HeldOut
+from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_apart, find_outlying
-from glider.sysid.likelihood.scales import FLOOR, NAMES
+from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
+from glider.sysid.likelihood.uncertainty import (
+    Uncertainty,
+    uncertainty_of,
+    with_allowed_curves,
+)
 from glider.sysid.outcome import (
+    ResidualCurves,
     carried_of,
     correlations_of,
     covariance_of,
@@ -43,30 +52,113 @@ from glider.sysid.outcome import (
 from glider.sysid.plausibility import find_doubt
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.signs import Signs, turn_campaign
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
 from glider.sysid.result import (
-    CALIBRATED,
-    MODELS,
+    MOST_COMBINATIONS,
     Air,
     Combination,
     Errors,
-    HeldOutFlight,
     Residual,
-    ResidualTable,
     Result,
+    Spread,
 )
-from glider.sysid.search.attitude import forces_alone
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.traced import SearchResult
 from glider.sysid.search.tracing import FIELD_PRICE, trace
-from glider.sysid.verdict import is_of_the_plate, judge
+from glider.sysid.verdict import judge
 
-MOST_COMBINATIONS = 10
-"""Sets of effects that a result lists."""
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SmoothedFlights:
+    """The flights of a campaign, smoothed.
+
+    Attributes:
+        logged: the campaign as it was logged.
+        campaign: the same with wrong signs turned.
+        signs: of the logged angles.
+        noise: of the sensors.
+        records: of all flights, as the models take them.
+        untouched: the same as they were logged, where signs were wrong.
+    """
+
+    logged: Campaign
+    campaign: Campaign
+    signs: Signs
+    noise: Noise
+    records: Sequence[Record]
+    untouched: Sequence[Record]
+
+    def among(self, names: Sequence[str]) -> FlownRecords:
+        """Returns some of the flights as each model takes them."""
+        every = FlownRecords(corrected=self.records, logged=self.untouched)
+        return every.among(names)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Split:
+    """Flights to fit to, to measure errors on, and those that fit with no others.
+
+    Attributes:
+        fitted: names.
+        held_out: names of those that errors are measured on.
+        outlying: name to the reason, of all flights that stand out.
+        outlying_held_out: names of those that were held out, whose errors count apart.
+    """
+
+    fitted: tuple[str, ...]
+    held_out: tuple[str, ...]
+    outlying: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    outlying_held_out: tuple[str, ...] = ()
+
+    def without(self, outlying: Mapping[str, str], campaign: Campaign) -> "Split":
+        """Returns the split without flights that stand out."""
+        fitted = tuple(n for n in self.fitted if n not in outlying)
+        held_out = tuple(n for n in self.held_out if n not in outlying)
+        if len(fitted) < 2 or not held_out:
+            raise InputError(
+                f"{campaign.path}: {', '.join(outlying)} cannot be flights of the same "
+                "glider as the others, and too few are left to fit and to hold out."
+            )
+        apart = tuple(n for n in self.held_out if n in outlying)
+        return Split(
+            fitted=fitted,
+            held_out=held_out,
+            outlying={**self.outlying, **outlying},
+            outlying_held_out=(*self.outlying_held_out, *apart),
+        )
+
+    def fit_task(self, everything: Task) -> Task:
+        """Returns the task on the flights to fit."""
+        return everything.on([r for r in everything.records if r.name in self.fitted])
+
+    def all_task(self, everything: Task) -> Task:
+        """Returns the task on all flights that do not stand out."""
+        kept = [r for r in everything.records if r.name not in self.outlying]
+        return everything.on(kept)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a search found, and how well it is known.
+
+    Attributes:
+        task: on the flights to fit.
+        traced: result of the search.
+        carried: curves beside the formulas.
+        known: uncertainty of the model's parameters.
+        spreads: flight-to-flight variation.
+        baseline: the flat plate with its own parameters refitted.
+    """
+
+    task: Task
+    traced: SearchResult
+    carried: ResidualCurves
+    known: Uncertainty
+    spreads: dict[str, Spread]
+    baseline: FitResult
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,10 +168,16 @@ class Analysis:
     Attributes:
         progress: called with a line of text as the work goes on.
         seconds: stage to wall-clock time; each stage adds its own.
+        inspection: the campaign as it was read and checked.
+        vehicle: of the campaign.
+        rng: of all that is drawn at random.
     """
 
     progress: Callable[[str], None]
     seconds: dict[str, float]
+    inspection: Inspection
+    vehicle: Vehicle
+    rng: np.random.Generator
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
@@ -91,113 +189,167 @@ class Analysis:
 
     def run(
         self,
-        inspection: Inspection,
         names: tuple[tuple[str, ...], tuple[str, ...]],
-        vehicle: Vehicle,
         kinds: tuple[str, ...],
         with_signs: bool,
-        seed: int,
         settings: dict[str, object],
     ) -> Result:
         """Runs all stages.
 
         Args:
-            inspection: the campaign as it was read and checked.
             names: of the flights to fit and of those held out.
-            vehicle: of the campaign.
             kinds: of vehicle.kinds, those to try.
             with_signs: whether to look for angles of the other sign first.
-            seed: of all that is drawn by lot.
             settings: what the caller asked for, to be kept in the result.
         """
-        logged, masks = inspection.campaign, inspection.masks
-        rng = np.random.default_rng(seed)
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
-            warm_up(vehicle.layout)
+            warm_up(self.vehicle.layout)
+        flights = self._smooth(names[0] if with_signs else ())
+        split = Split(fitted=names[0], held_out=names[1])
+        everything, split, traced = self._search(flights, split, kinds)
+        task = split.fit_task(everything)
+        everything = split.all_task(everything)
+        findings = self._weigh(flights, task, traced)
+        with self.stage("predict", "predicting held-out flights"):
+            models = rollout_models(task, traced, findings.baseline)
+            evaluation = evaluate(
+                models,
+                flights.among(split.held_out),
+                flights.among(split.outlying_held_out),
+                flights.signs,
+            )
+            held_out = None
+            if flights.signs.are_right:
+                held_out = evaluate_in_folds(
+                    everything, task, traced, findings.baseline, self.rng
+                )
+            kept = [record.name for record in everything.records]
+            tables = residual_tables(task, traced.model, models, flights.among(kept))
+        return self._result(
+            flights, split, findings, evaluation, held_out, tables, settings
+        )
+
+    def _smooth(self, asked: tuple[str, ...]) -> SmoothedFlights:
+        """Turns wrong signs back and smooths all flights.
+
+        Args:
+            asked: names of the flights that show the signs; none to leave them.
+        """
+        logged, masks = self.inspection.campaign, self.inspection.masks
         with self.stage("signs"):
             signs = Signs()
-            if with_signs:
-                signs = find_signs(logged, _pick(logged, names[0]), masks, vehicle)
+            if asked:
+                few = tuple(f for f in logged.flights if f.name in asked)
+                signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
         check_limits(campaign, masks)
         with self.stage("smooth"):
             noise = measure_noise(campaign, masks)
-            records = _records(campaign, noise, vehicle, inspection)
+            records = self._records(campaign, noise)
+            untouched = records
+            if not signs.are_right:
+                untouched = self._records(logged, measure_noise(logged, masks))
+        return SmoothedFlights(
+            logged=logged,
+            campaign=campaign,
+            signs=signs,
+            noise=noise,
+            records=records,
+            untouched=untouched,
+        )
+
+    def _records(self, campaign: Campaign, noise: Noise) -> list[Record]:
+        layout, masks = self.vehicle.layout, self.inspection.masks
+        return prepare(campaign.flights, campaign, noise, layout, masks)
+
+    def _search(
+        self, flights: SmoothedFlights, split: Split, kinds: tuple[str, ...]
+    ) -> tuple[Task, Split, SearchResult]:
+        """Searches the effects that the flights to fit show, without outliers.
+
+        Outliers among the flights to fit are excluded; those among the held-out flights
+        are scored apart.
+        """
+        noise, campaign = flights.noise, flights.campaign
         with self.stage("compare", "comparing flights"):
-            everything = make_task(records, vehicle, kinds)
+            everything = make_task(flights.records, self.vehicle, kinds)
             ratios = find_outlying(everything, noise)
-            strange = {name: _UNLIKE.format(ratio) for name, ratio in ratios.items()}
+            if ratios:
+                outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
+                split = split.without(outlying, campaign)
         with self.stage("trace"):
-            everything, names = _among(everything, names, strange, campaign)
-            task = _fitted(everything, names)
-            traced = trace(task, noise, rng, self.progress)
-            if apart := find_apart(everything, traced.model):
-                self.progress(f"again without {', '.join(apart)}")
-                strange |= apart
-                everything, names = _among(everything, names, strange, campaign)
-                task = _fitted(everything, names)
-                traced = trace(task, noise, rng, self.progress)
-        model, records = traced.model, list(everything.records)
-        unseen = [r for r in records if r.name in names[1]]
+            task = split.fit_task(everything)
+            traced = trace(task, noise, self.rng, self.progress)
+            if apart := find_apart(split.all_task(everything), traced.model):
+                fitted = split.fitted
+                split = split.without(apart, campaign)
+                if again := set(fitted) - set(split.fitted):
+                    self.progress(f"again without {', '.join(sorted(again))}")
+                    task = split.fit_task(everything)
+                    traced = trace(task, noise, self.rng, self.progress)
+        return everything, split, traced
+
+    def _weigh(
+        self, flights: SmoothedFlights, task: Task, traced: SearchResult
+    ) -> Findings:
+        """Finds standard errors and variations, and refits the flat plate alone."""
         with self.stage("weigh", "standard errors"):
             judged = traced.judged
-            carried = carried_of(task, model, uncertainty_of(task, judged))
+            carried = carried_of(task, traced.model, uncertainty_of(task, judged))
             known = uncertainty_of(task, with_allowed_curves(task, judged))
-            spreads = spreads_of(task, model)
-        with self.stage("refit", "refitting the plate alone"):
-            plate = self._plate(task, traced, signs, logged, noise, inspection)
-        with self.stage("foretell", "predicting unseen flights"):
-            flown = self._models(task, traced, plate)
-            before = records
-            if not signs.are_right:
-                own = measure_noise(logged, masks)
-                before = _records(logged, own, vehicle, inspection)
-                before = [r for r in before if r.name not in strange]
-            errors: dict[str, Errors | None] = {}
-            predictions: dict[str, list[Prediction]] = {}
-            for name, pilot in flown.items():
-                seen = unseen if name == "corrected" else before
-                seen = [r for r in seen if r.name in names[1]]
-                errors[name], predictions[name] = measure_errors(pilot, seen)
-            if not vehicle.is_known:
-                errors["nominal"] = None
-            held_out = None
-            if signs.are_right:
-                both = plate, model
-                if traced.forces is not None:
-                    forces = traced.forces
-                    both = (
-                        forces_alone(task, plate, forces),
-                        forces_alone(task, model, forces),
-                    )
-                drawn = traced.plate if is_of_the_plate(model) else None
-                if traced.forces is not None or not vehicle.is_known:
-                    drawn = None
-                held_out = hold_out(everything, *both, model.scales, rng, drawn)
-            first = "nominal" if vehicle.is_known else "refitted"
-            before_table = _table(flown[first], before)
-            after_table = _table(flown["corrected"], records)
-            named_table = after_table
-            if model.has_curves or model.extra is not None:
-                named = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
-                named_table = _table(flown_by(task, named, model.scales), records)
+            spreads = spreads_of(task, traced.model)
+        with self.stage("refit", "refitting the flat plate alone"):
+            baseline = traced.plate
+            if traced.forces is None:
+                # It meets the log as it is, signs and all.
+                names = [record.name for record in task.records]
+                as_logged = task.on(flights.among(names).logged)
+                free = self.vehicle.own
+                bare = dataclasses.replace(
+                    baseline, coordinates=np.zeros(0), free=free
+                )
+                baseline = fit_model(as_logged, bare)
+        return Findings(
+            task=task,
+            traced=traced,
+            carried=carried,
+            known=known,
+            spreads=spreads,
+            baseline=baseline,
+        )
+
+    def _result(
+        self,
+        flights: SmoothedFlights,
+        split: Split,
+        findings: Findings,
+        evaluation: Evaluation,
+        held_out: HeldOut | None,
+        tables: ResidualTables,
+        settings: dict[str, object],
+    ) -> Result:
+        """Judges all that was found, and collects it."""
+        task, traced, known = findings.task, findings.traced, findings.known
+        signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
+        carried, spreads, model = findings.carried, findings.spreads, traced.model
         effects = effects_of(task, traced, known, carried, spreads, signs)
-        corrected = errors["corrected"]
+        corrected = evaluation.errors["corrected"]
         assert corrected is not None
         left = _left(task, traced.judged, corrected, noise)
         doubt = find_doubt(task, model)
         verdict, reason = judge(
-            traced, signs, carried, held_out, errors, effects, left, doubt
+            traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
         return Result(
-            campaign=logged.name,
-            path=logged.path,
-            fit_flights=names[0],
-            held_out_flights=names[1],
+            campaign=flights.logged.name,
+            path=flights.logged.path,
+            fit_flights=split.fitted,
+            held_out_flights=tuple(f.name for f in evaluation.held_out),
             verdict=verdict,
             reason=reason,
             effects=effects,
-            errors=errors,
+            errors={"nominal": None, **evaluation.errors},
+            outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
             candidates=traced.alone,
@@ -205,78 +357,34 @@ class Analysis:
                 Combination(kinds=kinds, evidence=gain)
                 for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
             ),
+            evidence_threshold=traced.threshold,
             correlations=correlations_of(task, model, known),
             spreads=spreads,
             air=_air(model),
-            curves=curves_of(before_table, named_table),
+            curves=curves_of(tables.before, tables.named),
             vehicle=vehicle_of(vehicle, model, known),
             knows_forces=vehicle.knows_forces,
             warnings=(
-                *inspection.warnings,
-                *_past_limits(campaign, records),
-                *_warnings(held_out, verdict),
+                *self.inspection.warnings,
+                *_past_limits(flights),
+                *_without_elevator(flights.records),
+                *(_UNPREDICTED.format(name) for name in evaluation.unpredicted),
+                *_losses(held_out, verdict),
             ),
-            set_aside=_set_aside(inspection, strange),
-            planarity=_planarity(logged),
+            set_aside=_excluded(self.inspection, split.outlying),
+            planarity=_planarity(flights.logged),
             noise_position_m=noise.position,
             noise_pitch_rad=noise.pitch,
-            model=model_of(task, model, carried, signs, campaign),
+            model=model_of(task, model, carried, signs, flights.campaign),
             covariance=covariance_of(task, model, known),
-            held_out=_flights(unseen, predictions, vehicle, signs),
-            residual_before=before_table,
-            residual_after=after_table,
+            held_out=evaluation.held_out,
+            residual_before=tables.before,
+            residual_after=tables.after,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
             own_effects=vehicle.layout.own,
             settings={**settings, "notes": list(vehicle.notes)},
         )
-
-    def _plate(
-        self,
-        task: Task,
-        traced: SearchResult,
-        signs: Signs,
-        logged: Campaign,
-        noise: Noise,
-        inspection: Inspection,
-    ) -> FitResult:
-        """Returns the flat plate with its own parameters refitted."""
-        if traced.forces is not None:
-            return traced.plate
-        if not signs.are_right:  # It meets the log as it is, signs and all.
-            names = {record.name for record in task.records}
-            records = _records(logged, noise, task.vehicle, inspection)
-            task = task.on([r for r in records if r.name in names])
-        bare = dataclasses.replace(
-            traced.plate, coordinates=np.zeros(0), free=task.vehicle.own
-        )
-        return fit_model(task, bare)
-
-    def _models(
-        self, task: Task, traced: SearchResult, plate: FitResult
-    ) -> dict[str, RolloutModel]:
-        """Returns the models whose errors are told, by name."""
-        vehicle, layout = task.vehicle, task.layout
-        offset = layout.slots_of("pitch_offset")
-        calibrated = dataclasses.replace(
-            plate, free=tuple(sorted({*plate.free, *offset}))
-        )
-        if traced.forces is not None:
-            calibrated = forces_alone(task, calibrated, traced.forces)
-        calibrated = fit_model(
-            task,
-            calibrated,
-            iterations=4,
-            free_scales=NAMES if traced.forces is None else (),
-        )
-        drawn = dataclasses.replace(plate, theta=vehicle.theta, free=())
-        own = traced.model.scales
-        return {
-            "nominal": flown_by(task, drawn, own),
-            "refitted": flown_by(task, plate, own),
-            CALIBRATED: flown_by(task, calibrated, own),
-            "corrected": flown_by(task, traced.model, own),
-        }
 
 
 def _air(model: FitResult) -> Air:
@@ -291,62 +399,27 @@ STILL = 2.0
 
 
 _UNLIKE = (
-    "no model explains it with the others: its mean squared error is {:.3g} times that "
-    "of the middle flight (another clock, axis, unit or glider, or a hit?)"
+    "no model explains it with the others: its mean squared error is {:.3g} times the "
+    "median (another clock, axis, unit or glider, or a hit?)"
 )
-"""Why a flight that stands out is set aside."""
+"""Why a flight that stands out is excluded."""
+
+_UNPREDICTED = (
+    "{}: every model diverges on this held-out flight; it is left out of the errors."
+)
 
 
-def _among(
-    everything: Task,
-    names: tuple[tuple[str, ...], tuple[str, ...]],
-    strange: Mapping[str, str],
-    campaign: Campaign,
-) -> tuple[Task, tuple[tuple[str, ...], tuple[str, ...]]]:
-    """Returns the task, and names to fit and held out, without strange flights."""
-    fitted, unseen = (tuple(n for n in group if n not in strange) for group in names)
-    if len(fitted) < 2 or not unseen:
-        raise InputError(
-            f"{campaign.path}: {', '.join(strange)} cannot be flights of the same "
-            "glider as the others, and too few are left to fit and to hold out."
-        )
-    kept = [r for r in everything.records if r.name not in strange]
-    return everything.on(kept), (fitted, unseen)
-
-
-def _fitted(everything: Task, names: tuple[tuple[str, ...], tuple[str, ...]]) -> Task:
-    """Returns the task on the flights to fit."""
-    return everything.on([r for r in everything.records if r.name in names[0]])
-
-
-def _set_aside(
-    inspection: Inspection, strange: Mapping[str, str]
+def _excluded(
+    inspection: Inspection, outlying: Mapping[str, str]
 ) -> tuple[ExcludedRows, ...]:
-    """Returns all that is not used: rows that are faulty, flights that are strange."""
-    rows = [s for s in inspection.set_aside if s.file not in strange]
-    flights = [ExcludedRows(file=n, rows=ALL, why=why) for n, why in strange.items()]
+    """Returns all that is not used: rows that are faulty, flights that stand out."""
+    rows = [s for s in inspection.set_aside if s.file not in outlying]
+    flights = [ExcludedRows(file=n, rows=ALL, why=why) for n, why in outlying.items()]
     return tuple(sorted(rows + flights, key=lambda s: s.file))
 
 
-def _pick(campaign: Campaign, names: tuple[str, ...]) -> tuple:
-    return tuple(f for f in campaign.flights if f.name in names)
-
-
-def _records(
-    campaign: Campaign, noise: Noise, vehicle: Vehicle, inspection: Inspection
-) -> list[Record]:
-    return prepare(campaign.flights, campaign, noise, vehicle.layout, inspection.masks)
-
-
-def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
-    """Returns a model's residual over flights, each with the trim that it has."""
-    predictions = measure_errors(flown, records)[1]
-    trims = [predicted.trim for predicted in predictions]
-    return make_table(records, flown.theta, trims, flown.field)
-
-
 def _left(task: Task, model: FitResult, corrected: Errors, noise: Noise) -> Residual:
-    """Returns what the corrected model leaves, and over what it varies."""
+    """Returns the residual of the corrected model, and over what it varies."""
     found = survey(task, model).gains
     real = [key for key, gain in found.items() if gain > FIELD_PRICE]
     real.sort(key=lambda key: -found[key])
@@ -357,55 +430,43 @@ def _left(task: Task, model: FitResult, corrected: Errors, noise: Noise) -> Resi
     )
 
 
-def _past_limits(campaign: Campaign, records: Sequence[Record]) -> tuple[str, ...]:
-    """Returns that the elevator passes its limits, where it does."""
-    told, stops = campaign.elevator_limits, records[0].limits
-    if told is None or stops is None or stops == told:
+def _past_limits(flights: SmoothedFlights) -> tuple[str, ...]:
+    """Returns a warning where the elevator passes its limits."""
+    limits, stops = flights.campaign.elevator_limits, flights.records[0].limits
+    if limits is None or stops is None or stops == limits:
         return ()
     return (
-        f"The elevator passes its limits of {told[0]:.3g} and {told[1]:.3g} rad: "
-        f"it is taken to stop at {stops[0]:.3g} and {stops[1]:.3g}.",
+        f"The elevator passes its limits of {limits[0]:.3g} and {limits[1]:.3g} rad: "
+        f"it is assumed to stop at {stops[0]:.3g} and {stops[1]:.3g}.",
     )
 
 
-def _warnings(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
+def _without_elevator(records: Sequence[Record]) -> tuple[str, ...]:
+    """Returns warnings about flights whose elevator is not seen where they begin."""
+    return tuple(
+        f"{record.name}: no elevator row counts in the beginning of the flight, which "
+        "its launch is fitted on; the elevator is assumed where its commands have it."
+        for record in records
+        if record.has_servo
+        and not record.seen[: beginning_rows(record, own_trims=False), 3].any()
+    )
+
+
+def _losses(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
+    """Returns a warning where many held-out flights do not gain."""
     if held_out is None or verdict == "no_effect":
         return ()
-    count = len(held_out.gain)
-    lost = int(np.sum(held_out.gain < 0.0))
-    if count and lost > 0.25 * count:
-        return (f"{lost} of {count} held-out flights do not gain by the correction.",)
+    gains = held_out.gain.values
+    lost = int(np.sum(gains < 0.0))
+    if lost > MOST_LOST * len(gains):
+        return (f"The correction does not improve {lost} of {len(gains)} flights.",)
     return ()
+
+
+MOST_LOST = 0.25
+"""Share of the flights that may lose by a correction without a warning."""
 
 
 def _planarity(campaign: Campaign) -> dict[str, str]:
     found = {f.name: planarity(f) for f in campaign.flights}
     return {name: p.sentence for name, p in found.items() if p is not None}
-
-
-def _flights(
-    records: Sequence[Record],
-    predictions: dict[str, list[Prediction]],
-    vehicle: Vehicle,
-    signs: Signs,
-) -> tuple[HeldOutFlight, ...]:
-    """Returns the held-out flights as logged, beside what each model predicted."""
-    flights = []
-    turned = np.array([1.0, 1.0, signs.pitch])
-    as_logged = {"corrected": turned}
-    for i, record in enumerate(records):
-        rows = beginning_rows(record, not vehicle.trim_is_known)
-        flights.append(
-            HeldOutFlight(
-                name=record.name,
-                time=record.time,
-                measured=record.pose * turned,
-                flown={
-                    name: predictions[name][i].pose * as_logged.get(name, 1.0)
-                    for name in MODELS
-                    if name != "nominal" or vehicle.is_known
-                },
-                fitted_until=float(record.time[rows - 1]),
-            )
-        )
-    return tuple(flights)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
@@ -96,13 +97,16 @@ def close_the_loop(
     from glider.sysid.analysis import Analysis
 
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return Analysis(progress=progress, seconds=seconds).run(
-            inspection,
+        return Analysis(
+            progress=progress,
+            seconds=seconds,
+            inspection=inspection,
+            vehicle=vehicle,
+            rng=np.random.default_rng(seed),
+        ).run(
             names,
-            vehicle,
             kinds,
             with_signs=effects is None or ANGLE_SIGN.kind in effects,
-            seed=seed,
             settings=settings,
         )
 

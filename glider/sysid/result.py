@@ -170,6 +170,26 @@ class Combination:
     evidence: float
 
 
+MOST_COMBINATIONS = 12
+"""Sets of effects that a result lists."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EvidenceThreshold:
+    """Evidence below which an effect is not taken [nats].
+
+    Attributes:
+        effect: of one coefficient, at least.
+        coefficient: more for each further coefficient.
+        uncommon: more for an effect that not every glider has; zero where the nominal
+            forces are known.
+    """
+
+    effect: float
+    coefficient: float
+    uncommon: float = 0.0
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Errors:
     """Errors of one model on held-out flights.
@@ -193,6 +213,19 @@ class Errors:
     position_end_m: float
     pitch_rms_rad: float
     measured_pitch_position_rms_m: float
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OutlyingFlights:
+    """Held-out flights that no model explains with the others, scored apart.
+
+    Attributes:
+        names: of their files.
+        errors: model name to its errors on them.
+    """
+
+    names: tuple[str, ...]
+    errors: dict[str, Errors | None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -257,10 +290,13 @@ class Result:
         effects: strongest first.
         errors: model name (of MODELS, and CALIBRATED) to its errors; nominal is None
             where the vehicle is not known.
+        outlying: held-out flights that stand out from all others, whose errors are not
+            in `errors`; None where there are none.
         folds: errors over all flights, each held out once.
         left: what the corrected model leaves.
         candidates: evidence of each kind when tried alone [nats].
         combinations: sets of effects that were fitted, best first.
+        evidence_threshold: below which an effect is not taken.
         correlations: "kind.coefficient" to the same to the correlation of their errors.
         spreads: name to what differs from flight to flight, only what does.
         air: how it moves.
@@ -298,6 +334,7 @@ class Result:
     left: Residual
     candidates: dict[str, float]
     combinations: tuple[Combination, ...]
+    evidence_threshold: EvidenceThreshold
     correlations: dict[str, dict[str, float]]
     spreads: dict[str, Spread]
     air: Air
@@ -318,3 +355,4 @@ class Result:
     settings: dict[str, object]
     own_effects: tuple[EffectKind, ...] = ()
     covariance: Covariance | None = None
+    outlying: OutlyingFlights | None = None

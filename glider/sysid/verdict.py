@@ -1,10 +1,10 @@
-"""The verdict: is what was found to be believed?"""
+"""The verdict: can the findings be trusted?"""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.sysid.fit.folds import LEAST_T, WORSE, HeldOut, ratio_of
+from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
@@ -29,14 +29,14 @@ def judge(
     """Returns the verdict and the sentence that says why.
 
     Args:
-        traced: what was found.
+        traced: result of the search.
         signs: of the angles.
         carried: curves of the model.
-        held_out: what folds say, or None.
+        held_out: gains and errors in folds, or None.
         errors: of unseen flights, by model.
         effects: as reported.
-        left: what the model leaves.
-        doubt: why the model is not to be believed, see
+        left: residual of the model.
+        doubt: why the model cannot be trusted, see
             `glider.sysid.plausibility.find_doubt`, or None.
     """
     model = traced.model
@@ -44,79 +44,86 @@ def judge(
     if nothing and signs.are_right:
         if traced.forces is not None and left.depends_on:
             return "unexplained", (
-                "What the plate lacks depends on "
-                f"{', '.join(left.depends_on)}, and no effect holds."
+                "What the flat plate lacks depends on "
+                f"{', '.join(left.depends_on)}, and no effect explains it."
             )
-        return "no_effect", "Nothing that the flights show beyond noise and air."
+        return "no_effect", "The flights show nothing beyond noise and moving air."
     if doubt is not None:
-        return "not_trusted", f"What is left to chance is too much: {doubt}."
-    doubt, as_plate = _over_plate(held_out, errors), False
-    if doubt and held_out is not None and held_out.t_over_nominal is not None:
-        doubt, as_plate = (
-            _over_nominal(held_out.t_over_nominal, held_out.t, errors),
-            True,
-        )
+        return "not_trusted", f"Too much is left to chance: {doubt}."
+    doubt, as_plate = _over_baseline(held_out, errors), False
+    if doubt and held_out is not None and held_out.over_nominal is not None:
+        doubt, as_plate = _over_nominal(held_out, held_out.over_nominal, errors), True
     if doubt is not None:
         return "not_trusted", doubt
     unnamed = [e for e in effects if e.kind == "unexplained"]
     if unnamed and not (model.kinds or not signs.are_right):
-        return "unexplained", "What the plate lacks has no name in the library."
+        return "unexplained", "No effect of the library explains what the flat plate lacks."
     if unnamed:
-        return "partly_explained", "Part of what the plate lacks has no name."
+        return "partly_explained", (
+            "Effects of the library explain part of what the flat plate lacks."
+        )
     if any(not e.shape_fits for e in effects):
         return "effect_found", (
-            "The effects have names; where a shape is not the library's, a curve is "
-            "carried."
+            "The effects are identified; where the shape of a formula does not fit, the "
+            "model carries a curve beside it."
         )
     if as_plate:
         return "effect_found", (
-            "The effects have names and hold on held-out flights: the glider is "
-            "another than it was drawn, and its plate, refitted, does about as well."
+            "The effects are identified and hold on held-out flights: the glider "
+            "differs from its nominal model, and the flat plate with re-identified "
+            "parameters predicts about as well."
         )
-    return "effect_found", "The effects have names and hold on held-out flights."
+    return "effect_found", "The effects are identified and hold on held-out flights."
 
 
 def is_of_the_plate(model: FitResult) -> bool:
-    """Whether all that a model names is another value of the plate's own numbers.
+    """Whether all effects of a model are other values of the plate's own parameters.
 
-    The refitted plate has it too and may leave it nothing to gain: then it is held
-    against the nominal model.
+    The re-identified baseline has them too and may leave nothing to gain: they are
+    then compared with the nominal model.
     """
     bare = model.extra is None and not model.has_curves
     return bool(model.kinds) and bare and set(model.kinds) <= set(OWN_KINDS)
 
 
-def _over_plate(held_out: HeldOut | None, errors: AllErrors) -> str | None:
-    """Returns why a correction does not hold against the refitted plate, or None."""
-    if held_out is not None and held_out.t < LEAST_T:
-        return _NO_GAIN.format(over="refitted plate", t=held_out.t)
+def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
+    """Returns why a correction does not hold against the baseline, or None."""
+    if held_out is not None and not held_out.gain.are_significant:
+        return _no_gain(held_out.gain, "re-identified baseline")
     ratios = [
         _ratios(errors, "refitted"),
         *([] if held_out is None else [held_out.ratios]),
     ]
-    return _worse(list(np.max(ratios, axis=0)), "refitted plate")
+    return _worse(list(np.max(ratios, axis=0)), "re-identified baseline")
 
 
-def _over_nominal(t: float, t_over_plate: float, errors: AllErrors) -> str | None:
-    """Returns why the plate's own numbers do not hold as they were found, or None.
+def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
+    """Returns why the plate's own parameters do not hold as they were found, or None.
 
     Args:
-        t: of the gain over the nominal model.
-        t_over_plate: of the gain over the plate with all of its numbers refitted.
+        held_out: beside the baseline, with all of its parameters refitted.
+        gain: over the nominal model.
         errors: of unseen flights, by model.
     """
-    if t < LEAST_T:
-        return _NO_GAIN.format(over="nominal model", t=t)
-    if t_over_plate < -LEAST_T:
-        return _NO_GAIN.format(over="refitted plate: it loses", t=t_over_plate)
-    free, _ = _ratios(errors, "nominal")  # Along the pitch, turning tells nothing.
+    if not gain.are_significant:
+        return _no_gain(gain, "nominal model")
+    if held_out.gain.t < -held_out.gain.least_t:
+        return _no_gain(held_out.gain, "re-identified baseline: it loses")
+    free, _ = _ratios(errors, "nominal")  # Along the pitch, turning shows nothing.
     return _worse([free], "nominal model")
 
 
-_NO_GAIN = (
-    "On flights held out in folds the correction does not gain significantly over the "
-    "{over} (t = {t:.1f})."
-)
+def _no_gain(gain: Gains, over: str) -> str:
+    """Returns that a correction gains too little on held-out flights."""
+    if abs(gain.t) >= gain.least_t and gain.t > 0.0:
+        return (
+            "On the flights that neither the search nor a fit has seen, the correction "
+            f"gains {gain.of_unseen:.1f} nats over the {over}: that may be chance."
+        )
+    return (
+        "On flights held out in folds the correction does not gain significantly over "
+        f"the {over} (t = {gain.t:.1f}, expected {gain.least_t:.1f})."
+    )
 
 
 def _worse(ratios: Sequence[float], than: str) -> str | None:
@@ -124,13 +131,17 @@ def _worse(ratios: Sequence[float], than: str) -> str | None:
 
     Args:
         ratios: of errors, in the order of FLOWN, as many as count.
-        than: what they are worse than.
+        than: the model that they are worse than.
     """
     for words, worse, ratio in zip(FLOWN, WORSE, ratios, strict=False):
         if ratio > worse:
+            found = (
+                f"{words} {ratio:.4g} times the error of the {than}"
+                if np.isfinite(ratio)
+                else f"{words} the corrected model diverges"
+            )
             return (
-                "The correction makes flights that it was not fitted to worse: "
-                f"{words} {ratio:.4g} times the error of the {than}."
+                f"The correction makes flights that it was not fitted to worse: {found}."
             )
     return None
 

@@ -154,6 +154,29 @@ def test_a_servo_that_slows_down_between_the_ticks_hides_no_clock():
     assert np.all(apart[~of_clock] < 1 / 120)
 
 
+def test_a_servo_that_slows_down_before_its_stop_is_replayed_without_bias():
+    """No matter when it does: its rate is sampled by the rows, not set by the clock.
+
+    The ticks that fall on its changes would move the elevator by milliradians at the
+    stop, which a search for effects takes for a lag.
+    """
+    time, tau = np.arange(0, 1.0, 1 / 120), 0.005
+    errors = []
+    for stop in 0.54 + np.arange(0.0, 0.02, 0.001):
+        ticks = np.arange(0.0, 1.0, 0.02)
+        held = 2.0 + 0.1 * np.sin(40.0 * ticks)
+        rate = held[np.searchsorted(ticks, time + 1e-9, side="right") - 1]
+        until = held[np.searchsorted(ticks, stop + 1e-9, side="right") - 1]
+        slowing = until * np.exp(-(time - stop) / tau)
+        column = np.where(time > stop, np.round(slowing, 2), rate)
+        grid = np.append(ticks[ticks < stop], stop)
+        true = np.sum(held[: len(grid) - 1] * np.diff(grid)) + until * tau
+        switches, steps = command_steps(time, column, 50.0)
+        np.testing.assert_array_equal(switches[1:20], ticks[1:20])
+        errors.append(elevator_path(switches, steps, time[-1:])[0] - true)
+    assert abs(np.mean(errors)) < 5e-4
+
+
 def test_commands_that_change_in_every_row_begin_there():
     time = np.arange(0.0, 0.5, 0.01)
     column = np.sin(20.0 * time)

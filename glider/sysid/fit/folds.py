@@ -1,9 +1,11 @@
 """Does a correction hold? Flights held out in folds, both models refitted."""
 
 import dataclasses
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
+from scipy.special import stdtrit
 
 from glider.compiled.parallel import in_parallel
 from glider.sysid.fit.prediction import (
@@ -36,9 +38,13 @@ CLIP = 3.0
 """Gains of single flights are held within this many median deviations of the
 median: one flight may not decide."""
 
-LEAST_T = 2.0
-"""Mean gain over its standard error from which on it holds: by chance one campaign in
-forty has it."""
+CHANCE = 0.025
+"""Probability that a correction which gains nothing passes as significant."""
+
+LEAST_UNSEEN_GAIN = -math.log(CHANCE)
+"""Log-likelihood that a correction must gain on the flights that neither the search nor
+a fit has seen [nats]: there a likelihood ratio of 40 comes up by chance in one campaign
+of forty at most, for its mean is one where the plate is true."""
 
 WORSE = 1.001, 1.02
 """Ratios of errors from which on a correction makes flights worse, free and along the
@@ -48,58 +54,36 @@ measured pitch what turns the glider changes nothing but by chance."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class HeldOut:
-    """What two models make of flights that they were fitted without.
+class Gains:
+    """Log-likelihood that a correction gains on flights that it was not fitted to.
 
     Attributes:
-        folds: their errors.
-        gain: (flights,) log-likelihood that the corrected model gains [nats].
-        over_nominal: the same over the nominal model; None where it was not asked.
-        free: (flights, 2) position RMS of free rollouts, plate and corrected [m].
-        along: (flights, 2) the same along the measured pitch.
+        values: (flights,) of each [nats].
+        unseen: (flights,) which of them the search for effects has not seen either.
     """
 
-    folds: tuple[Fold, ...]
-    gain: np.ndarray
-    free: np.ndarray
-    along: np.ndarray
-    over_nominal: np.ndarray | None = None
+    values: np.ndarray
+    unseen: np.ndarray
 
     @property
     def t(self) -> float:
-        """Student's t of the flights' gains."""
-        return robust_t(self.gain)
+        """Student's t of the mean over all flights."""
+        return robust_t(self.values)
 
     @property
-    def t_over_nominal(self) -> float | None:
-        """The same of their gains over the nominal model."""
-        return None if self.over_nominal is None else robust_t(self.over_nominal)
-
-    @property
-    def ratios(self) -> tuple[float, float]:
-        """Corrected over plate errors, free and along the measured pitch."""
-        return ratio_of(*_rms(self.free)), ratio_of(*_rms(self.along))
-
-
-def _rms(errors: np.ndarray) -> tuple[float, float]:
-    before, after = np.sqrt(np.mean(errors**2, axis=0))
-    return float(before), float(after)
-
-
-def ratio_of(before: float, after: float) -> float:
-    """Returns after over before; a model that blows up has an infinite error."""
-    if not np.isfinite(after):
-        return np.inf
-    return after / before if np.isfinite(before) else 0.0
-
-
-def robust_t(gains: np.ndarray) -> float:
+    def robust_t(gains: np.ndarray) -> float:
     """Returns the mean over its standard error, each gain held near the median."""
-    middle = np.median(gains)
-    spread = 1.4826 * np.median(np.abs(gains - middle)) + 1e-12
-    held = np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
+    held = clipped(gains)
     error = np.std(held, ddof=1) / np.sqrt(len(held)) if len(held) > 1 else np.inf
     return float(np.mean(held) / max(error, 1e-12))
+
+
+def clipped(gains: np.ndarray) -> np.ndarray:
+    """Returns gains held near their median; those of no model (NaN) are zero."""
+    gains = np.nan_to_num(gains)
+    middle = np.median(gains)
+    spread = 1.4826 * np.median(np.abs(gains - middle)) + 1e-12
+    return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
 
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
@@ -127,7 +111,8 @@ def hold_out(
     corrected: FitResult,
     scales: Scales,
     rng: np.random.Generator,
-    drawn: FitResult | None = None,
+    searched: Collection[str] = (),
+    nominal: FitResult | None = None,
 ) -> HeldOut:
     """Holds out each flight once.
 
@@ -137,29 +122,36 @@ def hold_out(
         corrected: the model after.
         scales: of sensors, and of what differs from flight to flight, of rollouts.
         rng: that deals the flights to folds.
-        drawn: the nominal model, where the gain over it is asked too.
+        searched: names of the flights that the search for effects has seen.
+        nominal: the nominal model, where the gain over it is computed too.
     """
     count = len(task.records)
+    is_new = np.array([record.name not in searched for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
     refits = [_Refits(task, model) for model in (plate, corrected)]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
-    nominal = None if drawn is None else _Refits(task, drawn)
-    over_nominal = None if drawn is None else np.zeros(count)
+    refit_nominal = None if nominal is None else _Refits(task, nominal)
+    over_nominal = np.zeros(count)
     folds = []
     for part in parts:
         unseen = [task.records[i] for i in part]
-        errors, costs = [], np.zeros((2, len(part)))
+        costs = np.zeros((2, len(part)))
+        flown, predictions = [], []
         for j, refit in enumerate(refits):
             model, costs[j] = refit.without(part)
-            flown = flown_by(task, model, scales)
-            predictions = in_parallel(_predictor(flown), unseen)
-            errors.append(errors_of(flown, unseen, predictions))
-            for i, record, predicted in zip(part, unseen, predictions, strict=True):
+            flown.append(flown_by(task, model, scales))
+            predictions.append(in_parallel(_predictor(flown[j]), unseen))
+            for i, record, predicted in zip(part, unseen, predictions[j], strict=True):
                 free[i, j], along[i, j] = flight_errors(record, predicted)
         gain[part] = costs[0] - costs[1]
-        if nominal is not None and over_nominal is not None:
-            over_nominal[part] = nominal.without(part)[1] - costs[1]
+        if refit_nominal is not None:
+            over_nominal[part] = refit_nominal.without(part)[1] - costs[1]
+        keep = predictable(predictions) or range(len(part))
+        errors = [
+            errors_of(model, [unseen[k] for k in keep], [own[k] for k in keep])
+            for model, own in zip(flown, predictions, strict=True)
+        ]
         folds.append(
             Fold(
                 held_out=tuple(record.name for record in unseen),
@@ -168,8 +160,24 @@ def hold_out(
             )
         )
     return HeldOut(
-        folds=tuple(folds), gain=gain, free=free, along=along, over_nominal=over_nominal
+        folds=tuple(folds),
+        gain=Gains(values=gain, unseen=is_new),
+        free=free,
+        along=along,
+        over_nominal=None
+        if refit_nominal is None
+        else Gains(values=over_nominal, unseen=is_new),
     )
+
+
+def predictable(predictions: Sequence[Sequence[Prediction]]) -> list[int]:
+    """Returns which flights a model at least flies to the end.
+
+    Args:
+        predictions: of each model, those of all flights.
+    """
+    by_flight = zip(*predictions, strict=True)
+    return [i for i, own in enumerate(by_flight) if any(p.is_finite for p in own)]
 
 
 def _predictor(flown: RolloutModel) -> Callable[[Record], Prediction]:

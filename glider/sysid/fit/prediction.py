@@ -14,7 +14,13 @@ from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import roll_out, translate
 from glider.physics.effects import Field
 from glider.sysid.likelihood.linear_flight import Constants, linearize
-from glider.sysid.likelihood.scales import FLOOR, Scales, fit_scales, smoothed_start
+from glider.sysid.likelihood.scales import (
+    FLOOR,
+    Scales,
+    fit_scales,
+    negative_log_likelihood,
+    smoothed_start,
+)
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
@@ -63,6 +69,11 @@ class Prediction:
     translated: np.ndarray
     trim: float
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether the model flew to the end; else it diverged."""
+        return bool(np.isfinite(self.pose).all() and np.isfinite(self.translated).all())
+
 
 def beginning_rows(record: Record, own_trims: bool) -> int:
     """Returns how many nodes the launch state is fitted on."""
@@ -77,7 +88,7 @@ def rollout_scales(
     """Returns the errors of a model's rollouts over the beginnings of flights.
 
     A rollout knows no gusts: its errors last, and a launch must suit all rows of the
-    beginning, not only the first.
+    beginning, not only the first. Flights on which the model diverges do not count.
 
     Args:
         model: whose own scales do not count.
@@ -91,7 +102,9 @@ def rollout_scales(
     for record in records[:: max(1, len(records) // _ASKED)]:
         rows = beginning_rows(record, model.own_trims)
         flights.append(linearize(record.first(rows), model.theta, model.field))
-    return fit_scales(flights, still, _OF_ROLLOUTS, iterations=20)[0]
+    costs = negative_log_likelihood([f.error_only() for f in flights], still)
+    flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
+    return fit_scales(flown, still, _OF_ROLLOUTS, iterations=20)[0]
 
 
 _ASKED = 12
@@ -167,6 +180,8 @@ def predict(model: RolloutModel, record: Record, whole: bool = False) -> Predict
         columns = [(places(change + step * unit) - flown) / step for unit in np.eye(4)]
         seen = record.seen[:rows, :2]
         matrix = np.stack(columns, axis=2)[:rows][seen]
+        if not np.all(np.isfinite(matrix)):
+            break
         error = (record.pose[:rows, :2] - flown[:rows])[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
     return Prediction(

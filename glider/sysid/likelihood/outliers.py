@@ -88,8 +88,14 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
         change = scale * np.linalg.solve(system, scale * total[:-1, -1])
         left = np.append(-change, 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
+        squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / (_HEAVY * np.median(squares)), 1.0)
     return squares
+
+
+_LEAST_SQUARE = 1e-6
+"""Mean square below which flights are equally good: errors of a thousandth of
+`ROUGHLY`. Of logs without noise the rest is rounding, of any size and sign."""
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:
@@ -99,7 +105,7 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     Of few flights the deviation is hardly known, and more of them are asked for. Where
     more than `MOST` are out of line none is.
     """
-    logs = np.log(np.maximum(squares, 1e-300))
+    logs = np.log(squares)
     apart = logs - np.median(logs)
     deviation = max(1.4826 * float(np.median(np.abs(apart))), LEAST_DEVIATION)
     outlying = apart > Z_OUTLYING * (1.0 + 4.0 / len(logs)) * deviation

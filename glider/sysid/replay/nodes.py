@@ -28,8 +28,10 @@ def true_nodes(
     layout = record.layout
     nodes = _without_sensors(record, theta).copy()
     if record.has_servo:
-        path, turned = logged_elevator(record, theta), record.seen[:, 3]
-        nodes[:, OFFSET] = np.mean((record.elevator - path)[turned])
+        seen = record.seen[:, 3]
+        if seen.any():  # Else it has no offset that is known of.
+            path = logged_elevator(record, theta)
+            nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
     nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
     return with_extras(
         layout.compiled_kinds,

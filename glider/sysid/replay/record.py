@@ -187,7 +187,8 @@ def _record(
             clock[commanded], flight.command[commanded], campaign.command_rate
         )
         trusted = commanded[turned[commanded]]
-        rest = float(flight.elevator[trusted[0]])  # Its noise is what x[3] is for.
+        if len(trusted):
+            rest = float(flight.elevator[trusted[0]])  # Its noise is what x[3] is for.
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = turned[rows]
     return Record(

@@ -21,6 +21,7 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.held_out import HeldOutEvidence
 from glider.sysid.search.sets_in_models import begin, plate_of
 from glider.sysid.search.subsets import Scorer, best_set
@@ -120,6 +121,9 @@ def trace_along_attitude(
         weighed=weighed,
         alone=alone,
         combinations=tuple(score.ranked()),
+        threshold=EvidenceThreshold(
+            effect=PRICE, coefficient=PRICE_OF_MORE, uncommon=PRICE_OF_A_CAUSE
+        ),
         field=None,
         forces=model,
     )

@@ -5,6 +5,7 @@ changes of C_L, C_D and C_M. It makes the error fall and tells where to look.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -67,29 +68,39 @@ _LEAST_RANGE = 1e-6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Basis:
-    """Gaussians over one variable, for one form."""
+    """Gaussians over one variable, for terms of one form."""
 
     form: str
     variable: str
+    terms: tuple[str, ...]
     centers: np.ndarray
     width: float
 
     @property
-    def data(self) -> FieldData:
-        """The field with weights of zero."""
-        nothing = [0.0] * len(self.centers)
+    def count(self) -> int:
+        """Number of weights."""
+        return len(self.centers) * len(self.terms)
+
+    def data(self, weights: np.ndarray) -> FieldData:
+        """Returns the field with weights (count,), functions first, then terms."""
+        by_term = weights.reshape(-1, len(self.terms)).T
         return FieldData(
             kind="unexplained",
             variables=[self.variable],
             centers=self.centers[:, None].tolist(),
             widths=[self.width],
-            weights={name: list(nothing) for name in FORMS[self.form]},
+            weights=dict(zip(self.terms, by_term.tolist(), strict=True)),
         )
 
     @property
     def spreads(self) -> np.ndarray:
-        """Of the weights, functions first, then terms."""
-        return np.tile(SPREADS[self.form], len(self.centers))
+        """Prior spread of the weights, functions first, then terms."""
+        of_form = dict(zip(FORMS[self.form], SPREADS[self.form], strict=True))
+        return np.tile([of_form[name] for name in self.terms], len(self.centers))
+
+    def of_terms(self, terms: Sequence[str]) -> np.ndarray:
+        """Returns the indices of the weights of some terms."""
+        return np.flatnonzero(np.isin(self.terms * len(self.centers), terms))
 
     def widened(self, flight: LinearFlight, theta: np.ndarray) -> LinearFlight:
         """Returns a flight with a column for each weight, before the last."""
@@ -97,9 +108,8 @@ class Basis:
         values = flow_variables(flight.record, theta)[:, column]
         middle = 0.5 * (values[1:] + values[:-1])
         functions = np.exp(-0.5 * ((middle[:, None] - self.centers) / self.width) ** 2)
-        terms = [FIELD_TERMS.index(name) for name in FORMS[self.form]]
-        count = len(self.centers) * len(terms)
-        return flight.with_forces(functions, terms, np.eye(count))
+        terms = [FIELD_TERMS.index(name) for name in self.terms]
+        return flight.with_forces(functions, terms, np.eye(self.count))
 
 
 def make_basis(
@@ -115,6 +125,7 @@ def make_basis(
     return Basis(
         form=form,
         variable=variable,
+        terms=FORMS[form],
         centers=centers,
         width=float(centers[1] - centers[0]),
     )
@@ -127,9 +138,9 @@ class Survey:
     gains: dict[tuple[str, str], float]
 
     @property
-    def best(self) -> tuple[str, str]:
-        """Form and variable that explain most."""
-        return max(self.gains, key=lambda key: self.gains[key])
+    def most(self) -> float:
+        """Evidence of the best field [nats]; -inf where there is none."""
+        return max(filter(np.isfinite, self.gains.values()), default=-np.inf)
 
     @property
     def leading(self) -> list[tuple[str, str]]:
@@ -147,20 +158,39 @@ class Survey:
 
 
 def _gain(
-    flights: list[LinearFlight], task: Task, model: FitResult, basis: Basis
+    flights: list[LinearFlight],
+    task: Task,
+    model: FitResult,
+    basis: Basis,
+    now: np.ndarray | None = None,
+    terms: Sequence[str] | None = None,
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Returns a field's evidence, its weights and their covariance.
 
-    Where the model blows up, the evidence is -inf and the others are NaN.
+    Where the model diverges, the evidence is -inf and the others are NaN.
+
+    Args:
+        flights: linear about the model.
+        task: of the flights.
+        model: on top of which the field acts.
+        basis: of the field.
+        now: (count,) weights that the model has already; none by default.
+        terms: of the basis that act; all by default.
     """
+    acting = basis.of_terms(basis.terms if terms is None else terms)
+    count = len(acting)
     wide = in_parallel(lambda f: basis.widened(f, model.theta), flights)
     gram = np.sum(grams_of(wide, model.scales), axis=0)
     if not np.all(np.isfinite(gram)):
-        count = len(basis.spreads)
         return -np.inf, np.full(count, np.nan), np.full((count, count), np.nan)
     own, mean, precision = beforehand(task, model, model.free)
-    m, count = len(own), len(basis.spreads)
-    every = np.concatenate([precision, basis.spreads**-2])
+    m = len(own)
+    if now is not None:  # The weights count from nothing: their share is given back.
+        gram[:, -1] += gram[:, m:-1] @ now
+        gram[-1] = gram[:, -1]
+    keep = np.concatenate([np.arange(m), m + acting, [len(gram) - 1]])
+    gram = gram[np.ix_(keep, keep)]
+    every = np.concatenate([precision, basis.spreads[acting] ** -2])
     total = gram[:-1, :-1] + np.diag(every)
     side = gram[:-1, -1].copy()
     side[:m] += precision * (mean - own)
@@ -226,32 +256,62 @@ def fit_field(
         if (basis := make_basis(few, model.theta, form, variable, count)) is not None
     ]
     basis = max(bases, key=lambda b: _gain(flights, few, model, b)[0])
-    data = basis.data
-    evidence = 0.0
-    for round_ in range(4):
-        # The field's weights count from nothing: it is taken out and fitted anew
-        # about itself.
+    gained, weights, spread = 0.0, np.zeros(basis.count), np.zeros((0, 0))
+    for round_ in range(_FIELD_ROUNDS):
         directions = slopes(task.layout, model.theta, model.free)
         flights = linear_flights(task, model, directions)
-        gained, change, spread = _gain(flights, task, model, basis)
-        if not np.all(np.isfinite(change)):  # The model blew up: no field for it.
+        if round_ == _FIELD_ROUNDS - 1:
+            basis, weights = _with_needed_terms(flights, task, model, basis, weights)
+            model = dataclasses.replace(model, extra=basis.data(weights))
+            flights = linear_flights(task, model, directions)
+        evidence, weights, spread = _gain(flights, task, model, basis, weights)
+        if not np.all(np.isfinite(weights)):  # The model diverged: no field for it.
             model = dataclasses.replace(model, cost=np.inf)
             break
-        evidence += max(gained, 0.0) if round_ == 0 else 0.0
-        terms = FORMS[form]
-        step = change.reshape(-1, len(terms))
-        data = dataclasses.replace(
-            data,
-            weights={
-                name: (np.array(data.weights[name]) + step[:, k]).tolist()
-                for k, name in enumerate(terms)
-            },
-        )
-        model = fit_model(task, dataclasses.replace(model, extra=data), iterations=2)
+        gained = max(evidence, 0.0) if round_ == 0 else gained
+        extra = basis.data(weights)
+        model = fit_model(task, dataclasses.replace(model, extra=extra), iterations=2)
     return FoundField(
         model=model,
         basis=basis,
         covariance=spread,
         depends_on=found.nearly_as_good((form, variable)),
-        evidence=evidence,
+        evidence=gained,
     )
+
+
+_FIELD_ROUNDS = 4
+"""Rounds of fitting a field and the rest of the model in turn."""
+
+
+def _with_needed_terms(
+    flights: list[LinearFlight],
+    task: Task,
+    model: FitResult,
+    basis: Basis,
+    weights: np.ndarray,
+) -> tuple[Basis, np.ndarray]:
+    """Returns a field without the terms that only fit noise.
+
+    A vertical wind over x is one over x alone: the horizontal one that is fitted beside
+    it is as large as the flights leave it, and largest where they say least. A term
+    stays if it has evidence beside the others.
+
+    Args:
+        flights: linear about the model.
+        task: of the flights.
+        model: with the field.
+        basis: of the field.
+        weights: of the field in the model.
+    """
+    terms = basis.terms
+    best = _gain(flights, task, model, basis, weights)[0]
+    for term in basis.terms:
+        fewer = tuple(name for name in terms if name != term)
+        if not fewer:
+            break
+        gained = _gain(flights, task, model, basis, weights, fewer)[0]
+        if gained > best:
+            best, terms = gained, fewer
+    bare = dataclasses.replace(basis, terms=terms)
+    return bare, weights[basis.of_terms(terms)]

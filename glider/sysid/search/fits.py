@@ -9,6 +9,7 @@ from glider.sysid.likelihood.candidates import Candidates, gather, saturated_sca
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.sets_in_models import begin
 from glider.sysid.search.subsets import Members, Scorer
 
@@ -71,11 +72,18 @@ def price_of(task: Task, model: FitResult) -> float:
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
     more = len(sizes) - len(model.kinds)
-    price, price_of_more = PRICE, PRICE_OF_MORE
+    threshold = threshold_of(task, model)
+    names = threshold.effect * len(model.kinds)
+    return model.cost + model.freedom + names + threshold.coefficient * more
+
+
+def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
+    """Returns the evidence that each effect of a model must bring, at least."""
+    effect, coefficient = PRICE, PRICE_OF_MORE
     if is_plain(model, model.scales):
-        price, price_of_more = PLAIN_PRICE, PLAIN_PRICE_OF_MORE
-    names = price_of_kind(len(task.records), price) * len(model.kinds)
-    return model.cost + model.freedom + names + price_of_more * more
+        effect, coefficient = PLAIN_PRICE, PLAIN_PRICE_OF_MORE
+    effect = price_of_kind(len(task.records), effect)
+    return EvidenceThreshold(effect=effect, coefficient=coefficient)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

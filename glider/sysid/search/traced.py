@@ -3,6 +3,7 @@
 import dataclasses
 
 from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.weighing import EffectSupport
 
@@ -19,7 +20,8 @@ class SearchResult:
         alone: kind to what it gains alone, to first order [nats].
         combinations: kinds of each set that was fitted, and its gain less the price of
             its effects [nats].
-        field: what has no name, or None.
+        threshold: of evidence, below which an effect is not taken.
+        field: residual field that no effect explains, or None.
         forces: the model as it was judged, along the measured attitude, if it was not
             judged as it is.
     """
@@ -30,6 +32,7 @@ class SearchResult:
     weighed: dict[str, EffectSupport]
     alone: dict[str, float]
     combinations: tuple[tuple[tuple[str, ...], float], ...]
+    threshold: EvidenceThreshold
     field: FoundField | None
     forces: FitResult | None
 

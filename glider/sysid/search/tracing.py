@@ -20,6 +20,7 @@ from glider.sysid.search.fits import (
     Progress,
     Search,
     scoring,
+    threshold_of,
     to_first_order,
 )
 from glider.sysid.search.means import with_means
@@ -108,6 +109,7 @@ def trace(
         weighed=weighed,
         alone=search.alone,
         combinations=tuple(combinations),
+        threshold=threshold_of(task, model),
         field=field,
         forces=None,
     )
@@ -164,7 +166,7 @@ def beyond_names(search: Search, model: FitResult) -> FoundField | None:
     task = search.task
     found = survey(task, model)
     scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
-    if scale * found.gains[found.best] < FIELD_PRICE:
+    if not scale * found.most >= FIELD_PRICE:
         return None
     options = fit_fields(task, model, found)
     if model.kinds:

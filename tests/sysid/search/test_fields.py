@@ -37,7 +37,7 @@ def vent():
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
     *_, found = vent
-    assert found.best == ("air", "x")
+    assert found.leading[0] == ("air", "x")
     assert found.gains["air", "x"] > 0.0
     # A throw is at x at about the same time.
     assert found.nearly_as_good(("air", "x")) in (("x",), ("x", "t"))
@@ -54,13 +54,13 @@ def test_variables_that_nearly_tie_are_told():
     gains = {("air", "x"): 90.0, ("air", "t"): 70.0, ("forces", "x"): 61.0}
     gains |= {("forces", "V"): 59.0}
     found = Survey(gains=gains)
-    assert found.best == ("air", "x")
+    assert found.leading[0] == ("air", "x")
     assert found.nearly_as_good(("air", "x")) == ("x", "t")
     assert found.nearly_as_good(("forces", "V"))[0] == "V"
 
 
 def peaks_of(task, plate, found):
-    field = fit_field(task, plate, found, found.best)
+    field = fit_field(task, plate, found, found.leading[0])
     assert field.basis.form == "air" and field.basis.variable == "x"
     return find_peaks(field.model.extra, field.covariance)
 
