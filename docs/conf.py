@@ -53,7 +53,7 @@ myst_substitutions = {
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "allowed": f"{uncertainty.ALLOWED:g}",
     "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
-    "least_t": f"{folds.LEAST_T:.0f}",
+    "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
     "moment_share": f"{plausibility.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "plain_moment": f"{fits.PLAIN_MOMENT:.1f}",

@@ -19,6 +19,7 @@ from glider.sysid.result import (
 def to_json(result: Result) -> dict[str, Any]:
     """Returns report.json: lists, dicts, strings, numbers, booleans and None."""
     errors = {model: _errors(result.errors.get(model)) for model in MODELS}
+    outlying = result.outlying
     if result.errors.get(CALIBRATED) is not None:
         errors[CALIBRATED] = _errors(result.errors[CALIBRATED])
     return plain(
@@ -29,6 +30,13 @@ def to_json(result: Result) -> dict[str, Any]:
             "reason": result.reason,
             "effects": [_effect(e) for e in result.effects],
             "errors": errors,
+            "outlying": None
+            if outlying is None
+            else {
+                "flights": outlying.names,
+                "errors": {m: _errors(e) for m, e in outlying.errors.items()},
+            },
+            "evidence_threshold": dataclasses.asdict(result.evidence_threshold),
             "folds": [
                 {
                     "held_out": fold.held_out,

@@ -13,7 +13,6 @@ from glider.report.numbers import (
 from glider.report.wording import words_of
 from glider.sysid.result import Result
 
-MOST_COMBINATIONS = 12
 _MOST_PAIRS = 8
 _WORTH_TELLING = 0.5
 """Least |correlation| of a pair that is shown."""
@@ -43,7 +42,7 @@ def combination_rows(result: Result) -> list[CombinationRow]:
             behind=format_evidence(c.evidence - best) if i else "",
             is_chosen=set(c.kinds) == chosen,
         )
-        for i, c in enumerate(result.combinations[:MOST_COMBINATIONS])
+        for i, c in enumerate(result.combinations)
     ]
 
 

@@ -305,9 +305,7 @@ class Analysis:
                 names = [record.name for record in task.records]
                 as_logged = task.on(flights.among(names).logged)
                 free = self.vehicle.own
-                bare = dataclasses.replace(
-                    baseline, coordinates=np.zeros(0), free=free
-                )
+                bare = dataclasses.replace(baseline, coordinates=np.zeros(0), free=free)
                 baseline = fit_model(as_logged, bare)
         return Findings(
             task=task,

@@ -138,11 +138,7 @@ def rollout_models(
     calibrated = fit_model(task, calibrated, iterations=4, free_scales=free_scales)
     nominal = dataclasses.replace(baseline, theta=vehicle.theta, free=())
     fitted = {"nominal": nominal} if vehicle.is_known else {}
-    fitted |= {
-        "refitted": baseline,
-        CALIBRATED: calibrated,
-        "corrected": traced.model,
-    }
+    fitted |= {"refitted": baseline, CALIBRATED: calibrated, "corrected": traced.model}
     scales = traced.model.scales
     return {name: flown_by(task, model, scales) for name, model in fitted.items()}
 

@@ -57,14 +57,17 @@ def judge(
         return "not_trusted", doubt
     unnamed = [e for e in effects if e.kind == "unexplained"]
     if unnamed and not (model.kinds or not signs.are_right):
-        return "unexplained", "No effect of the library explains what the flat plate lacks."
+        return (
+            "unexplained",
+            "No effect of the library explains what the flat plate lacks.",
+        )
     if unnamed:
         return "partly_explained", (
             "Effects of the library explain part of what the flat plate lacks."
         )
     if any(not e.shape_fits for e in effects):
         return "effect_found", (
-            "The effects are identified; where the shape of a formula does not fit, the "
+            "The effects are identified; where a formula has not the right shape, the "
             "model carries a curve beside it."
         )
     if as_plate:
@@ -140,9 +143,7 @@ def _worse(ratios: Sequence[float], than: str) -> str | None:
                 if np.isfinite(ratio)
                 else f"{words} the corrected model diverges"
             )
-            return (
-                f"The correction makes flights that it was not fitted to worse: {found}."
-            )
+            return f"The correction makes held-out flights worse: {found}."
     return None
 
 

@@ -18,6 +18,7 @@ from glider.sysid.result import (
     Curve,
     Errors,
     Estimate,
+    EvidenceThreshold,
     Fold,
     FoundEffect,
     HeldOutFlight,
@@ -143,6 +144,7 @@ def make_result(**changes):
             make_fold(("flight_002.csv",)),
             make_fold(("flight_101.csv",), better=False),
         ),
+        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
         left=Residual(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
         candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
         combinations=(
@@ -214,6 +216,7 @@ def diverged():
             ),
         ),
         candidates={"wind": math.inf, "mass": math.nan},
+        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
         left=Residual(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
         folds=(
             Fold(

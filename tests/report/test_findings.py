@@ -32,8 +32,9 @@ from glider.sysid.result import (
     MODELS,
     VERDICTS,
     Air,
-    Combination,
     Estimate,
+    EvidenceThreshold,
+    OutlyingFlights,
     Residual,
     Spread,
 )
@@ -310,16 +311,35 @@ def test_combinations_are_compared_with_the_best():
     assert rows[1].words == [KINDS["frame_tilt"].words, KINDS["camber"].words]
     page = Page(to_html(make_result())).text
     assert "none: the plate alone" in page
-    few = (Combination(kinds=("wind",), evidence=5.0),)
-    assert f"{41 - 12} more are in" in flat(
-        Page(to_html(make_result(combinations=few * 41))).text
-    )
 
 
 def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
     sign = dataclasses.replace(WIND, kind="angle_sign")
     rows = combination_rows(make_result(effects=(sign, WIND, UNEXPLAINED)))
     assert [r.is_chosen for r in rows] == [True, False, False]
+
+
+def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
+    """Forty flights and fewer have another than more, one effect another than two."""
+    for effect, words in ((6.6, "less than 6.6"), (20.0, "less than 20")):
+        threshold = EvidenceThreshold(effect=effect, coefficient=1.6)
+        page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)
+        assert f"{words} is not taken" in page
+        assert "not every glider has" not in page
+    threshold = EvidenceThreshold(effect=3.0, coefficient=2.0, uncommon=8.0)
+    page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)
+    assert "an effect that not every glider has 8 more" in page
+
+
+def test_held_out_flights_that_stand_out_are_scored_apart():
+    assert "scored apart" not in Page(to_html(make_result())).text
+    outlying = OutlyingFlights(
+        names=("flight_013.csv",),
+        errors={"refitted": make_errors(2.0), "corrected": make_errors(1.5)},
+    )
+    result = make_result(outlying=outlying)
+    page = flat(Page(to_html(result)).text)
+    assert "1 further held-out flight (flight_013.csv) cannot be explained" in page
 
 
 def test_correlations_are_told_once_and_only_where_they_matter():

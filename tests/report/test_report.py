@@ -29,9 +29,16 @@ from glider.report.page import to_html
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
-from glider.sysid.result import CALIBRATED, Errors, Estimate
+from glider.sysid.result import CALIBRATED, Errors, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
-from tests.report.results import VARIANTS, WIND, errors_json, make_curve, make_result
+from tests.report.results import (
+    VARIANTS,
+    WIND,
+    errors_json,
+    make_curve,
+    make_errors,
+    make_result,
+)
 
 SLOW = pytest.mark.slow
 
@@ -184,6 +191,8 @@ def test_json_has_the_schema_and_si_numbers():
                 "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             }
         },
+        "outlying": None,
+        "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
         "correlations": {
             "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
             "wind.z": {"wind.x": -0.84},
@@ -492,3 +501,13 @@ def test_coefficients_have_the_digits_that_their_errors_allow(value, std, unit, 
     c = Estimate(value=value, std=std, unit=unit)
     effect = dataclasses.replace(WIND, coefficients={"x": c})
     assert f"x = {text}" in headline(make_result(effects=(effect,)))
+
+
+def test_held_out_flights_that_stand_out_have_errors_of_their_own():
+    outlying = OutlyingFlights(
+        names=("flight_013.csv",), errors={"corrected": make_errors(1.5)}
+    )
+    assert to_json(make_result(outlying=outlying))["outlying"] == {
+        "flights": ["flight_013.csv"],
+        "errors": {"corrected": errors_json(1.5)},
+    }

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from glider.sysid.fit.folds import LEAST_T, WORSE
+from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
 from glider.sysid.result import VERDICTS, Errors, FoundEffect, Residual
@@ -32,6 +32,19 @@ def errors_with(free, along):
     numbers = dict.fromkeys([f.name for f in dataclasses.fields(Errors)], 1.0)
     numbers |= {"position_rms_m": free, "measured_pitch_position_rms_m": along}
     return Errors(**numbers)
+
+
+LEAST_T = 2.1
+
+
+def gain_of(t, of_unseen=50.0):
+    """A gain in folds of this t."""
+    return types.SimpleNamespace(
+        t=t,
+        least_t=LEAST_T,
+        of_unseen=of_unseen,
+        are_significant=t >= LEAST_T and of_unseen >= LEAST_UNSEEN_GAIN,
+    )
 
 
 def verdict(
@@ -67,7 +80,9 @@ def verdict(
     held_out = None
     if signs.are_right:
         held_out = types.SimpleNamespace(
-            t=t, ratios=ratios, t_over_nominal=t_over_nominal
+            gain=gain_of(t),
+            ratios=ratios,
+            over_nominal=None if t_over_nominal is None else gain_of(t_over_nominal),
         )
     errors = {
         "nominal": errors_with(*drawn),
@@ -113,6 +128,30 @@ def test_a_gain_by_chance_is_not_trusted(kinds):
     assert verdict(kinds, field=not kinds, t=LEAST_T + 0.1)[0] != "not_trusted"
 
 
+def test_a_gain_on_the_flights_of_the_search_alone_is_not_trusted():
+    traced = types.SimpleNamespace(
+        model=types.SimpleNamespace(kinds=("wind",)), field=None, forces=None
+    )
+    left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
+    errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
+    for gained, expected in ((LEAST_UNSEEN_GAIN - 0.1, "not_trusted"), (9.0, None)):
+        held_out = types.SimpleNamespace(
+            gain=gain_of(9.0, gained), ratios=(0.9, 0.9), over_nominal=None
+        )
+        found = (entry("wind"),)
+        word, reason = judge(
+            traced, RIGHT, NO_CURVES, held_out, errors, found, left, None
+        )
+        assert word == (expected or "effect_found")
+        assert ("neither the search nor a fit has seen" in reason) == bool(expected)
+
+
+def test_a_model_that_diverges_is_no_infinite_number():
+    word, reason = verdict(("wind",), split=(float("inf"), 0.5))
+    assert word == "not_trusted"
+    assert "the corrected model diverges" in reason and "inf" not in reason
+
+
 @pytest.mark.parametrize("place", range(4))
 def test_what_makes_unseen_flights_worse_is_not_trusted(place):
     """Free or along the measured pitch, in folds or on the flights held out."""
@@ -155,7 +194,9 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     )
     left = Residual(ratio_to_noise=3.0, position_m=0.05, depends_on=())
     found = (entry("unexplained"), entry("elevator_trim"))
-    held_out = types.SimpleNamespace(t=9.0, ratios=(0.9, 0.9), t_over_nominal=None)
+    held_out = types.SimpleNamespace(
+        gain=gain_of(9.0), ratios=(0.9, 0.9), over_nominal=None
+    )
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
     word, _ = judge(traced, RIGHT, NO_CURVES, held_out, errors, found, left, None)
     assert word == "unexplained"
@@ -172,7 +213,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     assert verdict(("mass",), **alike)[0] == "not_trusted"
     word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
     assert word == "effect_found"
-    assert "plate, refitted, does about as well" in reason
+    assert "re-identified parameters predicts about as well" in reason
     by_chance = verdict(("mass",), t_over_nominal=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
     assert "over the nominal model" in by_chance[1]
@@ -181,7 +222,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     gains = alike | {"t": LEAST_T + 0.1, "ratios": (0.5, 0.5), "split": (0.5, 0.5)}
     word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
     assert word == "effect_found"  # It travels: the plate does not.
-    assert "refitted" not in reason
+    assert "re-identified" not in reason
     lost = alike | {"t": -LEAST_T - 0.1}
     assert verdict(("mass",), t_over_nominal=9.0, **lost)[0] == "not_trusted"
 

@@ -71,7 +71,62 @@ class Gains:
         return robust_t(self.values)
 
     @property
-    def robust_t(gains: np.ndarray) -> float:
+    def least_t(self) -> float:
+        """Student's t that so many gains exceed with a probability of CHANCE."""
+        count = len(self.values)
+        return float(stdtrit(count - 1, 1.0 - CHANCE)) if count > 1 else np.inf
+
+    @property
+    def of_unseen(self) -> float:
+        """Sum over the flights that the search has not seen either [nats]."""
+        return float(np.sum(clipped(self.values[self.unseen])))
+
+    @property
+    def are_significant(self) -> bool:
+        """Whether the correction gains beyond chance, on unseen flights too."""
+        return self.t >= self.least_t and self.of_unseen >= LEAST_UNSEEN_GAIN
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """Two models on flights that they were fitted without.
+
+    Attributes:
+        folds: their errors.
+        gain: of the corrected model over the baseline.
+        free: (flights, 2) position RMS of free rollouts, baseline and corrected [m].
+        along: (flights, 2) the same along the measured pitch.
+        over_nominal: gain over the nominal model; None where it was not computed.
+    """
+
+    folds: tuple[Fold, ...]
+    gain: Gains
+    free: np.ndarray
+    along: np.ndarray
+    over_nominal: Gains | None = None
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Corrected over baseline errors, free and along the measured pitch."""
+        return ratio_of(*_rms(self.free)), ratio_of(*_rms(self.along))
+
+
+def _rms(errors: np.ndarray) -> tuple[float, float]:
+    flown = errors[np.isfinite(errors).any(axis=1)]
+    if not len(flown):
+        return np.inf, np.inf
+    before, after = np.sqrt(np.mean(flown**2, axis=0))
+    return float(before), float(after)
+
+
+def ratio_of(before: float, after: float) -> float:
+    """Returns after over before; infinite where the later model diverges."""
+    if not np.isfinite(after):
+        return np.inf
+    return after / before if np.isfinite(before) else 0.0
+
+
+def robust_t(gains: np.ndarray) -> float:
     """Returns the mean over its standard error, each gain held near the median."""
     held = clipped(gains)
     error = np.std(held, ddof=1) / np.sqrt(len(held)) if len(held) > 1 else np.inf
@@ -81,6 +136,8 @@ class Gains:
 def clipped(gains: np.ndarray) -> np.ndarray:
     """Returns gains held near their median; those of no model (NaN) are zero."""
     gains = np.nan_to_num(gains)
+    if not len(gains):
+        return gains
     middle = np.median(gains)
     spread = 1.4826 * np.median(np.abs(gains - middle)) + 1e-12
     return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)

@@ -54,10 +54,15 @@ def measure_noise(
             else np.ones(len(f.time), dtype=bool)
             for f in campaign.flights
         ]
-        pairs = list(zip(campaign.flights, turned, strict=True))
+        pairs = [
+            (f, u)
+            for f, u in zip(campaign.flights, turned, strict=True)
+            if np.count_nonzero(u) >= _FEWEST_ROWS
+        ]
         times = [f.time[u] for f, u in pairs]
         errors = [_elevator_error(f, campaign.command_rate)[u] for f, u in pairs]
-        elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
+        if pairs:
+            elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
     return Noise(
         position=max(position, _LEAST_POSITION),
         pitch=max(smoothing[2].noise, _LEAST_ANGLE),
@@ -65,6 +70,9 @@ def measure_noise(
         smoothing=smoothing,
     )
 
+
+_FEWEST_ROWS = 10
+"""Rows of an elevator below which a flight shows nothing of its noise."""
 
 _LEAST_POSITION = 1e-6
 _LEAST_ANGLE = 1e-5

@@ -9,7 +9,7 @@ from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
-from glider.physics.actuator_replay import command_steps
+from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import Replay
 from glider.sysid.replay.attitude import in_plane, planar_pitch
 from glider.sysid.replay.noise import Noise
@@ -188,7 +188,9 @@ def _record(
         )
         trusted = commanded[turned[commanded]]
         if len(trusted):
-            rest = float(flight.elevator[trusted[0]])  # Its noise is what x[3] is for.
+            first = trusted[:1]  # Its noise is what x[3] is for.
+            travel = elevator_path(switches, commands, clock[first])
+            rest = float((flight.elevator[first] - travel)[0])
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = turned[rows]
     return Record(

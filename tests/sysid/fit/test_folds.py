@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.fit.folds import FOLDS, LEAST_T, HeldOut, hold_out, robust_t
+from glider.sysid.fit.folds import (
+    FOLDS,
+    LEAST_UNSEEN_GAIN,
+    Gains,
+    HeldOut,
+    hold_out,
+    robust_t,
+)
 from glider.sysid.likelihood.model_fit import fit_model
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -41,8 +48,54 @@ def test_of_one_flight_nothing_is_known():
 def test_ratios_are_of_root_mean_squares_over_all_flights():
     free = np.array([[3.0, 1.0], [4.0, 2.0]])
     along = np.array([[1.0, 2.0], [1.0, 2.0]])
-    held = HeldOut(folds=(), gain=np.zeros(2), free=free, along=along)
+    gain = Gains(values=np.zeros(2), unseen=np.ones(2, dtype=bool))
+    held = HeldOut(folds=(), gain=gain, free=free, along=along)
     assert held.ratios == pytest.approx((np.sqrt(5.0 / 25.0), 2.0))
+    # A flight on which both diverge counts for neither; one alone, for that one.
+    lost = dataclasses.replace(held, free=np.vstack([free, [[np.nan, np.inf]]]))
+    assert lost.ratios == held.ratios
+    lost = dataclasses.replace(held, free=np.vstack([free, [[1.0, np.nan]]]))
+    assert lost.ratios[0] == np.inf
+
+
+def gains(count, each=1.0, unseen=None):
+    values = each + 0.1 * np.sin(np.arange(count))
+    mask = np.zeros(count, dtype=bool)
+    mask[: count // 3 if unseen is None else unseen] = True
+    return Gains(values=values, unseen=mask)
+
+
+def test_few_flights_need_a_larger_t():
+    """Student's t of so many flights, not of infinitely many."""
+    assert gains(3).least_t == pytest.approx(4.303, abs=1e-3)
+    assert gains(40).least_t == pytest.approx(2.023, abs=1e-3)
+    assert gains(1).least_t == np.inf
+    rng = np.random.default_rng(3)
+    passed = [
+        Gains(values=values, unseen=np.ones(4, dtype=bool)).t > gains(4).least_t
+        for values in rng.normal(size=(2000, 4))
+    ]
+    assert np.mean(passed) < 0.05
+
+
+def test_a_gain_must_show_on_flights_that_the_search_has_not_seen():
+    """The set of effects was chosen on the others: there it gains by the choice."""
+    assert gains(12, each=5.0).are_significant
+    chosen = gains(12, each=5.0)
+    values = np.where(chosen.unseen, 0.1, chosen.values)
+    assert Gains(values=values, unseen=np.zeros(12, dtype=bool)).t > chosen.least_t
+    chosen = Gains(values=values, unseen=chosen.unseen)
+    assert chosen.of_unseen < LEAST_UNSEEN_GAIN
+    assert not chosen.are_significant
+
+
+def test_a_flight_that_no_model_flies_changes_no_gain():
+    flown = gains(9, each=5.0)
+    lost = Gains(
+        values=np.append(flown.values, np.nan), unseen=np.append(flown.unseen, True)
+    )
+    assert lost.are_significant
+    assert lost.of_unseen == pytest.approx(flown.of_unseen, rel=0.35)
 
 
 def held_out(campaign, *kinds):
@@ -55,8 +108,8 @@ def held_out(campaign, *kinds):
 def test_a_planted_effect_holds():
     drag = KINDS["profile_drag"](cd0=0.05)
     task, held = held_out(fly(drag, flights=7), "profile_drag")
-    assert held.t > 5.0
-    assert np.all(held.gain > 0.0)
+    assert held.gain.t > 5.0 and held.gain.are_significant
+    assert np.all(held.gain.values > 0.0)
     assert max(held.ratios) < 0.3
     assert len(held.folds) == FOLDS
     names = sorted(name for fold in held.folds for name in fold.held_out)
@@ -72,15 +125,15 @@ def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone()
     plate = fit_model(task, dataclasses.replace(drawn, free=task.vehicle.own))
     model = fit_model(task, begin(task, noise, ("mass",)))
     rng = np.random.default_rng(0)
-    held = hold_out(task, plate, model, model.scales, rng, drawn)
-    assert held.t_over_nominal > 5.0
-    assert held.t > -LEAST_T  # Of four numbers it needs one.
-    assert held.over_nominal.mean() > 10.0 * held.gain.mean()
-    assert hold_out(task, plate, model, model.scales, rng).t_over_nominal is None
+    held = hold_out(task, plate, model, model.scales, rng, (), drawn)
+    assert held.over_nominal.are_significant
+    assert held.gain.t > -held.gain.least_t  # Of four parameters it needs one.
+    assert held.over_nominal.values.mean() > 10.0 * held.gain.values.mean()
+    assert hold_out(task, plate, model, model.scales, rng).over_nominal is None
 
 
 def test_an_idle_effect_does_not():
     _, held = held_out(fly(flights=10), "profile_drag", "pitch_damping")
-    assert held.t < 2.0
-    assert np.abs(held.gain).max() < 20.0
+    assert not held.gain.are_significant
+    assert np.abs(held.gain.values).max() < 20.0
     assert min(held.ratios) > 0.9 and max(held.ratios) < 1.3

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.checks.masks import Masks
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.fit.folds import flown_by
@@ -13,9 +14,11 @@ from glider.sysid.fit.prediction import (
     beginning_rows,
     measure_errors,
     predict,
+    rollout_scales,
 )
 from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.scales import start_scales
+from glider.sysid.replay.nodes import true_nodes
 from tests.helpers.tasks import begin, fly, task_of
 
 WIND = KINDS["wind"](x=-0.4, z=0.1)
@@ -77,6 +80,48 @@ def test_errors_are_of_the_rows_that_were_seen(windy):
     gapped = dataclasses.replace(record, seen=seen, pose=pose)
     errors, _ = measure_errors(model, [gapped])
     assert errors.position_rms_m < 0.05
+
+
+def without_elevator_at_first(campaign, share):
+    """The campaign, the elevator masked over the first share of flight 0."""
+    flight = campaign.flights[0]
+    rows = int(share * len(flight.time))
+    hidden = np.arange(len(flight.time)) < rows
+    nothing = np.zeros_like(hidden)
+    return campaign, {flight.name: Masks(pose=nothing, elevator=hidden)}
+
+
+def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
+    """The elevator then starts where its commands have it: no error is NaN."""
+    campaign, masks = without_elevator_at_first(fly(WIND, flights=4), 0.35)
+    task, noise = task_of(campaign, masks=masks)
+    rows = beginning_rows(task.records[0], own_trims=False)
+    assert not task.records[0].seen[:rows, 3].any()
+    truth = dataclasses.replace(
+        begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))
+    )
+    start = start_scales(noise)
+    model = flown_by(task, truth, start)
+    # Its scales are fitted too, and not left where they start.
+    assert model.scales.position != start.position
+    errors, _ = measure_errors(model, task.records[:1])
+    assert errors.position_rms_m < 0.05 and np.isfinite(errors.pitch_rms_rad)
+
+
+def test_a_flight_without_any_elevator_row_is_flown_by_its_commands():
+    campaign, masks = without_elevator_at_first(fly(WIND, flights=4), 1.0)
+    task, _ = task_of(campaign, masks=masks)
+    assert task.records[0].rest == 0.0
+    assert np.isfinite(true_nodes(task.records[0], task.vehicle.theta)).all()
+
+
+def test_a_flight_that_diverges_leaves_the_scales_to_the_others(windy):
+    task, model = windy
+    wild = dataclasses.replace(task.records[0], nodes=task.records[0].nodes * np.nan)
+    start = dataclasses.replace(model.scales, position=1e-2, pitch=1e-1)
+    others = rollout_scales(model, task.records[1:], start)
+    assert others.position < 0.5 * start.position
+    assert rollout_scales(model, [wild, *task.records[1:]], start) == others
 
 
 def test_a_flights_own_trim_is_found_on_its_beginning(windy):

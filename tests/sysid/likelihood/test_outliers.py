@@ -5,8 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.motion_capture import MotionCapture
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.outliers import find_apart, find_outlying, stand_out
+from glider.sysid.likelihood.outliers import (
+    find_apart,
+    find_outlying,
+    mean_squares,
+    stand_out,
+)
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fit_kinds, fly, task_of
 
@@ -58,6 +64,15 @@ def test_only_exceptions_stand_out():
     assert list(np.flatnonzero(stand_out(squares))) == [4]
     squares[:7] *= 10.0
     assert not stand_out(squares).any()
+
+
+def test_logs_without_noise_have_no_outliers():
+    """What is left of them is rounding: zero, or of any size and sign."""
+    silent = MotionCapture(position=0.0, pitch=0.0, elevator=0.0)
+    campaign = fly(flights=6, duration=0.6, capture=silent)
+    squares = mean_squares(*task_of(campaign))
+    assert np.all(squares > 0.0) and not stand_out(squares).any()
+    assert outlying(campaign) == {}
 
 
 def test_a_flight_that_needs_far_other_values_is_apart():

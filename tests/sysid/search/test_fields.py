@@ -9,7 +9,9 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.search import tracing
 from glider.sysid.search.fields import Survey, fit_field, fit_fields, survey
+from glider.sysid.search.fits import Search
 from glider.sysid.search.peaks import find_peaks
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -59,6 +61,16 @@ def test_variables_that_nearly_tie_are_told():
     assert found.nearly_as_good(("forces", "V"))[0] == "V"
 
 
+def test_a_survey_without_a_finite_field_finds_none(vent, monkeypatch):
+    task, plate, _ = vent
+    for gains in ({}, {("air", "x"): -np.inf, ("air", "z"): np.nan}):
+        found = Survey(gains=gains)
+        assert found.leading == []
+        assert found.most == -np.inf
+        monkeypatch.setattr(tracing, "survey", lambda *_, found=found: found)
+        assert tracing.beyond_names(Search(task, print), plate) is None
+
+
 def peaks_of(task, plate, found):
     field = fit_field(task, plate, found, found.leading[0])
     assert field.basis.form == "air" and field.basis.variable == "x"
@@ -73,6 +85,8 @@ def test_the_field_is_the_vent(vent):
     assert height.value == pytest.approx(1.0, abs=0.05)
     assert place.value == pytest.approx(-1.8, abs=0.05)
     assert 0.0 < height.std < 0.05 and 0.0 < place.std < 0.05
+    # It blows upward alone: a horizontal wind would only fit noise.
+    assert set(peaks) == {"wind_z_peak", "wind_z_peak_at_x"}
 
 
 @pytest.mark.slow
