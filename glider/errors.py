@@ -7,8 +7,13 @@ class InputError(ValueError):
     """Input that cannot be used; the message is one sentence for the user.
 
     It names the file, the column or field, what was found and what was expected.
-    The command line prints it and exits with code 2.
+    The command line prints it and exits with code 2. Control characters in it, as of
+    a file's name, are escaped.
     """
+
+    def __str__(self) -> str:
+        """Returns the sentence, safe for a terminal."""
+        return printable(super().__str__())
 
 
 def expect(holds: object, what: str, found: object, expected: str) -> None:

@@ -1,14 +1,20 @@
-"""Paths of the project's data, and of the folder for what is kept between runs."""
+"""Paths of the project's data, and of the cache that is kept between runs."""
 
+import atexit
 import os
+import shutil
 import tempfile
 from pathlib import Path
 
+import platformdirs
+
 _PACKAGE = Path(__file__).resolve().parent
+_VARIABLE = "DRAKE_GLIDER_CACHE"
+"""Environment variable by which a process shares its temporary cache with others."""
 
 
 def models_path(*parts: str) -> Path:
-    """Returns the path of a file or folder of the models.
+    """Path of a file or folder of the models.
 
     In an installed wheel the models are part of the package; in the source tree,
     and so after an editable install, they are the folder models/ beside it.
@@ -32,7 +38,7 @@ def models_path(*parts: str) -> Path:
 
 
 def _models_folder(package: Path) -> Path:
-    """Returns the models of the package that is at the given path."""
+    """Folder of the models of the package at the given path."""
     installed = package / "_models"
     if installed.is_dir():
         return installed
@@ -47,19 +53,45 @@ def _models_folder(package: Path) -> Path:
 
 
 def cache_folder() -> Path:
-    """Returns a folder for compiled kernels and unpacked samples.
+    """Folder for compiled kernels and unpacked campaigns, private to this user.
 
-    The first of $XDG_CACHE_HOME, ~/.cache and the folder for temporary files that this
-    user can write.
+    Code in it is run, so nobody else may write there. It is the user's cache folder
+    (platformdirs; $XDG_CACHE_HOME on Linux) or, where that cannot be used, a temporary
+    folder of this process and the processes that it starts.
     """
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base) / "drake-glider"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    folder = Path(tempfile.gettempdir()) / f"drake-glider-{os.getuid()}"
-    folder.mkdir(exist_ok=True)
+    kept = os.environ.get(_VARIABLE)
+    for folder in (_user_cache(), Path(kept) if kept else None):
+        if folder is not None and _make_private(folder):
+            return folder.resolve()
+    folder = Path(tempfile.mkdtemp(prefix="drake-glider-"))  # Mode 0700, ours.
+    os.environ[_VARIABLE] = str(folder)
+    atexit.register(_remove, folder, os.getpid())
     return folder
+
+
+def _user_cache() -> Path | None:
+    try:
+        return platformdirs.user_cache_path("drake-glider", appauthor=False)
+    except (KeyError, RuntimeError):  # A user without a home.
+        return None
+
+
+def _make_private(folder: Path) -> bool:
+    """Makes a folder that only this user can write; False where that fails.
+
+    A folder of another user, or one that others could write, is never used.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.resolve().stat()
+        if status.st_uid != os.getuid() or status.st_mode & 0o022:
+            return False
+        folder.chmod(0o700)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def _remove(folder: Path, process: int) -> None:
+    if os.getpid() == process:  # Not in a forked child.
+        shutil.rmtree(folder, ignore_errors=True)

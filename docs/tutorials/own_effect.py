@@ -117,7 +117,7 @@ command_rate: 50
 written = Path("MAP.yaml").write_text(MAP)
 
 # %%
-from glider.campaign.importing.run import import_campaign
+from glider.campaign.importing.campaign_import import import_campaign
 
 files = sorted(Path("takes").glob("*.csv"))
 imported = import_campaign(files, "MAP.yaml", "throws")

@@ -1,7 +1,7 @@
-"""Makes a flight of one CSV file, once it is sure that it can be one.
+"""Checks a table and makes a flight of it.
 
-What cannot be SI, or cannot be a flight, is refused; a fault that an effect of
-the library models (a turned sign, an offset, a delay) must pass.
+What cannot be in SI units, or cannot be a flight, is refused. A fault that an effect of
+the library models (a wrong sign, an offset, a delay) passes.
 """
 
 import dataclasses
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.csv_table import Table
+from glider.campaign.flight_table import Table
 from glider.campaign.logs import (
     ATTITUDE_COLUMNS,
     MAX_ANGLE,
@@ -27,11 +27,11 @@ _MIN_SPAN = 0.15  # Duration of a flight [s].
 _MAX_STEP = 1.0  # Median step of a pose log [s].
 _MAX_SPEED = 60.0  # Median over a flight [m/s].
 _MAX_POSITION = 1000.0  # Distance from the origin along x or z [m].
-_MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is not known [rad/s].
+_MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is unknown [rad/s].
 
 
 def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
-    """Returns a campaign with the flights of tables, its pose rate found if not told.
+    """Adds the flights of tables to a campaign; finds its pose rate if not given.
 
     Raises:
         InputError: a table cannot be a flight in SI.
@@ -47,11 +47,7 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
 
 
 def make_flight(table: Table, campaign: Campaign) -> Flight:
-    """Returns the flight of a table.
-
-    Raises:
-        InputError: the cells cannot be a flight in SI.
-    """
+    """Makes the flight of a table; InputError where the cells cannot be one in SI."""
     wanted = POSE_COLUMNS
     if campaign.elevator == "servo":
         wanted += SERVO_COLUMNS
@@ -63,12 +59,12 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
-    table.refuse(late, "time", "it must be greater than in the row before.")
+    table.refuse(late, "time", "expected more than in the row before.")
     span = time[-1] - time[0] if len(time) else 0.0
     if len(time) < _MIN_ROWS or span < _MIN_SPAN:
         raise InputError(
             f"{table.path}: too short, {len(time)} rows over {span:.3g} s of 'time'; "
-            f"at least {_MIN_ROWS} rows and {_MIN_SPAN} s are needed."
+            f"expected at least {_MIN_ROWS} rows and {_MIN_SPAN} s."
         )
     _check_units(table, columns, campaign)
     pitch = np.unwrap(columns["pitch"])
@@ -77,7 +73,7 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
         roll, yaw = np.unwrap(columns["roll"]), np.unwrap(columns["yaw"])
         attitude = np.column_stack([columns["y"], roll, yaw])
     return Flight(
-        name=table.path.name,
+        name=table.name or table.path.name,
         time=time,
         pose=np.column_stack([columns["x"], columns["z"], pitch]),
         elevator=columns.get("elevator"),
@@ -87,7 +83,7 @@ def make_flight(table: Table, campaign: Campaign) -> Flight:
 
 
 def _check_servo_columns(table: Table) -> None:
-    """Says what to do where a log has nothing, or not all, of a servo."""
+    """Says what to do where a log lacks the servo, or a part of it."""
     missing = [name for name in SERVO_COLUMNS if name not in table.columns]
     if missing == ["elevator_rate_command"]:
         raise InputError(
@@ -98,7 +94,7 @@ def _check_servo_columns(table: Table) -> None:
     if missing:
         raise InputError(
             f"{table.path}: column '{missing[0]}' is missing; found "
-            f"{show(', '.join(table.columns))}; a tail that does not move is told by "
+            f"{show(', '.join(table.columns))}; for a tail that does not move write "
             "'elevator: fixed' under 'vehicle:' in campaign.yaml."
         )
 
@@ -106,15 +102,15 @@ def _check_servo_columns(table: Table) -> None:
 def _check_units(
     table: Table, columns: dict[str, np.ndarray], campaign: Campaign
 ) -> None:
-    """Refuses what cannot be SI; a fault that an effect can model must pass."""
+    """Refuses what cannot be SI; a fault that an effect can model passes."""
     elevator_bound, rate_bound = MAX_ANGLE, _MAX_ELEVATOR_RATE
-    if campaign.elevator_limits is not None:  # Room for an elevator of turned sign.
+    if campaign.elevator_limits is not None:  # An elevator of the other sign passes.
         lower, upper = campaign.elevator_limits
         far = max(abs(lower), abs(upper)) + (upper - lower)
         elevator_bound = min(far, MAX_ANGLE)
     if campaign.elevator_rate_limit is not None:
         rate_bound = 10 * campaign.elevator_rate_limit
-    tumble = "degrees; a tumble must be wrapped into ±pi"
+    tumble = "degrees; wrap a tumble into ±pi"
     for name, bound, unit, likely in (
         ("x", _MAX_POSITION, "m", "millimeters"),
         ("z", _MAX_POSITION, "m", "millimeters"),
@@ -125,25 +121,25 @@ def _check_units(
         ("elevator", elevator_bound, "rad", "degrees"),
         ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
     ):
-        need = f"within ±{bound:.4g} {unit} is needed (this looks like {likely})."
+        expected = f"expected ±{bound:.4g} {unit} (this looks like {likely})."
         if name in columns:
-            table.refuse(np.abs(columns[name]) > bound, name, need)
+            table.refuse(np.abs(columns[name]) > bound, name, expected)
     step_length = np.hypot(np.diff(columns["x"]), np.diff(columns["z"]))
     speed = np.median(step_length / np.diff(columns["time"]))
     if speed > _MAX_SPEED:
         raise InputError(
             f"{table.path}: columns 'x' and 'z' move at {speed:.4g} m/s (median); "
-            f"at most {_MAX_SPEED:g} is needed (this looks like millimeters)."
+            f"expected at most {_MAX_SPEED:g} (this looks like millimeters)."
         )
 
 
 def check_step(file: Path, time: np.ndarray, rate: float) -> None:
-    """Raises InputError unless times (n,) [s] step about as a pose rate [Hz] says."""
+    """Raises InputError unless times (n,) [s] step about at a pose rate [Hz]."""
     step = np.median(np.diff(time))
     if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
         slow = step >= _MAX_STEP or step * rate > 20
         hint = " (this looks like milliseconds or a count of rows)" if slow else ""
         raise InputError(
-            f"{file}: column 'time' has a median step of {step:.4g}{hint}; seconds "
-            f"are needed, about {1 / rate:.4g} for a pose_rate of {rate:.4g} Hz."
+            f"{file}: column 'time' has a median step of {step:.4g}{hint}; expected "
+            f"seconds, about {1 / rate:.4g} for a pose_rate of {rate:.4g} Hz."
         )

@@ -18,8 +18,10 @@ POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
 
+_NOT_IN_NAMES = frozenset("<>&\"'`")
+
 MAX_ANGLE = 2 * math.pi
-"""Largest angle in a log [rad]: more would be degrees."""
+"""Largest angle in a log [rad]; more are degrees."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -32,6 +34,14 @@ class Flight:
     elevator: np.ndarray | None  # (n,) [rad]; None without a servo.
     command: np.ndarray | None  # (n,) elevator_rate_command, held [rad/s].
     attitude: np.ndarray | None = None  # (n, 3) y [m], roll, yaw [rad] if logged.
+
+    def __post_init__(self):
+        """Raises InputError for a name that a page or a terminal could interpret."""
+        if not self.name.isprintable() or set(self.name) & _NOT_IN_NAMES:
+            raise InputError(
+                f"{show(self.name)} is not the name of a flight; expected printable "
+                "characters without quotes and < > &."
+            )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,7 +66,7 @@ def campaign_of(
     pose_rate: float,
     command_rate: float,
 ) -> Campaign:
-    """Returns flights of a glider with a servo as a campaign that knows its parameters.
+    """A campaign of flights of a glider with a servo, all its parameters known.
 
     Args:
         name: of the campaign.
@@ -96,13 +106,13 @@ def split_flights(
     count = len(campaign.flights)
     if count < 3:
         raise InputError(
-            f"{campaign.path}: a split into fitted and held-out flights "
-            f"needs at least 3 flights, found {count}."
+            f"{campaign.path}: found {count} flights; expected at least 3, to fit and "
+            "to hold out."
         )
     if not 0 < held_out_fraction < 1:
         raise InputError(
             f"The held-out fraction is {show(held_out_fraction)}; "
-            "a number between 0 and 1 is needed."
+            "expected a number between 0 and 1."
         )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)

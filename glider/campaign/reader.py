@@ -1,16 +1,16 @@
 """Reads and checks campaign folders of flight logs.
 
-Whatever cannot be right is refused with one sentence (InputError) that names the
-file, the column or field, the row (a line of the file; the header is line 1),
-what was found and what is needed. Irregular times and missing rows are fine.
-What campaign.yaml leaves out stays unknown.
+What cannot be right is refused with one sentence (InputError) that names the file, the
+column or field, the row (a line of the file; the header is line 1), what was found and
+what was expected. Irregular times and missing rows are fine. What campaign.yaml omits
+stays unknown.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.campaign.csv_table import Table, read_table
 from glider.campaign.flight_reader import with_flights
+from glider.campaign.flight_table import Table, read_table
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import campaign_folder
 from glider.campaign.settings import read_settings
@@ -26,8 +26,8 @@ def load_campaign(
     """Loads a campaign; only the chosen flights are read and checked.
 
     Pitch is unwrapped where it jumps by more than π between two rows. Files in other
-    units, axes and columns are brought to SI as campaign.yaml tells, and their signs
-    are checked.
+    units, axes and columns are converted to SI as campaign.yaml specifies, and their
+    signs are checked.
 
     Args:
         path: the folder, or its .zip, or the name of a sample.
@@ -43,24 +43,24 @@ def load_campaign(
     if not file.is_file():
         raise InputError(
             f"{path}: no campaign.yaml in it; "
-            "a campaign folder holds campaign.yaml and flight_*.csv."
+            "expected a folder with campaign.yaml and flight_*.csv."
         )
     campaign, mapping = read_settings(file)
     files = [path / name for name in _choose(path, flights, grades)]
     if mapping is None:
-        return _made_of(campaign, [read_table(file) for file in files])
+        return _with_tables(campaign, [read_table(file) for file in files])
 
-    # SciPy's rotations take a second to import: not before there is a mapping.
-    from glider.campaign.importing.flights import map_flight
-    from glider.campaign.importing.signs import check_signs
+    # SciPy's rotations are slow to import: only where there is a mapping.
+    from glider.campaign.importing.extraction import map_flight
+    from glider.campaign.importing.sign_checks import check_signs
 
     tables = [map_flight(file, mapping, campaign) for file in files]
-    campaign = _made_of(campaign, tables)
+    campaign = _with_tables(campaign, tables)
     check_signs(campaign)
     return campaign
 
 
-def _made_of(campaign: Campaign, tables: list[Table]) -> Campaign:
+def _with_tables(campaign: Campaign, tables: list[Table]) -> Campaign:
     for table in tables[1:]:
         _check_same_columns(tables[0], table)
     return with_flights(campaign, tables)
@@ -69,22 +69,16 @@ def _made_of(campaign: Campaign, tables: list[Table]) -> Campaign:
 def _choose(
     folder: Path, flights: Sequence[str] | None, grades: Sequence[str] | None
 ) -> list[str]:
-    """Returns the names of the chosen files, sorted."""
+    """Names of the chosen files, sorted."""
     chosen = found = {file.name for file in folder.glob("flight_*.csv")}
     if not found:
-        raise InputError(f"{folder}: no flight_*.csv in it; at least one is needed.")
-    for name in sorted(found):
-        if set(name) & set('<>&"') or not name.isprintable():
-            raise InputError(
-                f'{folder}: file name {show(name)} has one of < > & " or a control '
-                "character; expected a name without."
-            )
+        raise InputError(f"{folder}: no flight_*.csv in it; expected at least one.")
     if flights is not None:
         chosen = _with_suffix(flights)
         if unknown := chosen - found:
             raise InputError(
                 f"{folder}: flight {show(min(unknown))} is not in this folder; "
-                f"the name of one of its {len(found)} flights is needed."
+                f"expected the name of one of its {len(found)} flights."
             )
     if grades is not None:
         index = read_table(folder / "index.csv")
@@ -95,11 +89,11 @@ def _choose(
             if not of_grade.get(grade):
                 raise InputError(
                     f"{index.path}: column 'grade': no flight has {show(grade)}; "
-                    f"one of {sorted(of_grade)} is needed."
+                    f"expected one of {sorted(of_grade)}."
                 )
         chosen = chosen & frozenset[str]().union(*(of_grade[g] for g in grades))
     if not chosen:
-        raise InputError(f"{folder}: no flight is chosen; at least one is needed.")
+        raise InputError(f"{folder}: no flight is chosen; expected at least one.")
     return sorted(chosen)
 
 
@@ -112,5 +106,5 @@ def _check_same_columns(first: Table, other: Table) -> None:
         has, lacks = (first, other) if name in first.columns else (other, first)
         raise InputError(
             f"{lacks.path}: column '{name}' is missing, which {has.path.name} has; "
-            "all flights of a campaign need the same columns."
+            "expected the same columns in all flights of a campaign."
         )

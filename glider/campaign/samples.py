@@ -11,13 +11,17 @@ import zipfile
 import zlib
 from pathlib import Path
 
-import yaml
-
 from glider.errors import InputError
+from glider.files import schema
 from glider.paths import cache_folder, models_path
 
-_ROOM = "campaigns"
-_LIST = "samples.yaml"
+_FOLDER = "campaigns"
+_MOST_FILES = 10_000
+_MOST_BYTES = 500_000_000
+"""Size of an unpacked campaign, at most: 10,000 flights of 1 s take 80 MB."""
+_MOST_RATIO = 100
+"""Ratio of a file's size to that in the archive, at most; text has 3 to 20."""
+_SMALL = 1_000_000  # Size below which any ratio passes [bytes].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,17 +40,17 @@ class Sample:
 
 
 def sample_names() -> tuple[str, ...]:
-    """Returns the names of the samples."""
+    """Names of the samples."""
     return tuple(_read_list())
 
 
 def _read_list() -> dict[str, str]:
-    text = models_path(_ROOM, _LIST).read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    file = models_path(_FOLDER, "samples.yaml")
+    return schema.load_yaml(dict[str, str], file, "the list of samples")
 
 
 def list_samples() -> tuple[Sample, ...]:
-    """Returns the samples; nothing is unpacked."""
+    """Lists the samples; nothing is unpacked."""
     found = []
     for name, holds in _read_list().items():
         with zipfile.ZipFile(_archive(name)) as archive:
@@ -56,7 +60,7 @@ def list_samples() -> tuple[Sample, ...]:
 
 
 def campaign_folder(campaign: Path | str) -> Path:
-    """Returns the folder of a campaign, unpacked if need be.
+    """Finds the folder of a campaign; unpacks it if need be.
 
     Args:
         campaign: its folder; or its .zip, with or without that suffix; or the name of
@@ -75,7 +79,7 @@ def campaign_folder(campaign: Path | str) -> Path:
         return _unpacked(_archive(str(path)))
     found = "is not a folder" if path.exists() else "does not exist"
     raise InputError(
-        f"{path}: {found}; a campaign folder is needed, or the name of a sample "
+        f"{path}: {found}; expected a campaign folder, or the name of a sample "
         f"({', '.join(sample_names())})."
     )
 
@@ -87,7 +91,7 @@ def copy_sample(name: str, out: Path) -> None:
         InputError: something is in the way.
     """
     if out.exists():
-        raise InputError(f"{out}: exists; the name of a new folder is needed.")
+        raise InputError(f"{out}: exists; expected the name of a new folder.")
     source = campaign_folder(name)
     part = out.with_name(f".{out.name}.{os.getpid()}")
     try:
@@ -99,24 +103,24 @@ def copy_sample(name: str, out: Path) -> None:
 
 
 def _archive(name: str) -> Path:
-    return models_path(_ROOM, f"{name}.zip")
+    return models_path(_FOLDER, f"{name}.zip")
 
 
 def _unpacked(archive: Path) -> Path:
-    """Returns the folder of a packed campaign, which has the archive's name."""
+    """Folder of a packed campaign, which has the archive's name."""
     content = archive.read_bytes()
     digest = hashlib.sha256(content).hexdigest()[:12]
-    place = cache_folder() / _ROOM / digest / archive.stem
+    place = cache_folder() / _FOLDER / digest / archive.stem
     if place.is_dir():
         return place
     part = place.with_name(f".{os.getpid()}")
     try:
         with zipfile.ZipFile(archive) as packed:
-            packed.extractall(part)
+            _extract(packed, part, archive)
         inner = [p.parent for p in part.rglob("campaign.yaml")]
         if len(inner) != 1:
             raise InputError(
-                f"{archive}: holds {len(inner)} files campaign.yaml; one is needed."
+                f"{archive}: holds {len(inner)} files campaign.yaml; expected one."
             )
         try:
             inner[0].rename(place)
@@ -128,3 +132,27 @@ def _unpacked(archive: Path) -> Path:
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return place
+
+
+def _extract(packed: zipfile.ZipFile, folder: Path, archive: Path) -> None:
+    """Unpacks an archive; refuses one that would fill the disk.
+
+    The sizes in its directory are a claim, but Python's zipfile unpacks no more of a
+    file than is claimed.
+    """
+    files = packed.infolist()
+    size = sum(file.file_size for file in files)
+    ratio = max(
+        (f.file_size / max(f.compress_size, 1) for f in files if f.file_size > _SMALL),
+        default=1.0,
+    )
+    for what, found, most in (
+        ("files", len(files), _MOST_FILES),
+        ("bytes when unpacked", size, _MOST_BYTES),
+        ("times its packed size in a file", round(ratio), _MOST_RATIO),
+    ):
+        if found > most:
+            raise InputError(
+                f"{archive}: has {found:,} {what}; expected at most {most:,}."
+            )
+    packed.extractall(folder)

@@ -1,69 +1,122 @@
-"""What campaign.yaml, or the MAP of an import, says of a vehicle and of its logs."""
+"""Schema of campaign.yaml and of a MAP file: a vehicle, and how its logs are mapped."""
 
+import dataclasses
 import math
 from pathlib import Path
 
-from glider.campaign.csv_table import read_text
-from glider.campaign.fields import check_fields
-from glider.campaign.importing.mapping import MAPPING_FIELDS, Mapping, parse_mapping
+from glider.campaign.importing.mapping import Columns, Frame, Mapping, Units, given
 from glider.campaign.logs import MAX_ANGLE, Campaign
 from glider.errors import InputError, show
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
 
-_LIMIT_FIELDS = ("elevator_limits", "elevator_rate_limit")
-_VEHICLE_FIELDS = (*PARAMETER_NAMES, *_LIMIT_FIELDS, "elevator")
-_TOP_FIELDS = ("vehicle", "pose_rate", "command_rate", *MAPPING_FIELDS)
+_ELEVATORS = ("servo", "fixed", "fixed_per_flight")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """What is known of a glider, in SI units; None: unknown."""
+
+    mass: float | None = None
+    pitch_inertia: float | None = None
+    wing_area: float | None = None
+    elevator_area: float | None = None
+    wing_offset: float | None = None
+    hinge_offset: float | None = None
+    elevator_offset: float | None = None
+    air_density: float | None = None
+    gravity: float | None = None
+    elevator_limits: list[float] | None = None
+    elevator_rate_limit: float | None = None
+    elevator: str = "servo"
+
+    def __post_init__(self):
+        """Raises InputError where a value cannot be."""
+        known = given(self)
+        if known.pop("elevator") not in _ELEVATORS:
+            raise InputError(
+                f"field 'elevator' of vehicle is {show(self.elevator)}; expected "
+                "'fixed', 'fixed_per_flight' or 'servo'."
+            )
+        check_parameters(known)
+        if self.elevator_limits and max(map(abs, self.elevator_limits)) > MAX_ANGLE:
+            raise InputError(
+                f"field 'elevator_limits' is {show(self.elevator_limits)}; "
+                "expected radians (this looks like degrees)."
+            )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Fields of campaign.yaml, or of a MAP file."""
+
+    vehicle: Vehicle = Vehicle()
+    pose_rate: float | None = None
+    command_rate: float | None = None
+    columns: Columns | None = None
+    units: Units | None = None
+    frame: Frame | str | None = None
+    clock: float | str | None = None
+    join: list[str] | None = None
+
+    def __post_init__(self):
+        """Raises InputError where a value cannot be."""
+        for name in ("pose_rate", "command_rate"):
+            rate = getattr(self, name)
+            if rate is not None and not 0 < rate < math.inf:
+                raise InputError(
+                    f"field '{name}' is {show(rate)}; expected a positive number of Hz."
+                )
+        number = isinstance(self.clock, float) and math.isfinite(self.clock)
+        if self.clock not in (None, "same", "find") and not number:
+            raise InputError(
+                f"field 'clock' is {show(self.clock)}; expected 'same', 'find', or how "
+                "many seconds the elevator's clock is ahead of that of the poses."
+            )
+        join = self.join or ["*", "*"]
+        if len(join) < 2 or any(pattern.count("*") != 1 for pattern in join):
+            raise InputError(
+                f"field 'join' is {show(join)}; expected two or more names of files "
+                "with one * each: those with the same text for * are one recording."
+            )
+        if isinstance(self.frame, str):
+            object.__setattr__(self, "frame", Frame(axes=self.frame))
+
+    def campaign(self, folder: Path) -> Campaign:
+        """Campaign without flights; its pose_rate is nan where it is not given."""
+        known, limits = given(self.vehicle), self.vehicle.elevator_limits
+        return Campaign(
+            name=folder.resolve().name,
+            path=folder,
+            vehicle={n: float(known[n]) for n in PARAMETER_NAMES if n in known},
+            elevator=self.vehicle.elevator,
+            elevator_limits=(float(limits[0]), float(limits[1])) if limits else None,
+            elevator_rate_limit=self.vehicle.elevator_rate_limit,
+            pose_rate=math.nan if self.pose_rate is None else self.pose_rate,
+            command_rate=self.command_rate,
+            flights=(),
+        )
+
+    def mapping(self, source: str) -> Mapping | None:
+        """How logs are mapped; None where no field says so."""
+        if not {"columns", "units", "frame", "clock", "join"} & given(self).keys():
+            return None
+        assert not isinstance(self.frame, str)
+        return Mapping(
+            source=source,
+            columns=given(self.columns or Columns()),
+            units=given(self.units or Units()),
+            frame=self.frame or Frame(),
+            clock=self.clock,
+            join=tuple(self.join or ()),
+        )
 
 
 def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
-    """Returns a campaign without flights, and how its logs are mapped if they are.
-
-    Its pose_rate is nan where it is not given; its folder is that of the file.
+    """Reads a campaign without flights, and how its logs are mapped if they are.
 
     Raises:
         InputError: a field is unknown or has a value that it cannot have.
     """
-    settings = check_fields(
-        schema.parse_yaml(read_text(file), str(file)), _TOP_FIELDS, str(file)
-    )
-    vehicle = settings.get("vehicle", {})
-    check_fields(vehicle, _VEHICLE_FIELDS, f"{file}: vehicle")
-    folder = file.parent
-    elevator = vehicle.get("elevator", "servo")
-    if "elevator" in vehicle and elevator not in ("fixed", "fixed_per_flight"):
-        raise InputError(
-            f"{file}: field 'elevator' of vehicle is {show(elevator)}; 'fixed' or "
-            "'fixed_per_flight' is needed, or no such field where there is a servo."
-        )
-    numbers = {name: vehicle[name] for name in vehicle if name != "elevator"}
-    try:
-        check_parameters(numbers)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-    limits = vehicle.get("elevator_limits")
-    if limits and max(map(abs, limits)) > MAX_ANGLE:
-        raise InputError(
-            f"{file}: field 'elevator_limits' is {show(limits)}; "
-            "radians are needed (this looks like degrees)."
-        )
-    for name in ("pose_rate", "command_rate"):
-        rate = settings.get(name, 1.0)
-        number = isinstance(rate, (int, float)) and not isinstance(rate, bool)
-        if not (number and 0 < rate < math.inf):
-            raise InputError(
-                f"{file}: field '{name}' is {show(rate)}; "
-                "a positive number of Hz is needed."
-            )
-    campaign = Campaign(
-        name=folder.resolve().name,
-        path=folder,
-        vehicle={n: float(v) for n, v in numbers.items() if n not in _LIMIT_FIELDS},
-        elevator=elevator,
-        elevator_limits=(float(limits[0]), float(limits[1])) if limits else None,
-        elevator_rate_limit=numbers.get("elevator_rate_limit"),
-        pose_rate=settings.get("pose_rate", math.nan),
-        command_rate=settings.get("command_rate"),
-        flights=(),
-    )
-    return campaign, parse_mapping(settings, str(file))
+    settings = schema.load_yaml(Settings, file, "a campaign.yaml or a MAP file")
+    return settings.campaign(file.parent), settings.mapping(str(file))

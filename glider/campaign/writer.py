@@ -1,11 +1,11 @@
 """Writes campaign folders that `glider.campaign.reader` reads."""
 
+import dataclasses
 import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from glider.campaign.logs import (
     ATTITUDE_COLUMNS,
@@ -16,6 +16,7 @@ from glider.campaign.logs import (
     Flight,
 )
 from glider.errors import InputError
+from glider.files import schema
 from glider.files.writing import replace_file, replace_files
 
 
@@ -26,31 +27,45 @@ def save_campaign(
 
     Args:
         path: of the folder.
-        campaign: its own path is not used.
-        more: name of a file beside the flights to its text.
+        campaign: to write; its path is not used.
+        more: texts of other files, by name.
     """
     path = Path(path)
     names = {flight.name for flight in campaign.flights}
     if others := {file.name for file in path.glob("flight_*.csv")} - names:
         raise InputError(
             f"{path}: holds {min(others)}, which is not of this campaign; "
-            "an empty folder is needed."
+            "expected an empty folder."
         )
-    vehicle: dict = {name: float(value) for name, value in campaign.vehicle.items()}
-    if campaign.elevator_limits is not None:
-        vehicle["elevator_limits"] = [float(v) for v in campaign.elevator_limits]
-    if campaign.elevator_rate_limit is not None:
-        vehicle["elevator_rate_limit"] = float(campaign.elevator_rate_limit)
-    if campaign.elevator != "servo":
-        vehicle["elevator"] = campaign.elevator
-    settings = {"vehicle": vehicle, "pose_rate": float(campaign.pose_rate)}
-    if campaign.command_rate is not None:
-        settings["command_rate"] = float(campaign.command_rate)
-    text = yaml.safe_dump(settings, sort_keys=False)
+    text = schema.yaml_text(_settings_of(campaign))
     files = {flight.name: _csv_of(flight) for flight in campaign.flights}
     files |= {name: words.encode() for name, words in (more or {}).items()}
     files["campaign.yaml"] = text.encode()
     replace_files(path, files, last="campaign.yaml")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Settings:
+    """Fields of campaign.yaml, the unknown ones omitted."""
+
+    vehicle: dict[str, object]
+    pose_rate: float
+    command_rate: float | None
+
+
+def _settings_of(campaign: Campaign) -> _Settings:
+    vehicle: dict[str, object] = dict(campaign.vehicle)
+    if campaign.elevator_limits is not None:
+        vehicle["elevator_limits"] = list(campaign.elevator_limits)
+    if campaign.elevator_rate_limit is not None:
+        vehicle["elevator_rate_limit"] = campaign.elevator_rate_limit
+    if campaign.elevator != "servo":
+        vehicle["elevator"] = campaign.elevator
+    return _Settings(
+        vehicle=vehicle,
+        pose_rate=campaign.pose_rate,
+        command_rate=campaign.command_rate,
+    )
 
 
 def save_flight(path: Path | str, flight: Flight) -> None:
@@ -59,7 +74,7 @@ def save_flight(path: Path | str, flight: Flight) -> None:
 
 
 def _csv_of(flight: Flight) -> bytes:
-    """Returns a flight's table, nine digits (time: fifteen, for epoch times).
+    """Table of a flight in nine digits (time: fifteen, for epoch times).
 
     An angle that has tumbled beyond a full turn is wrapped into ±π, as motion
     capture logs it.
@@ -86,7 +101,7 @@ def _csv_of(flight: Flight) -> bytes:
 
 
 def _wrap(angle: np.ndarray) -> np.ndarray:
-    """Returns angles (n,) wrapped into ±π where they pass a full turn [rad]."""
+    """Angles (n,), wrapped into ±π where they pass a full turn [rad]."""
     if np.any(np.abs(angle) > MAX_ANGLE):
         return np.angle(np.exp(1j * angle))
     return angle

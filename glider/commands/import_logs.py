@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.out is None:
         raise InputError("--out is missing; the folder to write is needed.")
-    from glider.campaign.importing.run import import_campaign
+    from glider.campaign.importing.campaign_import import import_campaign
 
     imported = import_campaign(args.files, args.map, args.out)
     print(imported.describe())

@@ -85,6 +85,40 @@ def test_what_is_no_campaign_names_the_samples(tmp_path):
         campaign_folder(path)
 
 
+@pytest.mark.parametrize("kind", ["one file", "many files", "nested text"])
+def test_an_archive_that_would_fill_the_disk_is_refused(tmp_path, fresh_cache, kind):
+    path = tmp_path / "bomb.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("campaign.yaml", "vehicle: {}")
+        if kind == "one file":  # A thousand times as large as its archive.
+            with archive.open("flight_000.csv", "w", force_zip64=True) as stream:
+                for _ in range(600):
+                    stream.write(bytes(1 << 20))
+        elif kind == "many files":
+            for i in range(20_001):
+                archive.writestr(f"flight_{i:05d}.csv", "")
+        else:
+            archive.writestr("flight_000.csv", "0,0,0,0\n" * 4_000_000)
+    with pytest.raises(InputError, match=r"bomb\.zip: .*; expected at most"):
+        campaign_folder(path)
+    left = [p for p in fresh_cache.rglob("*") if p.is_file()]
+    assert sum(p.stat().st_size for p in left) < 1e6
+
+
+def test_an_archive_that_lies_about_its_size_is_refused(tmp_path, fresh_cache):
+    """The size in its directory is a claim: what is unpacked is counted."""
+    path = tmp_path / "liar.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("campaign.yaml", "vehicle: {}" + " " * 10_000_000)
+    data = path.read_bytes()
+    size = (10_000_011).to_bytes(4, "little")
+    path.write_bytes(data.replace(size, (11).to_bytes(4, "little")))
+    with pytest.raises(InputError, match=r"liar\.zip: "):
+        campaign_folder(path)
+    left = [p for p in fresh_cache.rglob("*") if p.is_file()]
+    assert sum(p.stat().st_size for p in left) < 1e6
+
+
 def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     assert main(["samples"]) == 0
     text = capsys.readouterr().out

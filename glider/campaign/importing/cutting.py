@@ -20,7 +20,6 @@ from glider.campaign.checks.runs import (
 )
 from glider.campaign.importing.track import Track, angles_of, take
 
-_GRAVITY = np.array([0.0, 0.0, 9.81])
 _MAX_GAP = 0.1  # Time without the body that parts a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
@@ -44,11 +43,12 @@ class Cut:
     end: str
 
 
-def cut(track: Track) -> tuple[list[Cut], list[str]]:
+def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Returns the flights of a recording in their order, and what was left out.
 
     Args:
         track: with z up.
+        gravity: [m/s²].
     """
     flights, told = [], []
     seen = ~_frozen(track)
@@ -57,7 +57,7 @@ def cut(track: Track) -> tuple[list[Cut], list[str]]:
         is_lost = last + 1 < len(seen) and (
             not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
         )
-        found = _find_flight(part, is_lost=is_lost)
+        found = _find_flight(part, gravity, is_lost=is_lost)
         span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
         if isinstance(found, Cut):
             flights.append(found)
@@ -103,11 +103,12 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
     return [p for p in parts if track.time[p[1]] - track.time[p[0]] > 0.5 * _SHORTEST]
 
 
-def _find_flight(part: Track, *, is_lost: bool) -> Cut | str:
+def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     """Returns the flight in a part of a recording, or why there is none.
 
     Args:
         part: in which the body is seen and moves.
+        gravity: [m/s²].
         is_lost: whether the body is lost at its end, as behind what it hits.
     """
     motion = calc_motion(part.time, part.position)
@@ -116,9 +117,9 @@ def _find_flight(part: Track, *, is_lost: bool) -> Cut | str:
     speed = np.linalg.norm(motion.velocity, axis=1)
     if np.max(speed) < _FASTEST:
         return f"never faster than {np.max(speed):.2g} m/s: carried, or rolling"
-    push = _push(motion)
+    push = _push(motion, gravity)
     begin, start = part.time[0], "the body is seen from here on"
-    release = _find_release(motion, speed, push)
+    release = _find_release(motion, gravity * motion.pose[:, 2] + 0.5 * speed**2, push)
     if release is not None:
         begin, start = release + AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
     after = part.time >= begin
@@ -141,16 +142,15 @@ def _find_flight(part: Track, *, is_lost: bool) -> Cut | str:
     return Cut(track=flight, begin=start, end=stop)
 
 
-def _push(motion: Motion) -> np.ndarray:
+def _push(motion: Motion, gravity: float) -> np.ndarray:
     """Returns the force per mass along the path (k,), gravity apart [m/s²]."""
     speed = np.maximum(np.linalg.norm(motion.velocity, axis=1), 1e-3)
-    force = motion.acceleration + _GRAVITY
+    force = motion.acceleration + np.array([0.0, 0.0, gravity])
     return np.sum(force * motion.velocity, axis=1) / speed
 
 
-def _find_release(motion: Motion, speed: np.ndarray, push: np.ndarray) -> float | None:
+def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:
     """Returns when the hand that throws lets go [s]; None where no hand is seen."""
-    energy = 9.81 * motion.pose[:, 2] + 0.5 * speed**2
     peak = int(np.argmax(energy))
     pushed = np.flatnonzero(push[: peak + 1] > _PUSH)
     if not len(pushed):

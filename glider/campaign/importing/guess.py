@@ -17,21 +17,28 @@ import numpy as np
 from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.frame import usable_motion
 from glider.campaign.checks.masks import no_masks
+from glider.campaign.importing.campaign_import import ImportResult
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.flights import (
+from glider.campaign.importing.extraction import (
     CutRecording,
     campaign_of_cuts,
     cut_recordings,
 )
-from glider.campaign.importing.mapping import QUANTITIES, Mapping, parse_mapping
-from glider.campaign.importing.raw import RawTable
-from glider.campaign.importing.readers import read_raw
-from glider.campaign.importing.run import ImportResult
+from glider.campaign.importing.mapping import QUANTITIES, Mapping
+from glider.campaign.importing.readers import read_recordings
+from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.selection import select
-from glider.campaign.importing.signs import SIGNIFICANT, elevator_effect, misfit_of
+from glider.campaign.importing.sign_checks import (
+    SIGNIFICANT,
+    elevator_effect,
+    misfit_of,
+)
 from glider.campaign.importing.track import make_track
 from glider.campaign.logs import Campaign
-from glider.errors import InputError
+from glider.campaign.settings import Settings
+from glider.errors import InputError, printable
+from glider.files import schema
+from glider.physics.parameters import GliderParameters
 
 _NAMES = {
     "time": r"(^|\W)(t|time|zeit|timestamp|secs?|seconds|clock)($|\W)",
@@ -87,7 +94,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     Raises:
         InputError: no columns of a pose are found, or no frame makes flights of them.
     """
-    raws = [read_raw(Path(file)) for file in sorted(files)[:_MAX_FILES]]
+    raws = [r for f in sorted(files)[:_MAX_FILES] for r in read_recordings(Path(f))]
     seen = [raw for raw in raws if any(g.columns for g in raw.groups)]
     columns, reasons = _guess_columns(seen[0])
     units = _guess_units(seen[0], columns, reasons)
@@ -123,7 +130,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     imported = ImportResult(
         campaign=best.campaign, recordings=best.recordings, undecided=()
     )
-    return Guess(text="\n".join(lines) + "\n", imported=imported)
+    return Guess(text="".join(f"{printable(line)}\n" for line in lines), imported=imported)
 
 
 def _guess_elevator(campaign: Campaign, frame: dict[str, str]) -> str:
@@ -145,7 +152,7 @@ def _quoted(value: str) -> str:
     return value if plain and value not in ("y", "n") else f'"{value}"'
 
 
-def _guess_columns(raw: RawTable) -> tuple[dict[str, str], dict[str, str]]:
+def _guess_columns(raw: Recording) -> tuple[dict[str, str], dict[str, str]]:
     """Returns columns by quantity, and why each."""
     names = raw.names()
     columns: dict[str, str] = {}
@@ -201,7 +208,7 @@ def _stems(names: Sequence[str]) -> Iterator[str]:
             yield match[1]
 
 
-def _most_alive(raw: RawTable, stems: Sequence[str]) -> str:
+def _most_alive(raw: Recording, stems: Sequence[str]) -> str:
     """Returns the vector that moves most: the glider, not the wand on the floor."""
 
     def travel(stem: str) -> float:
@@ -217,7 +224,7 @@ def _most_alive(raw: RawTable, stems: Sequence[str]) -> str:
 
 
 def _guess_units(
-    raw: RawTable, columns: dict[str, str], reasons: dict[str, str]
+    raw: Recording, columns: dict[str, str], reasons: dict[str, str]
 ) -> dict[str, str]:
     """Returns units that the file does not tell, by the ranges of the columns."""
     units: dict[str, str] = {}
@@ -252,7 +259,7 @@ def _guess_units(
     return units
 
 
-def _values(raw: RawTable, name: str | None) -> tuple[np.ndarray | None, str | None]:
+def _values(raw: Recording, name: str | None) -> tuple[np.ndarray | None, str | None]:
     if name is None:
         return None, None
     for axes in ("xyz", "012"):
@@ -264,7 +271,7 @@ def _values(raw: RawTable, name: str | None) -> tuple[np.ndarray | None, str | N
 
 
 def _best_frame(
-    raws: Sequence[RawTable], columns: dict[str, str], units: dict[str, str]
+    raws: Sequence[Recording], columns: dict[str, str], units: dict[str, str]
 ) -> tuple[_Trial, float]:
     """Returns the frame with the least misfit, and the ratio to the next best."""
     spatial = "position" in columns
@@ -299,7 +306,7 @@ def _planar_frames() -> Iterator[dict[str, str]]:
 
 
 def _frames(
-    raws: Sequence[RawTable], columns: dict[str, str], units: dict[str, str]
+    raws: Sequence[Recording], columns: dict[str, str], units: dict[str, str]
 ) -> Iterator[dict[str, str]]:
     """Yields a frame for each axis that may point up and each way to read rotations.
 
@@ -324,7 +331,7 @@ def _frames(
         ahead, above = [], []
         for raw in raws:
             track = make_track(select(raw, claim), claim.frame, claim.source)
-            for found in cut(track)[0]:
+            for found in cut(track, GliderParameters().gravity)[0]:
                 turns = found.track.rotation
                 if turns is None:
                     continue
@@ -349,15 +356,14 @@ def _axis_of(direction: np.ndarray, other: str) -> str:
 def _claim(
     columns: dict[str, str], units: dict[str, str], frame: dict[str, str]
 ) -> Mapping:
-    claim = parse_mapping(
-        {"columns": columns, "units": units, "frame": frame}, "the guess"
-    )
+    fields = {"columns": columns, "units": units, "frame": frame}
+    claim = schema.convert(fields, Settings, "the guess").mapping("the guess")
     assert claim is not None
     return claim
 
 
 def _try_frame(
-    raws: Sequence[RawTable],
+    raws: Sequence[Recording],
     columns: dict[str, str],
     units: dict[str, str],
     frame: dict[str, str],

@@ -9,8 +9,10 @@ import pytest
 import yaml
 
 from glider.__main__ import main
+from glider.campaign.importing.campaign_import import import_campaign, read_flights
+from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
-from glider.campaign.importing.run import import_campaign, read_flights
+from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from tests.campaign.importing import foreign
@@ -302,3 +304,40 @@ def test_a_real_ulog_that_shows_no_flight(tmp_path):
     path.write_text(foreign.MAP_ULOG + "vehicle: {elevator_rate_limit: 10.0}\n")
     with pytest.raises(InputError, match="no flight was found"):
         read_flights([FORMATS / "sample_log_small.ulg"], path)
+
+
+def test_a_recording_is_cut_at_the_vehicles_gravity():
+    """On Jupiter, a body that falls is not pushed by a hand."""
+    gravity, time = 24.8, np.arange(180) / 120.0
+    thrown, falling = np.minimum(time, 0.5), np.maximum(time - 0.5, 0.0)
+    x = 5.0 * thrown**2 + 5.0 * falling
+    z = 30.0 - 0.5 * gravity * falling**2
+    track = Track(
+        path=Path("drop.csv"),
+        time=time,
+        position=np.column_stack([x, np.zeros_like(x), z]),
+        rotation=None,
+        pitch=np.arctan2(gravity * falling, 5.0),
+        along_throw=False,
+        clock="",
+        elevator=None,
+        rate_command=None,
+        angle_command=None,
+    )
+    [flight], _ = cut(track, gravity)
+    assert 0.5 < flight.track.time[0] < 0.65
+    elsewhere, _ = cut(track, 9.81)
+    assert not elsewhere or elsewhere[0].track.time[0] > 0.8
+
+
+def test_nothing_that_is_printed_has_an_escape_sequence(tmp_path, campaign):
+    folder = tmp_path / "ta\x1b[31mkes"
+    folder.mkdir()
+    files = foreign.write_csv(folder, campaign)
+    path = tmp_path / "MAP.yaml"
+    path.write_text(foreign.MAP_CSV + foreign.VEHICLE)
+    described = read_flights(files, path).describe()
+    assert all(line.isprintable() for line in described.splitlines())
+    for file in files:
+        file.write_bytes(file.read_bytes().replace(b"Nick", b"Nick\x1b[2J"))
+    assert all(line.isprintable() for line in guess_mapping(files).text.splitlines())

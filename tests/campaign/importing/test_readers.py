@@ -5,7 +5,7 @@ import builtins
 import numpy as np
 import pytest
 
-from glider.campaign.importing.readers import read_raw
+from glider.campaign.importing.readers import read_recording
 from glider.errors import InputError
 from tests.campaign.importing import foreign
 
@@ -28,14 +28,14 @@ def values(table, name):
 def test_dialects(tmp_path, text, name, unit, first):
     path = tmp_path / "log.csv"
     path.write_text(text)
-    column = values(read_raw(path), name)
+    column = values(read_recording(path), name)
     assert column.values[0] == first and column.unit == unit and len(column.values) == 3
 
 
 def test_utf16_and_bad_cells(tmp_path):
     path = tmp_path / "log.txt"
     path.write_text("t,x\n0,1\n1,2\n2,abc\n3,4\n4,5\n5,6\n", encoding="utf-16")
-    table = read_raw(path)
+    table = read_recording(path)
     assert values(table, "t").values[-1] == 5.0
     with pytest.raises(InputError, match="row 4: found 'abc'"):
         values(table, "x")
@@ -59,7 +59,7 @@ Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ
 def test_vicon(tmp_path):
     path = tmp_path / "trial.csv"
     path.write_text(VICON)
-    table = read_raw(path)
+    table = read_recording(path)
     x = values(table, "Lab:Glider.Position.X")
     assert x.unit == "mm" and np.isnan(x.values[1:3]).all() and x.values[3] == 1100
     assert np.allclose(values(table, "Time").values, [0, 0.005, 0.01, 0.015])
@@ -78,7 +78,7 @@ def test_parquet(tmp_path):
         }
     )
     parquet.write_table(table, tmp_path / "log.parquet")
-    raw = read_raw(tmp_path / "log.parquet")
+    raw = read_recording(tmp_path / "log.parquet")
     assert values(raw, "stamp").unit == "us" and values(raw, "stamp").values[1] == 8000
     assert values(raw, "pose.z").values[0] == 2.0 and values(raw, "q[3]").values[0] == 1
     assert np.isnan(values(raw, "pitch_deg").values[2])
@@ -103,11 +103,11 @@ def test_ros_bags(tmp_path, ros):
             message = foreign.pose_message(store, flight, i, stamp, seq)
             encode = store.serialize_ros1 if ros == 1 else store.serialize_cdr
             writer.write(channel, stamp + 10**6, encode(message, kind))
-    raw = read_raw(path)
+    raw = read_recording(path)
     assert np.allclose(values(raw, "/pose.time").values, 1.0 + 0.01 * np.arange(5))
     assert np.allclose(values(raw, "pose.position.x").values, flight.pose[:5, 0])
     if ros == 2:
-        assert len(read_raw(next(path.glob("*.db3"))).groups) == 1
+        assert len(read_recording(next(path.glob("*.db3"))).groups) == 1
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_file_that_is_something_else_is_refused(tmp_path, suffix):
     path = tmp_path / f"log.{suffix}"
     path.write_bytes(b"\x00\x01 nothing that any of them knows \x00" * 20)
     with pytest.raises(InputError) as caught:
-        read_raw(path)
+        read_recording(path)
     assert str(path) in str(caught.value) or str(tmp_path) in str(caught.value)
 
 
@@ -137,4 +137,4 @@ def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, suffix, m
 
     monkeypatch.setattr("importlib.import_module", refuse)
     with pytest.raises(InputError, match=rf"needs {module}.*drake-glider\[import\]"):
-        read_raw(path)
+        read_recording(path)

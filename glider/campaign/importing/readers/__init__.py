@@ -1,54 +1,67 @@
-"""One reader for each file format; each gives a `RawTable`.
+"""One reader for each file format; each gives a `Recording`.
 
-read_raw: picks the reader by the file's name and beginning. delimited: CSV of any
-dialect. motive, vicon: exports of motion capture. ulog: PX4. matlab: .mat. mcap, bags:
-MCAP and ROS. parquet. messages: what MCAP and ROS have in common.
+read_recordings: picks the reader by the file's name and beginning. delimited: CSV of
+any dialect. camera_exports: CSV of motion capture. c3d: C3D. topics: PX4 ULog, MCAP and
+ROS bags. tables: Parquet, .mat, .xlsx.
 """
 
 from collections.abc import Callable
 from pathlib import Path
 
-from glider.campaign.importing.raw import RawTable
 from glider.campaign.importing.readers import (
-    bags,
+    c3d,
+    camera_exports,
     delimited,
-    matlab,
-    mcap,
-    motive,
-    parquet,
-    ulog,
-    vicon,
+    tables,
+    topics,
 )
+from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
 
-_READERS: dict[str, Callable[[Path], RawTable]] = {
-    ".ulg": ulog.read,
-    ".mat": matlab.read,
-    ".mcap": mcap.read,
-    ".bag": bags.read,
-    ".db3": bags.read,
-    ".parquet": parquet.read,
+Reader = Callable[[Path], Recording | list[Recording]]
+
+_READERS: dict[str, tuple[str, Reader]] = {
+    ".ulg": ("a PX4 ULog", topics.read_ulog),
+    ".mat": ("a .mat file", tables.read_mat),
+    ".mcap": ("MCAP", topics.read_mcap),
+    ".bag": ("a ROS bag", topics.read_bag),
+    ".db3": ("a ROS bag", topics.read_bag),
+    ".parquet": ("Parquet", tables.read_parquet),
+    ".c3d": ("C3D", c3d.read),
+    ".xlsx": ("a workbook", tables.read_workbook),
 }
-_TEXTS = (motive, vicon)
+"""What a file is, and its reader, by the suffix of its name."""
 
 
-def read_raw(path: Path) -> RawTable:
-    """Returns what a file of any known format holds.
+def read_recordings(path: Path) -> list[Recording]:
+    """Reads a file of any known format: one recording, or one of each sheet.
 
     Raises:
         InputError: it cannot be read, or the library for its format is missing.
     """
     if not path.exists():
-        raise InputError(f"{path}: does not exist; a log is needed.")
+        raise InputError(f"{path}: does not exist; expected a log.")
+    what, reader = _READERS.get(path.suffix.lower(), ("", None))
     if path.is_dir():
-        if (path / "metadata.yaml").is_file():
-            return bags.read(path)
-        raise InputError(f"{path}: is a folder; a file is needed, or a ROS 2 bag.")
-    reader = _READERS.get(path.suffix.lower())
-    if reader is not None:
-        return reader(path)
-    text = delimited.decode(path)
-    for module in _TEXTS:
-        if module.recognizes(text):
-            return module.parse(path, text)
-    return delimited.parse(path, text)
+        if not (path / "metadata.yaml").is_file():
+            raise InputError(f"{path}: is a folder; expected a file, or a ROS 2 bag.")
+        what, reader = _READERS[".bag"]
+    if reader is None:
+        text = delimited.decode(path, list(_READERS))
+        return [camera_exports.parse(path, text) or delimited.parse(path, text)]
+    try:
+        read = reader(path)
+    except InputError:
+        raise
+    except Exception as error:  # Libraries raise whatever a damaged file makes them.
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise InputError(f"{path}: not readable as {what}: {reason}.") from None
+    return read if isinstance(read, list) else [read]
+
+
+def read_recording(path: Path) -> Recording:
+    """Reads a file that is one recording; see `read_recordings`."""
+    recordings = read_recordings(path)
+    if len(recordings) > 1:
+        raise InputError(f"{path}: has {len(recordings)} sheets; expected one.")
+    return recordings[0]

@@ -1,14 +1,19 @@
-"""Text files of numbers in any dialect: separators, decimal commas, several headers."""
+"""Text files of numbers in any dialect: separators, decimal commas, several headers.
+
+Python's csv splits the rows: pandas and pyarrow need the dialect and the header's rows,
+which are what is found here, and do not give the line of a bad cell.
+"""
 
 import csv
-import io
+import datetime
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from glider.campaign.importing import units
-from glider.campaign.importing.raw import Column, Group, RawTable
+from glider.campaign.importing.recording import Column, Group, Recording
 from glider.errors import InputError, show
 
 _BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
@@ -17,9 +22,16 @@ _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
 _UNIT_SUFFIXES = ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")
 _MIN_ROWS = 3
 
+Rows = Sequence[Sequence[str]]
 
-def decode(path: Path) -> str:
-    """Returns the text of a file in UTF-8, UTF-16 or Windows' Western code page."""
+
+def decode(path: Path, formats: Sequence[str]) -> str:
+    """Text of a file in UTF-8, UTF-16 or Windows' Western code page.
+
+    Args:
+        path: of the file.
+        formats: suffixes of the files that are no text, for the message.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -29,7 +41,7 @@ def decode(path: Path) -> str:
     if b"\0" in data[:4096]:
         raise InputError(
             f"{path}: not a text file, and its name ends in no known format; "
-            ".csv, .ulg, .mat, .mcap, .bag, .db3 or .parquet is needed."
+            f"expected .csv, {', '.join(formats)}."
         )
     try:
         return data.decode("utf-8-sig")
@@ -37,97 +49,129 @@ def decode(path: Path) -> str:
         return data.decode("cp1252", errors="replace")
 
 
-def parse(path: Path, text: str) -> RawTable:
-    """Returns the one table of a text.
+def parse(path: Path, text: str) -> Recording:
+    """Parses the one table of a text; see `parse_rows`."""
+    lines = text.splitlines()
+    delimiter = _find_delimiter(lines)
+    rows = split_rows(lines, delimiter)
+    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
+        rows = [row[:-1] for row in rows]
+    comma = delimiter != "," and any(
+        _DECIMAL_COMMA.match(cell) for row in rows[-50:] for cell in row
+    )
+    return parse_rows(path, rows, comma=comma)
+
+
+def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
+    """Parses rows of cells, their header included.
 
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
     "pitch [deg]", "x (mm)", "pitch_deg".
 
+    Args:
+        path: of the file.
+        rows: of cells as text.
+        comma: whether decimals have a comma.
+
     Raises:
         InputError: there are no rows of numbers, or no names above them.
     """
-    lines = text.splitlines()
-    delimiter = _find_delimiter(lines)
-    rows = _split(lines, delimiter)
-    comma = delimiter != "," and any(
-        _DECIMAL_COMMA.match(cell) for row in rows[-50:] for cell in row
-    )
     first = _first_data_row(rows, comma)
     if first is None:
         raise InputError(
             f"{path}: no rows of numbers were found; "
-            "columns with their names above them are needed."
+            "expected columns with their names above them."
         )
     width = len(rows[first])
-    header = [row for row in rows[:first] if len(row) == width and any(row)]
+    header = [list(row) for row in rows[:first] if len(row) == width and any(row)]
     header = [[row[0].lstrip("#% "), *row[1:]] for row in header]
-    told: list[str | None] = [None] * width
+    of_row: list[str | None] = [None] * width
     if len(header) > 1 and _are_units(header[-1]):
-        told = [units.spell(cell) for cell in header.pop()]
+        of_row = [units.spell(cell) for cell in header.pop()]
     if not header:
         raise InputError(
-            f"{path}: row {first + 1} is {show(lines[first])}, the first of numbers; "
-            "a row with the names of the columns is needed above it."
+            f"{path}: row {first + 1} is {show(', '.join(rows[first]))}, the first of "
+            "numbers; expected a row with the names of the columns above it."
         )
-    columns: dict[str, Column] = {}
     data = [(i, row) for i, row in enumerate(rows[first:], first + 1) if any(row)]
     for i, row in data:
         if len(row) != width:
             raise InputError(
-                f"{path}: row {i} has {len(row)} cells; {width} are needed, "
+                f"{path}: row {i} has {len(row)} cells; expected {width}, "
                 "as in the rows before."
             )
+    columns: dict[str, Column] = {}
     for j, name in enumerate(header[-1]):
         bare, unit = split_unit(name)
         if name and bare in columns:
             raise InputError(
-                f"{path}: two columns are named '{bare}'; different names are needed."
+                f"{path}: two columns are named '{bare}'; expected different names."
             )
         if name:
             cells = [(i, row[j]) for i, row in data]
-            columns[bare] = make_column(bare, cells, told[j] or unit, comma)
-    return RawTable(path=path, groups=(Group(name="", columns=columns),))
+            columns[bare] = make_column(bare, cells, of_row[j] or unit, comma)
+    return Recording(path=path, groups=(Group(name="", columns=columns),))
 
 
 def make_column(
     name: str, cells: list[tuple[int, str]], unit: str | None, comma: bool = False
 ) -> Column:
-    """Returns a column of cells with the numbers of their lines.
+    """Makes a column of cells; one of ISO 8601 times is in seconds from its first row.
 
     Args:
         name: of the column.
         cells: line and text of each.
-        unit: of the column, if it is told.
+        unit: of the column, if it is given.
         comma: whether decimals have a comma.
     """
-    values = np.empty(len(cells))
-    fault = None
-    for k, (line, cell) in enumerate(cells):
-        values[k] = _number(cell, comma)
-        if np.isnan(values[k]) and cell.lower() not in _BLANK and fault is None:
-            fault = (
-                f"column '{name}', row {line}: found {show(cell)}; a number is needed."
-            )
+    values = np.array([_number(cell, comma) for _, cell in cells])
+    filled = np.array([cell.lower() not in _BLANK for _, cell in cells], dtype=bool)
+    bad = np.flatnonzero(np.isnan(values) & filled)
+    if not len(bad):
+        return Column(values=values, unit=unit)
+    if len(bad) == np.sum(filled):
+        instants = np.array([_instant(cell) for _, cell in cells])
+        if not np.isnan(instants[filled]).any():
+            epoch = float(instants[filled][0])
+            return Column(values=instants - epoch, unit="s", epoch=epoch)
+    line, cell = cells[bad[0]]
+    fault = f"column '{name}', row {line}: found {show(cell)}; expected a number."
     return Column(values=values, unit=unit, fault=fault)
 
 
-def _split(lines: list[str], delimiter: str) -> list[list[str]]:
+def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+    """Cells of lines, quotes removed; " " stands for any white space.
+
+    Each line by itself, so that a lone quote does not swallow the rest.
+    """
     if delimiter == " ":
         return [line.split() for line in lines]
-    reader = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
-    rows = [[cell.strip() for cell in row] for row in reader]
-    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
-        rows = [row[:-1] for row in rows]
+    rows = []
+    for line in lines:
+        try:
+            row = next(csv.reader([line], delimiter=delimiter, strict=True), [])
+        except csv.Error:
+            row = line.split(delimiter)
+        rows.append([cell.strip() for cell in row])
     return rows
 
 
-def _find_delimiter(lines: list[str]) -> str:
-    """Returns what separates the numbers of the last rows."""
+def split_unit(name: str) -> tuple[str, str | None]:
+    """A name without the unit in brackets, and the unit that it has."""
+    match = _UNIT_IN_NAME.match(name)
+    if match and units.spell(match[2]):
+        return match[1], units.spell(match[2])
+    stem, _, suffix = name.rpartition("_")
+    return name, suffix if stem and suffix in _UNIT_SUFFIXES else None
+
+
+def _find_delimiter(lines: Sequence[str]) -> str:
+    """What separates the numbers of the last rows."""
     tail = [line for line in lines[-200:] if line.strip()][-50:]
 
     def count(delimiter: str) -> float:
-        rows = _split(tail, delimiter)
+        rows = split_rows(tail, delimiter)
         comma = delimiter != ","
         numeric = [sum(_is_number(c, comma) for c in row) for row in rows]
         same = len({len(row) for row in rows}) == 1
@@ -136,8 +180,8 @@ def _find_delimiter(lines: list[str]) -> str:
     return max(";\t,| ", key=count)
 
 
-def _first_data_row(rows: list[list[str]], comma: bool) -> int | None:
-    """Returns the first row of numbers that has some more like it after it."""
+def _first_data_row(rows: Rows, comma: bool) -> int | None:
+    """The first row of numbers that is followed by some more like it."""
     for i in range(len(rows) - _MIN_ROWS + 1):
         few = rows[i : i + _MIN_ROWS]
         if all(_are_numbers(row, comma) and len(row) == len(few[0]) for row in few):
@@ -145,30 +189,21 @@ def _first_data_row(rows: list[list[str]], comma: bool) -> int | None:
     return None
 
 
-def _are_numbers(row: list[str], comma: bool) -> bool:
+def _are_numbers(row: Sequence[str], comma: bool) -> bool:
     filled = [cell for cell in row if cell]
     numbers = sum(_is_number(cell, comma) for cell in filled)
     return numbers > 0 and 2 * numbers >= len(filled)
 
 
-def _are_units(row: list[str]) -> bool:
+def _are_units(row: Sequence[str]) -> bool:
     known = [
         units.spell(cell) is not None or cell.strip(" []()") in "-1" for cell in row
     ]
     return all(known) and any(units.spell(cell) for cell in row)
 
 
-def split_unit(name: str) -> tuple[str, str | None]:
-    """Returns a name without the unit in brackets, and the unit that it tells."""
-    match = _UNIT_IN_NAME.match(name)
-    if match and units.spell(match[2]):
-        return match[1], units.spell(match[2])
-    stem, _, suffix = name.rpartition("_")
-    return name, suffix if stem and suffix in _UNIT_SUFFIXES else None
-
-
 def _is_number(cell: str, comma: bool) -> bool:
-    return not np.isnan(_number(cell, comma))
+    return not (np.isnan(_number(cell, comma)) and np.isnan(_instant(cell)))
 
 
 def _number(cell: str, comma: bool) -> float:
@@ -178,3 +213,19 @@ def _number(cell: str, comma: bool) -> float:
     except ValueError:
         return np.nan
     return value if np.isfinite(value) else np.nan
+
+
+def _instant(cell: str) -> float:
+    """Seconds since 1970 of a date and time in ISO 8601, or since midnight of a time.
+
+    Without a zone it is taken for UTC; only differences matter.
+    """
+    if ":" not in cell:
+        return np.nan
+    for text in (cell, f"1970-01-01T{cell.removeprefix('T')}"):
+        try:
+            time = datetime.datetime.fromisoformat(text)
+        except ValueError:
+            continue
+        return time.replace(tzinfo=time.tzinfo or datetime.UTC).timestamp()
+    return np.nan

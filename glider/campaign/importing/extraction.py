@@ -6,17 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.csv_table import Table, table_of
 from glider.campaign.flight_reader import with_flights
+from glider.campaign.flight_table import Table
 from glider.campaign.importing.clock import find_offsets, shift
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
-from glider.campaign.importing.raw import RawTable
-from glider.campaign.importing.readers import read_raw
+from glider.campaign.importing.readers import read_recording
+from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.selection import Stream, select
-from glider.campaign.importing.servo import make_servo
+from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
+from glider.physics.parameters import GliderParameters
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,16 +51,18 @@ def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
     Raises:
         InputError: it cannot be mapped.
     """
-    track = make_track(select(read_raw(file), mapping), mapping.frame, mapping.source)
+    track = make_track(
+        select(read_recording(file), mapping), mapping.frame, mapping.source
+    )
     whole = Cut(track=track, begin="", end="")
     [(track, _)] = _on_one_clock([track], [[whole]], mapping)
     flight = turn_along(track) if track.along_throw else track
     columns, _ = _columns(flight, settings, mapping.source)
-    return table_of(file, columns)
+    return Table(path=file, columns=columns)
 
 
 def cut_recordings(
-    raws: Sequence[RawTable], mapping: Mapping, settings: Campaign
+    raws: Sequence[Recording], mapping: Mapping, settings: Campaign
 ) -> tuple[CutRecording, ...]:
     """Returns the flights in recordings.
 
@@ -69,7 +72,8 @@ def cut_recordings(
     tracks = [
         make_track(select(raw, mapping), mapping.frame, mapping.source) for raw in raws
     ]
-    cuts = [cut(track) for track in tracks]
+    gravity = settings.vehicle.get("gravity", GliderParameters().gravity)
+    cuts = [cut(track, gravity) for track in tracks]
     clocked = _on_one_clock(tracks, [flights for flights, _ in cuts], mapping)
     return tuple(
         _cut_recording(track, flights, told + words, mapping, settings)
@@ -112,7 +116,7 @@ def _cut_recording(
         columns["time"] = columns["time"] - begin
         flights.append(
             CutFlight(
-                table=table_of(track.path, columns),
+                table=Table(path=track.path, name="flight", columns=columns),
                 rows=len(flight.time),
                 begin=begin,
                 end=end,

@@ -1,24 +1,25 @@
 """`import_campaign`: logs of other software in, a campaign folder out."""
 
 import dataclasses
+import fnmatch
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.importing.flights import (
+from glider.campaign.importing.extraction import (
     CutRecording,
     campaign_of_cuts,
     cut_recordings,
 )
 from glider.campaign.importing.mapping import Mapping
-from glider.campaign.importing.raw import RawTable
-from glider.campaign.importing.recordings import read_recordings
-from glider.campaign.importing.signs import CLEARLY, check_signs, misfit_of
+from glider.campaign.importing.readers import read_recording, read_recordings
+from glider.campaign.importing.recording import Column, Recording
+from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
-from glider.errors import InputError
+from glider.errors import InputError, printable
 
 _ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")
 _ROLLS = 0.1
@@ -52,7 +53,7 @@ class ImportResult:
                 lines.append(f"    {flight.why}")
             lines += [f"  {words}" for words in recording.told]
         lines += [f"warning: {words}" for words in self.undecided]
-        return "\n".join(lines)
+        return "\n".join(map(printable, lines))
 
 
 def import_campaign(
@@ -85,7 +86,7 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
             f"{mapping}: has no 'columns:'; a mapping names the columns of the logs "
             "(--guess proposes one)."
         )
-    raws = read_recordings([Path(file) for file in files], claim)
+    raws = _read_all([Path(file) for file in files], claim)
     recordings = cut_recordings(raws, claim, settings)
     if not any(recording.flights for recording in recordings):
         reasons = "; ".join(f"{r.path.name}: {w}" for r in recordings for w in r.told)
@@ -101,7 +102,7 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
 
 
 def _check_rotation(
-    raws: Sequence[RawTable], claim: Mapping, campaign: Campaign
+    raws: Sequence[Recording], claim: Mapping, campaign: Campaign
 ) -> None:
     """Refuses an order of Euler angles where another makes better flights."""
     told = claim.frame.rotation
@@ -141,3 +142,65 @@ def _sideways(campaign: Campaign) -> float:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:
+    """Reads the recordings in files, in the order of their names.
+
+    With `join: [poses_*.csv, servo_*.csv]` the files with the same text for * are one,
+    its groups are named by the patterns, and each file has a clock of its own.
+
+    Raises:
+        InputError: a file cannot be read, fits no pattern or lacks its companions.
+    """
+    if not mapping.join:
+        return [r for file in sorted(files) for r in read_recordings(file)]
+    parts: dict[str, dict[str, Path]] = {}
+    for file in sorted(files):
+        pattern = next((p for p in mapping.join if fnmatch.fnmatch(file.name, p)), None)
+        if pattern is None:
+            raise InputError(
+                f"{file}: its name fits none of {', '.join(mapping.join)}, the "
+                f"patterns of 'join' in {mapping.source}."
+            )
+        before, _, after = pattern.partition("*")
+        key = file.name.removeprefix(before).removesuffix(after)
+        parts.setdefault(key, {})[pattern] = file
+    for key, found in parts.items():
+        lacking = [p.replace("*", key) for p in mapping.join if p not in found]
+        if lacking:
+            raise InputError(
+                f"{next(iter(found.values()))}: there is no {lacking[0]} to join it "
+                f"with, as {mapping.source} says."
+            )
+    return [_join(found, mapping.join) for _, found in sorted(parts.items())]
+
+
+def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
+    """One recording of several files; times of a calendar are from the earliest on."""
+    parts = {pattern: read_recording(files[pattern]) for pattern in patterns}
+    columns = [c for p in parts.values() for g in p.groups for c in g.columns.values()]
+    start = min((c.epoch for c in columns if c.epoch is not None), default=0.0)
+
+    def since_start(column: Column) -> Column:
+        if column.epoch is None:
+            return column
+        values = column.values + (column.epoch - start)
+        return dataclasses.replace(column, values=values, epoch=start)
+
+    groups = tuple(
+        dataclasses.replace(
+            group,
+            name=f"{pattern}:{group.name}" if group.name else pattern,
+            columns={name: since_start(c) for name, c in group.columns.items()},
+            clock=pattern,
+        )
+        for pattern, part in parts.items()
+        for group in part.groups
+    )
+    rotations = [part.rotation for part in parts.values() if part.rotation]
+    return Recording(
+        path=files[patterns[0]],
+        groups=groups,
+        rotation=rotations[0] if rotations else None,
+    )

@@ -1,9 +1,11 @@
-"""What every reader gives: named columns of numbers, in groups of one clock each."""
+"""A recording: named columns of numbers, in groups of one clock each."""
 
 import dataclasses
 import difflib
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -17,8 +19,11 @@ class Column:
     """One column of a log."""
 
     values: np.ndarray  # (n,) as logged; nan where there is nothing.
-    unit: str | None = None  # As the file tells it, e.g. "mm"; None: it does not.
-    fault: str | None = None  # What is wrong with a cell, for whoever uses it.
+    unit: str | None = None  # As the file reports it, e.g. "mm"; None: it does not.
+    fault: str | None = None  # What is wrong with a cell; raised when it is used.
+    epoch: float | None = (
+        None  # Of the value 0, since 1970 [s], for times of a calendar.
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -32,21 +37,21 @@ class Group:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RawTable:
-    """One file as it was logged, in its own names, units and axes."""
+class Recording:
+    """One recording as it was logged, in its own names, units and axes."""
 
-    path: Path
+    path: Path  # Of the file; of a sheet in a workbook: file/sheet.
     groups: tuple[Group, ...]
     rotation: str | None = None
-    """How the file's rotations are to be read, as in `frame: rotation:` of a mapping;
-    None where the format leaves it open."""
+    """Meaning of the file's rotations, as in `frame: rotation:` of a mapping; None
+    where the format leaves it open."""
 
     def names(self) -> list[str]:
-        """Returns the addresses of all columns: the group's name, a dot, its own."""
+        """Addresses of all columns: the group's name, a dot, the column's."""
         return [address for address, _, _ in self._all()]
 
     def find(self, address: str, field: str) -> tuple[Group, Column]:
-        """Returns a column and its group by its address, or by its name if it is one's.
+        """Finds a column and its group by its address, or by its name if unique.
 
         Args:
             address: as the mapping has it.
@@ -56,15 +61,15 @@ class RawTable:
             InputError: no column has that name, several have, or a cell is no number.
         """
         found = [
-            (group, column)
+            (full == address, group, column)
             for full, group, column in self._all()
             if address in (full, full.removeprefix(f"{group.name}."))
         ]
-        exact = [(g, c) for full, g, c in self._all() if full == address]
-        found = exact or found
+        found = [entry for entry in found if entry[0]] or found
         if len(found) != 1:
-            raise InputError(f"{self.path}: {field}: {self._not_one(address, found)}")
-        group, column = found[0]
+            groups = [group.name for _, group, _ in found]
+            raise InputError(f"{self.path}: {field}: {self._not_one(address, groups)}")
+        _, group, column = found[0]
         if column.fault:
             raise InputError(f"{self.path}: {column.fault}")
         return group, column
@@ -72,7 +77,7 @@ class RawTable:
     def find_all(
         self, address: str, axes: str, field: str
     ) -> tuple[Group, list[Column]] | None:
-        """Returns the columns of a vector by their common name; None where it is none.
+        """Finds the columns of a vector by their common name; None where it is none.
 
         Args:
             address: what the columns' names begin with.
@@ -95,15 +100,31 @@ class RawTable:
             for name, column in group.columns.items():
                 yield (f"{group.name}.{name}" if group.name else name), group, column
 
-    def _not_one(self, address: str, found: list) -> str:
-        if found:
-            groups = ", ".join(repr(group.name) for group, _ in found)
+    def _not_one(self, address: str, groups: list[str]) -> str:
+        if groups:
             return (
-                f"column '{address}' is in several groups, {groups}; "
-                "the group's name, a dot and the column's are needed."
+                f"column '{address}' is in several groups, "
+                f"{', '.join(map(repr, groups))}; "
+                "expected the group's name, a dot and the column's."
             )
         names = self.names()
         near = difflib.get_close_matches(address, names, n=1, cutoff=0.5)
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-        return f"there is no column '{address}'{hint}; found {listed}."
+        return f"there is no column '{address}'{hint}; found {listed or 'none'}."
+
+
+def need(module: str, path: Path) -> ModuleType:
+    """Imports a library of a file format; InputError that says what to install.
+
+    Args:
+        module: e.g. "pyulog".
+        path: of the file that needs it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise InputError(
+            f"{path}: reading it needs {module.partition('.')[0]}, which is not "
+            "installed; pip install 'drake-glider[import]' installs it."
+        ) from None

@@ -1,0 +1,149 @@
+"""C3D files of motion capture, as Motive, Nexus and others export them.
+
+A point is LABEL.Position.X, in POINT:UNITS, at POINT:RATE; a residual of -1 marks a row
+in which it was not seen. Angles that Nexus computes (POINT:ANGLES) are
+LABEL.Rotation.X, in POINT:ANGLE_UNITS. Bodies of the group ROTATION have
+LABEL.Position.X and quaternions LABEL.Rotation.W; channels of the group ANALOG, as of a
+servo, are in a group of that name. Motive and Nexus export a rigid body by its markers:
+a mapping then names those of its nose and tail.
+"""
+
+import io
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from glider.campaign.importing import units
+from glider.campaign.importing.recording import Column, Group, Recording, need
+from glider.errors import InputError
+
+_TIME = "Time"
+_PROGRAM = Path(__file__).with_name("c3d_process.py")
+_TIMEOUT = 30.0  # Time to read a small file, at most [s].
+_SPEED = 2e6  # ... and what is read of a large one, at least [bytes/s].
+
+Parameters = dict[str, list]
+"""Values by GROUP:NAME."""
+
+
+def read(path: Path) -> Recording:
+    """Reads points, rigid bodies and analog channels.
+
+    Raises:
+        InputError: it is damaged, holds none of them, or has no rate.
+    """
+    parameters, data = _load(path)
+    groups = []
+    points, turns, analogs = data["points"], data["rotations"], data["analogs"][0]
+    if points.shape[1] and points.shape[2]:
+        columns = _points(parameters, points, data["residuals"][0])
+        groups.append(_group("", columns, _rate(path, parameters, "POINT")))
+    if turns.ndim == 4 and turns.shape[2] and turns.shape[3]:
+        name, columns = "ROTATION" if groups else "", _bodies(parameters, turns)
+        groups.append(_group(name, columns, _rate(path, parameters, "ROTATION")))
+    if analogs.shape[0] and analogs.shape[1]:
+        labels = _labels(parameters, "ANALOG", len(analogs))
+        columns = {n: Column(values=v) for n, v in zip(labels, analogs, strict=True)}
+        groups.append(_group("ANALOG", columns, _rate(path, parameters, "ANALOG")))
+    if not groups:
+        raise InputError(f"{path}: holds no point; expected a recording of some.")
+    return Recording(path=path, groups=tuple(groups))
+
+
+def _load(path: Path) -> tuple[Parameters, dict[str, np.ndarray]]:
+    """Parameters and arrays of a file, read by another process."""
+    need("ezc3d", path)
+    seconds = _TIMEOUT + path.stat().st_size / _SPEED
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "arrays.npz"
+        command = [sys.executable, "-P", str(_PROGRAM), str(path), str(target)]
+        try:
+            subprocess.run(command, capture_output=True, check=True, timeout=seconds)
+            content = target.read_bytes()
+        except (subprocess.SubprocessError, OSError) as error:
+            words = (getattr(error, "stderr", None) or b"").decode(errors="replace")
+            reason = words.strip().rpartition("\n")[2].rstrip(".") or "it is damaged"
+            raise InputError(f"{path}: not readable as C3D: {reason[:200]}.") from None
+    with np.load(io.BytesIO(content)) as arrays:
+        data = dict(arrays)
+    return json.loads(str(data.pop("parameters"))), data
+
+
+def _points(
+    parameters: Parameters, points: np.ndarray, residuals: np.ndarray
+) -> dict[str, Column]:
+    """Columns of points (4, p, n), nan where residuals (p, n) are negative."""
+    length = units.spell(str((parameters.get("POINT:UNITS") or [""])[0]))
+    angle = units.spell(str((parameters.get("POINT:ANGLE_UNITS") or ["deg"])[0]))
+    angles = set(parameters.get("POINT:ANGLES") or [])
+    places = np.where(residuals < 0.0, np.nan, points[:3])
+    columns = {}
+    for label, place in zip(
+        _labels(parameters, "POINT", points.shape[1]),
+        np.moveaxis(places, 1, 0),
+        strict=True,
+    ):
+        what, unit = ("Rotation", angle) if label in angles else ("Position", length)
+        for axis, values in zip("XYZ", place, strict=True):
+            columns[f"{label}.{what}.{axis}"] = Column(values=values, unit=unit)
+    return columns
+
+
+def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
+    """Columns of transformations (4, 4, b, n) from bodies to the laboratory."""
+    length = units.spell(str((parameters.get("POINT:UNITS") or [""])[0]))
+    columns = {}
+    for k, label in enumerate(_labels(parameters, "ROTATION", turns.shape[2])):
+        body = np.moveaxis(turns[:, :, k], 2, 0)
+        seen = np.isfinite(body).all(axis=(1, 2)) & (
+            np.linalg.det(np.nan_to_num(body[:, :3, :3])) > 0.5
+        )
+        place = np.where(seen[:, None], body[:, :3, 3], np.nan)
+        matrices = np.where(seen[:, None, None], body[:, :3, :3], np.eye(3))
+        quaternions = Rotation.from_matrix(matrices).as_quat()
+        quaternions[~seen] = np.nan
+        for axis, values in zip("XYZ", place.T, strict=True):
+            columns[f"{label}.Position.{axis}"] = Column(values=values, unit=length)
+        for axis, values in zip("XYZW", quaternions.T, strict=True):
+            columns[f"{label}.Rotation.{axis}"] = Column(values=values)
+    return columns
+
+
+def _group(name: str, columns: dict[str, Column], rate: float) -> Group:
+    rows = len(next(iter(columns.values())).values)
+    times = Column(values=np.arange(rows) / rate, unit="s")
+    return Group(name=name, columns={_TIME: times} | columns, time=_TIME)
+
+
+def _labels(parameters: Parameters, group: str, count: int) -> list[str]:
+    """Labels of points, bodies or channels; more than 255 are in LABELS2, LABELS3.
+
+    One that is empty or repeated gets its number.
+    """
+    lists = ["LABELS", *(f"LABELS{i}" for i in range(2, count // 255 + 2))]
+    values = [v for name in lists for v in parameters.get(f"{group}:{name}", [])]
+    found = [str(value).strip() for value in values]
+    found += [""] * (count - len(found))
+    for i, label in enumerate(found):
+        if not label or label in found[:i]:
+            found[i] = f"{label or group.title()}_{i + 1}"
+    return found[:count]
+
+
+def _rate(path: Path, parameters: Parameters, group: str) -> float:
+    """Rate of a group [Hz]; bodies may come at a multiple of the points'."""
+    rate = parameters.get(f"{group}:RATE")
+    if rate is None and group == "ROTATION":
+        ratio = (parameters.get("ROTATION:RATIO") or [1.0])[0]
+        return _rate(path, parameters, "POINT") * (float(ratio) or 1.0)
+    value = float(rate[0]) if rate else 0.0
+    if not (np.isfinite(value) and value > 0.0):
+        raise InputError(
+            f"{path}: {group}:RATE is {value:g}; expected a positive rate in Hz."
+        )
+    return value

@@ -1,0 +1,146 @@
+"""CSV exports of camera systems: OptiTrack's Motive, Vicon's Nexus and Tracker.
+
+A column is named BODY.Position.X, BODY.Rotation.X (quaternions have a W), or
+MARKER.Position.X. Rows of zeros are rows in which the body was not seen.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from glider.campaign.importing import units
+from glider.campaign.importing.readers.delimited import make_column, split_rows
+from glider.campaign.importing.recording import Column, Group, Recording
+from glider.errors import InputError
+
+_TIME = "Time"
+_SECTIONS = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
+_PARTS = {"R": "Rotation", "T": "Position"}
+
+Rows = list[list[str]]
+
+
+def parse(path: Path, text: str) -> Recording | None:
+    """Parses an export of either; None for a text that is none.
+
+    Raises:
+        InputError: its header is not that of the export.
+    """
+    if text.startswith("Format Version"):
+        return _parse_motive(path, text)
+    if text.lstrip().split("\n", 1)[0].strip(" \r,;\t") in _SECTIONS:
+        return _parse_vicon(path, text)
+    return None
+
+
+def _parse_motive(path: Path, text: str) -> Recording:
+    """Bodies and markers under a header of six rows.
+
+    Lengths are in the unit that the first row reports, Euler angles in degrees.
+    """
+    rows = split_rows(text.splitlines(), ",")
+    facts = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    heads = {r[1]: i for i, r in enumerate(rows[1:8], 1) if len(r) > 2 and r[1]}
+    last = next((i for i, row in enumerate(rows) if row[:1] == ["Frame"]), None)
+    if last is None or "Name" not in heads:
+        raise InputError(
+            f"{path}: starts as an export of Motive does, but its rows 'Name' and "
+            "'Frame' are missing; expected an export with its header."
+        )
+    names, parts, axes = rows[heads["Name"]], rows[last - 1], rows[last]
+    for i, label in ((heads["Name"], "Name"), (last - 1, "Rotation, Position")):
+        if len(rows[i]) < len(axes):
+            raise InputError(
+                f"{path}: row {i + 1} ('{label}') has {len(rows[i])} cells; expected "
+                f"{len(axes)}, as in row {last + 1}."
+            )
+    length = units.spell(facts.get("Length Units", ""))
+    euler = facts.get("Rotation Type", "")
+    data = [(i, row) for i, row in enumerate(rows[last + 1 :], last + 2) if any(row)]
+    columns: dict[str, Column] = {}
+    for j in range(1, len(axes)):
+        cells = [(i, row[j] if j < len(row) else "") for i, row in data]
+        if j == 1:
+            columns[_TIME] = make_column(_TIME, cells, "s")
+        elif axes[j] in ("X", "Y", "Z", "W"):
+            name = f"{names[j]}.{parts[j]}.{axes[j]}"
+            angle = None if euler == "Quaternion" else "deg"
+            unit = length if parts[j] == "Position" else angle
+            columns.setdefault(name, make_column(name, cells, unit))
+    if _TIME not in columns:
+        raise InputError(f"{path}: row {last + 1} has no column of times.")
+    _forget_unseen(path, columns)
+    group = Group(name="", columns=columns, time=_TIME)
+    order = euler.upper() if sorted(euler.upper()) == ["X", "Y", "Z"] else None
+    return Recording(path=path, groups=(group,), rotation=order)
+
+
+def _parse_vicon(path: Path, text: str) -> Recording:
+    """Sections with a rate, names and units; Nexus writes TX for Position.X.
+
+    The meaning of a rotation's three angles depends on the settings of the export: a
+    mapping must specify it.
+    """
+    lines = text.splitlines()
+    delimiter = max(",;\t", key=lambda d: sum(line.count(d) for line in lines[:10]))
+    rows = split_rows(lines, delimiter)
+    starts = [i for i, row in enumerate(rows) if row and row[0] in _SECTIONS]
+    ends = [*starts[1:], len(rows)]
+    groups = [
+        _parse_section(path, rows, start, end)
+        for start, end in zip(starts, ends, strict=True)
+    ]
+    return Recording(path=path, groups=tuple(groups))
+
+
+def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
+    kind = rows[start][0]
+    try:
+        rate = float(rows[start + 1][0])
+        names, parts, spelled = rows[start + 2 : min(start + 5, end)]
+        if not (rate > 0 and math.isfinite(rate)):
+            raise ValueError
+    except (ValueError, IndexError):
+        raise InputError(
+            f"{path}: section '{kind}' in row {start + 1} lacks its rate, names or "
+            "units; expected an export of Vicon with its five header rows."
+        ) from None
+    data = [
+        (i, row) for i, row in enumerate(rows[start + 5 : end], start + 6) if any(row)
+    ]
+    frames = make_column("Frame", [(i, row[0]) for i, row in data], None)
+    times = (frames.values - frames.values[:1].sum()) / rate
+    columns = {_TIME: Column(values=times, unit="s", fault=frames.fault)}
+    owner = ""
+    for j in range(2, len(parts)):
+        owner = (names[j] if j < len(names) else "") or owner
+        owner = owner.removeprefix("Global Angle ").strip()
+        part = parts[j].upper()
+        what = _PARTS.get(part[:1], "Position") if len(part) == 2 else "Position"
+        if not part or part[-1] not in "XYZW" or len(part) > 2:
+            continue
+        name = f"{owner}.{what}.{part[-1]}"
+        cells = [(i, row[j] if j < len(row) else "") for i, row in data]
+        unit = units.spell(spelled[j]) if j < len(spelled) else None
+        columns[name] = make_column(name, cells, unit)
+    _forget_unseen(path, columns)
+    return Group(name="" if start == 0 else kind, columns=columns, time=_TIME)
+
+
+def _forget_unseen(path: Path, columns: dict[str, Column]) -> None:
+    """Writes nan where a position is zero in all three axes: nothing was seen."""
+    bodies = [n.rpartition(".Position.")[0] for n in columns if ".Position." in n]
+    for body in dict.fromkeys(bodies):
+        names = [f"{body}.Position.{axis}" for axis in "XYZ"]
+        for name in names:
+            if name not in columns:
+                raise InputError(
+                    f"{path}: column '{name}' is missing; expected X, Y and Z of "
+                    "every body and marker."
+                )
+        places = [columns[name].values for name in names]
+        unseen = np.all(np.stack(places) == 0.0, axis=0)
+        for name, column in columns.items():
+            if name.startswith(f"{body}."):
+                column.values[unseen] = np.nan

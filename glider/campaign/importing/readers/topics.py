@@ -1,0 +1,166 @@
+"""Logs of topics: PX4 ULog, MCAP, bags of ROS 1 and 2 (ROS itself is not needed).
+
+A column is named TOPIC.FIELD, e.g. vehicle_local_position.x or
+/glider/pose.pose.position.x; in a ULog TOPIC_1.FIELD is that of a second instance. In
+MCAP files and bags the time of a row is the message's own stamp where it has one, and
+otherwise when it was recorded.
+"""
+
+import dataclasses
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glider.campaign.importing.recording import Column, Group, Recording, need
+from glider.errors import InputError
+
+_TIME = "time"
+_STAMPS = ("header.stamp", "timestamp", "stamp")
+_SECONDS = ("sec", "secs", "seconds")
+_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
+_LONGEST = 16  # Numbers of an array that become columns.
+
+Decoder = Callable[[bytes], object]
+
+
+def read_ulog(path: Path) -> Recording:
+    """Reads PX4's topics, their times in microseconds; quaternions are w, x, y, z."""
+    pyulog = need("pyulog", path)
+    with path.open("rb") as stream:  # pyulog leaves a path's file open on errors.
+        log = pyulog.ULog(stream)
+    groups = []
+    for topic in log.data_list:
+        columns = {
+            name: Column(
+                values=np.asarray(values, dtype=float),
+                unit="us" if name == "timestamp" else None,
+            )
+            for name, values in topic.data.items()
+        }
+        name = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name
+        groups.append(Group(name=name, columns=columns, time="timestamp"))
+    if not groups:
+        raise InputError(f"{path}: holds no topic; expected a log of a flight.")
+    return Recording(path=path, groups=tuple(groups), rotation="wxyz")
+
+
+def read_bag(path: Path) -> Recording:
+    """Reads the topics of a bag whose types are known."""
+    highlevel, typesys = need("rosbags.highlevel", path), need("rosbags.typesys", path)
+    bag = path.parent if path.suffix == ".db3" else path
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    topics = _Topics()
+    with highlevel.AnyReader([bag], default_typestore=store) as reader:
+        known = [c for c in reader.connections if c.msgtype in reader.typestore.types]
+        for connection, recorded, data in reader.messages(connections=known):
+            message = reader.deserialize(data, connection.msgtype)
+            topics.add(connection.topic, recorded, message)
+    return topics.recording(path)
+
+
+def read_mcap(path: Path) -> Recording:
+    """Reads messages in JSON, protobuf, or those of ROS 1 and 2."""
+    reader = need("mcap.reader", path)
+    topics = _Topics()
+    decoders: dict[int, Decoder | None] = {}
+    others: set[str] = set()
+    with path.open("rb") as stream:
+        for schema, channel, message in reader.make_reader(stream).iter_messages():
+            if channel.id not in decoders:
+                decoders[channel.id] = _make_decoder(schema, channel, path)
+            decode = decoders[channel.id]
+            if decode is None:
+                others.add(f"'{channel.topic}' ({channel.message_encoding})")
+            else:
+                topics.add(channel.topic, message.log_time, decode(message.data))
+    if others and not topics.rows:
+        raise InputError(
+            f"{path}: the messages of {', '.join(sorted(others))} cannot be read; "
+            "expected json, protobuf, cdr or ros1."
+        )
+    return topics.recording(path)
+
+
+def _make_decoder(schema: Any, channel: Any, path: Path) -> Decoder | None:
+    """What makes an object of a channel's messages; None if nothing does."""
+    encoding = channel.message_encoding
+    if encoding == "json":
+        return json.loads
+    if encoding == "protobuf":
+        decoder = need("mcap_protobuf.decoder", path).DecoderFactory()
+        return decoder.decoder_for(encoding, schema)
+    if encoding not in ("cdr", "ros1") or schema.encoding not in ("ros2msg", "ros1msg"):
+        return None
+    typesys = need("rosbags.typesys", path)
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    name = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/")
+    store.register(typesys.get_types_from_msg(schema.data.decode(), name))
+    deserialize = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
+    return lambda data: deserialize(data, name)
+
+
+class _Topics:
+    """Collects messages, topic by topic."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[dict[str, float]]] = defaultdict(list)
+
+    def add(self, topic: str, recorded: int, message: object) -> None:
+        """Adds a message, and when it was recorded [ns]."""
+        row = dict(_leaves("", message))
+        row[_TIME] = next(_stamps(row), recorded * 1e-9)
+        self.rows[topic].append(row)
+
+    def recording(self, path: Path) -> Recording:
+        """All topics, each in the order of its times."""
+        groups = []
+        for topic, rows in self.rows.items():
+            rows.sort(key=lambda row: row[_TIME])
+            names = dict.fromkeys(name for row in rows for name in row)
+            columns = {
+                name: Column(
+                    values=np.array([row.get(name, np.nan) for row in rows]),
+                    unit="s" if name == _TIME else None,
+                )
+                for name in names
+            }
+            groups.append(Group(name=topic, columns=columns, time=_TIME))
+        if not groups:
+            raise InputError(f"{path}: holds no message that can be read.")
+        return Recording(path=path, groups=tuple(groups))
+
+
+def _leaves(name: str, value: object) -> Iterator[tuple[str, float]]:
+    """Yields the numbers in a message, by their names with dots."""
+    fields: dict[str, object] = {}
+    if isinstance(value, (bool, int, float, np.number)):
+        yield name, float(value)
+    elif isinstance(value, dict):
+        fields = value
+    elif dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        fields = {n: getattr(value, n) for n in names if not n.startswith("__")}
+    elif hasattr(value, "DESCRIPTOR"):  # Of protobuf.
+        names = [field.name for field in value.DESCRIPTOR.fields]
+        fields = {n: getattr(value, n) for n in names}
+    elif isinstance(value, (list, tuple, np.ndarray)) and len(value) <= _LONGEST:
+        for i, part in enumerate(value):
+            yield from _leaves(f"{name}[{i}]", part)
+    for field, part in fields.items():
+        yield from _leaves(f"{name}.{field}" if name else str(field), part)
+
+
+def _stamps(row: dict[str, float]) -> Iterator[float]:
+    """Yields the times [s] that a message itself has; those of zero are none."""
+    for stamp in _STAMPS:
+        for second in _SECONDS:
+            for fraction in _NANOSECONDS:
+                names = f"{stamp}.{second}", f"{stamp}.{fraction}"
+                if all(name in row for name in names):
+                    time = row[names[0]] + 1e-9 * row[names[1]]
+                    if time > 0.0:
+                        yield time

@@ -1,0 +1,186 @@
+"""Files that were cut short, edited or damaged: data, or one sentence; no traceback."""
+
+import shutil
+import warnings
+
+import numpy as np
+import pytest
+
+from glider.campaign.importing.readers import read_recording
+from glider.errors import InputError
+from tests.campaign.importing import foreign
+from tests.campaign.importing.test_readers import VICON
+
+MOTIVE_HEAD = (
+    "Format Version,1.24,Rotation Type,Quaternion,Length Units,Meters\n\n"
+    ",Type,Rigid Body,Rigid Body,Rigid Body\n"
+)
+
+
+def refusal(path, text):
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as caught:
+        read_recording(path)
+    message = str(caught.value)
+    assert str(path) in message and "\n" not in message and message.endswith(".")
+    return message
+
+
+def test_a_vicon_export_of_few_rows(tmp_path):
+    message = refusal(tmp_path / "a.csv", "Objects\n200\n")
+    assert "five header rows" in message
+
+
+def test_a_motive_export_whose_trailing_commas_were_trimmed(tmp_path):
+    text = MOTIVE_HEAD + (
+        ",Name,Glider,Glider\n,ID,1,1\n,,Position,Position,Position\n"
+        "Frame,Time (Seconds),X,Y,Z\n0,0.0,1,2,3\n"
+    )
+    message = refusal(tmp_path / "a.csv", text)
+    assert "row 4 ('Name') has 4 cells" in message and "5" in message
+
+
+def test_a_motive_marker_that_lacks_an_axis(tmp_path):
+    text = MOTIVE_HEAD + (
+        ",Name,G,G,H\n,ID,1,1,1\n,,Position,Position,Position\n"
+        "Frame,Time (Seconds),X,Y,Z\n0,0.0,1,2,3\n"
+    )
+    assert "'G.Position.Z'" in refusal(tmp_path / "a.csv", text)
+
+
+def test_a_lone_quote_in_a_large_file(tmp_path):
+    rows = "".join(f"{i},{i}.5\n" for i in range(30_000))
+    path = tmp_path / "a.csv"
+    path.write_text('t,x\n0,"1\n' + rows)
+    recording = read_recording(path)
+    assert len(recording.find("t", "test")[1].values) == 30_001
+    with pytest.raises(InputError, match="row 2: found '\"1'; expected a number"):
+        recording.find("x", "test")
+
+
+def test_a_damaged_mat_of_version_7_3(tmp_path):
+    head = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    message = refusal(tmp_path / "a.mat", head.ljust(512) + b"\x89HDF no more of it")
+    assert "not readable as" in message
+
+
+def write_vicon(folder, campaign):
+    text = VICON + "".join(
+        f"{i},0,0.1,0.2,0.3,{1100 + i},2000,3000\n" for i in range(15, 90)
+    )
+    (folder / "trial.csv").write_text(text)
+    return [folder / "trial.csv"]
+
+
+def write_parquet(folder, campaign):
+    arrow, parquet = (
+        pytest.importorskip("pyarrow"),
+        pytest.importorskip("pyarrow.parquet"),
+    )
+    [flight] = campaign.flights
+    table = {"t": flight.time, "x": flight.pose[:, 0], "p": list(flight.pose)}
+    parquet.write_table(arrow.table(table), folder / "log.parquet")
+    return [folder / "log.parquet"]
+
+
+def write_bag(folder, campaign):
+    writer = pytest.importorskip("rosbags.rosbag1").Writer(folder / "log.bag")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "geometry_msgs/msg/PoseStamped"
+    with writer:
+        channel = writer.add_connection("/pose", kind, typestore=store)
+        for i in range(20):
+            message = foreign.pose_message(store, campaign.flights[0], i, 10**9 + i, i)
+            writer.write(channel, 10**9 + i, store.serialize_ros1(message, kind))
+    return [folder / "log.bag"]
+
+
+def write_c3d(folder, campaign):
+    from tests.campaign.importing.test_new_formats import write_markers
+
+    return write_markers(folder, campaign)
+
+
+def write_xlsx(folder, campaign):
+    from tests.campaign.importing.test_new_formats import write_workbook
+
+    return write_workbook(folder / "log.xlsx", campaign)
+
+
+WRITERS = {name: write for name, (write, _) in foreign.FIVE.items()} | {
+    "vicon": write_vicon,
+    "parquet": write_parquet,
+    "bag": write_bag,
+    "c3d": write_c3d,
+    "xlsx": write_xlsx,
+}
+
+
+def cut_short(data, rng):
+    return data[: rng.integers(len(data))]
+
+
+def swap_bytes(data, rng):
+    damaged = bytearray(data)
+    for _ in range(rng.integers(1, 9)):
+        i, j = rng.integers(len(data), size=2)
+        damaged[i], damaged[j] = damaged[j], damaged[i]
+    return bytes(damaged)
+
+
+def overwrite(data, rng):
+    damaged = bytearray(data)
+    # The head of a file holds most of its structure.
+    for i in rng.integers(min(len(data), 2000), size=rng.integers(1, 6)):
+        damaged[i] = rng.integers(256)
+    return bytes(damaged)
+
+
+def cut_columns(data, rng):
+    lines = data.split(b"\n")
+    first, keep = rng.integers(len(lines)), rng.integers(1, 6)
+    for i in range(first, min(first + rng.integers(1, 50), len(lines))):
+        for delimiter in (b",", b";"):
+            if delimiter in lines[i]:
+                lines[i] = delimiter.join(lines[i].split(delimiter)[:keep])
+    return b"\n".join(lines)
+
+
+def lose_lines(data, rng):
+    lines = data.split(b"\n")
+    del lines[rng.integers(len(lines)) :: rng.integers(1, 8)]
+    return b"\n".join(lines)
+
+
+DAMAGES = (cut_short, swap_bytes, overwrite, cut_columns, lose_lines)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return foreign.flights("attached_lift", count=1)
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_damaged_file_gives_data_or_one_sentence(tmp_path, campaign, name, seed):
+    """Cut short, bytes swapped or overwritten, columns or lines lost."""
+    rng = np.random.default_rng(seed)
+    folder = tmp_path / "whole"
+    folder.mkdir()
+    for path in WRITERS[name](folder, campaign):
+        data = path.read_bytes()
+        for k in range(400 if seed and name != "c3d" else 40):
+            damaged = tmp_path / f"damaged{path.suffix}"
+            damaged.write_bytes(DAMAGES[k % len(DAMAGES)](data, rng))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Of the libraries that read it.
+                try:
+                    table = read_recording(damaged)
+                except InputError as error:
+                    message = str(error)
+                    assert "damaged" in message and "\n" not in message
+                else:
+                    assert all(isinstance(n, str) for n in table.names())
+    shutil.rmtree(folder)

@@ -1,0 +1,305 @@
+"""C3D files, workbooks and times in ISO 8601 become the flights that they were."""
+
+import datetime
+import re
+
+import numpy as np
+import pytest
+
+from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.importing.readers import read_recording, read_recordings
+from glider.errors import InputError
+from tests.campaign.importing import foreign
+from tests.campaign.importing.test_import import assert_same
+
+RATE = 120.0
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return foreign.flights("attached_lift")
+
+
+def values(recording, name):
+    return recording.find(name, "test")[1]
+
+
+# ------------------------------------------------------------------------- C3D
+
+
+def c3d_of(points, *, rate=RATE, unit="mm"):
+    """A C3D file in memory of points by label, (n, 3) each."""
+    ezc3d = pytest.importorskip("ezc3d")
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [rate]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [unit]
+    file["parameters"]["POINT"]["LABELS"]["value"] = list(points)
+    places = np.stack(list(points.values()), axis=1)  # (n, p, 3)
+    data = np.ones((4, places.shape[1], len(places)))
+    data[:3] = places.transpose(2, 1, 0)
+    file["data"]["points"] = data
+    return file
+
+
+def resampled(flight):
+    """A flight at the rate of the cameras, its elevator omitted."""
+    time = np.arange(int((flight.time[-1] - flight.time[0]) * RATE)) / RATE
+    pose = [np.interp(time, flight.time - flight.time[0], p) for p in flight.pose.T]
+    return foreign.dataclasses.replace(flight, time=time, pose=np.stack(pose, axis=1))
+
+
+MARKERS = {
+    "Glider:nose": [0.2, 0.0, 0.0],
+    "Glider:tail": [-0.3, 0.0, 0.0],
+    "Glider:left": [0.0, 0.4, 0.1],
+    "Glider:right": [0.0, -0.4, 0.1],
+    "Glider:center": [0.0, 0.0, 0.0],
+}
+"""Points of the body, to the nose, left and up [m]."""
+
+MAP_MARKERS = """\
+columns:
+  position: "Glider:center.Position"
+  attitude: {nose: "Glider:nose.Position", tail: "Glider:tail.Position", \
+left: "Glider:left.Position", right: "Glider:right.Position"}
+frame: {up: y}
+vehicle: {elevator: fixed}
+"""
+
+
+def write_markers(folder, campaign):
+    """Markers of a body with y up, millimeters: Motive's axes."""
+    files = []
+    for k, flight in enumerate(map(resampled, campaign.flights)):
+        place, turn = foreign.in_axes(flight, foreign.Y_UP, np.eye(3))
+        points = {n: 1e3 * (place + turn.apply(p)) for n, p in MARKERS.items()}
+        file = c3d_of(points)
+        residuals = np.zeros((1, len(points), len(place)))
+        residuals[:, :, 30] = -1.0  # Not seen.
+        file["data"]["meta_points"]["residuals"] = residuals
+        file.write(str(folder / f"take_{k}.c3d"))
+        files.append(folder / f"take_{k}.c3d")
+    return files
+
+
+def assert_same_motion(imported, flights):
+    for flight, true in zip(imported.campaign.flights, flights, strict=True):
+        rows = np.searchsorted(true.time, flight.time - 1e-4)
+        x, z, pitch = (flight.pose - true.pose[rows]).T
+        assert np.ptp(x) < 1e-5 and np.ptp(z) < 1e-5 and np.abs(pitch).max() < 1e-5
+
+
+@pytest.mark.parametrize("tips", [True, False])
+def test_markers_in_c3d_files_give_back_the_flights(tmp_path, campaign, tips):
+    files = write_markers(tmp_path, campaign)
+    path = tmp_path / "MAP.yaml"
+    path.write_text(MAP_MARKERS)
+    if not tips:  # Then the wings are taken as level.
+        without = re.sub(', left: .*"}', "}", MAP_MARKERS)
+        assert "right" not in without
+        path.write_text(without)
+    imported = read_flights(files, path)
+    flights = list(map(resampled, campaign.flights))
+    assert_same_motion(imported, flights)
+    assert all(30 / RATE not in f.time for f in imported.campaign.flights)
+
+
+def test_rigid_bodies_in_c3d_files_give_back_the_flights(tmp_path, campaign):
+    """The group ROTATION holds 4 x 4 transformations, as other software writes them."""
+    ezc3d = pytest.importorskip("ezc3d")
+    files, flights = [], list(map(resampled, campaign.flights))
+    for k, flight in enumerate(flights):
+        place, turn = foreign.in_axes(flight, np.eye(3), np.eye(3))
+        file = ezc3d.c3d()
+        file["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
+        file["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+        body = np.zeros((4, 4, 1, len(place)))
+        body[:3, :3, 0] = turn.as_matrix().transpose(1, 2, 0)
+        body[:3, 3, 0], body[3, 3] = place.T, 1.0
+        file["data"]["points"] = np.zeros((4, 0, len(place)))
+        file["data"]["rotations"] = body
+        for name, value in (("USED", [1]), ("RATIO", [1]), ("LABELS", ["Glider"])):
+            file.add_parameter("ROTATION", name, value)
+        file.write(str(tmp_path / f"take_{k}.c3d"))
+        files.append(tmp_path / f"take_{k}.c3d")
+    path = tmp_path / "MAP.yaml"
+    path.write_text(
+        "columns: {position: Glider.Position, attitude: Glider.Rotation}\n"
+        "vehicle: {elevator: fixed}\n"
+    )
+    assert_same_motion(read_flights(files, path), flights)
+
+
+def test_a_c3d_file_has_its_units_rates_angles_and_channels(tmp_path):
+    rows = np.arange(12.0)[:, None] * [1.0, 2.0, 3.0]
+    file = c3d_of({"G": rows, "GAngles": rows, "": rows, "H": rows}, rate=200.0)
+    file.add_parameter("POINT", "ANGLES", ["GAngles"])
+    file.add_parameter("POINT", "ANGLE_UNITS", ["deg"])
+    file["parameters"]["ANALOG"]["RATE"]["value"] = [400.0]
+    file["parameters"]["ANALOG"]["LABELS"]["value"] = ["servo"]
+    file["data"]["analogs"] = np.linspace(1.0, 2.0, 24)[None, None]
+    file.write(str(tmp_path / "a.c3d"))
+    recording = read_recording(tmp_path / "a.c3d")
+    x = values(recording, "G.Position.Z")
+    assert x.unit == "mm" and np.allclose(x.values, rows[:, 2])
+    assert values(recording, "GAngles.Rotation.Y").unit == "deg"
+    assert "Point_3.Position.X" in recording.names()
+    assert np.allclose(np.diff(recording.groups[0].columns["Time"].values), 0.005)
+    servo, column = recording.find("ANALOG.servo", "test")
+    assert np.allclose(np.diff(servo.columns["Time"].values), 0.0025)
+    assert len(column.values) == 24 and column.values[-1] == pytest.approx(2.0)
+
+
+def test_a_c3d_file_without_a_rate_is_refused(tmp_path):
+    file = c3d_of({"G": np.ones((5, 3))})
+    file.write(str(tmp_path / "a.c3d"))
+    content = (tmp_path / "a.c3d").read_bytes()
+    rate = np.float32(RATE).tobytes()
+    assert rate in content
+    (tmp_path / "a.c3d").write_bytes(content.replace(rate, bytes(4)))
+    with pytest.raises(InputError, match="POINT:RATE"):
+        read_recording(tmp_path / "a.c3d")
+
+
+# ------------------------------------------------------------------------ .xlsx
+
+
+def write_workbook(path, campaign, *, stamped=False):
+    """A workbook with a title, names and units, a sheet for each flight."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    book.create_sheet("Notes").append(["flown on a calm day"])
+    begin = datetime.datetime(2026, 5, 1, 10, 0, 0)
+    for k, flight in enumerate(campaign.flights):
+        sheet = book.create_sheet(f"Throw {k}")
+        sheet.append(["Throws of the first of May"])
+        sheet.append(["t", "x", "z", "theta", "de", "rate"])
+        sheet.append(["s", "mm", "mm", "deg", "deg", "rad/s"])
+        x, z, pitch = flight.pose.T
+        columns = (1e3 * x, 1e3 * z, np.degrees(pitch), np.degrees(flight.elevator))
+        for t, *row in np.column_stack([flight.time, *columns, flight.command]):
+            time = begin + datetime.timedelta(seconds=t) if stamped else float(t)
+            sheet.append([time, *map(float, row)])
+    book.save(path)
+    return [path]
+
+
+MAP_WORKBOOK = """\
+columns: {time: t, x: x, z: z, pitch: theta, elevator: de, elevator_rate_command: rate}
+"""
+
+
+def test_the_sheets_of_a_workbook_give_back_the_flights(tmp_path, campaign):
+    files = write_workbook(tmp_path / "throws.xlsx", campaign)
+    path = tmp_path / "MAP.yaml"
+    path.write_text(MAP_WORKBOOK + foreign.VEHICLE)
+    imported = read_flights(files, path)
+    assert_same(imported.campaign, campaign, "xlsx")
+    assert f"{files[0]}/Throw 2: 1 flight" in imported.describe()
+
+
+def test_a_workbook_with_dates(tmp_path, campaign):
+    write_workbook(tmp_path / "throws.xlsx", campaign, stamped=True)
+    first, *others = read_recordings(tmp_path / "throws.xlsx")
+    assert len(others) == len(campaign.flights) - 1
+    time = values(first, "t")
+    true = campaign.flights[0].time
+    assert time.unit == "s" and time.values[0] == 0.0
+    # Excel counts in days: milliseconds are what is left of a second.
+    assert np.allclose(time.values, true - true[0], atol=1e-3)
+
+
+def test_a_workbook_without_numbers_is_refused(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["nothing", "in", "it"])
+    book.save(tmp_path / "a.xlsx")
+    with pytest.raises(InputError, match=r"a\.xlsx: no rows of numbers"):
+        read_recordings(tmp_path / "a.xlsx")
+
+
+# --------------------------------------------------------------------- ISO 8601
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "seconds"),
+    [
+        ("2024-05-01T10:00:00", "2024-05-01T10:00:01", 1.0),
+        ("2024-05-01 10:00:00.25", "2024-05-01 10:00:00.5", 0.25),
+        ("2024-05-01T10:00:00.123456Z", "2024-05-01T10:00:00.223456Z", 0.1),
+        ("2024-05-01T23:59:59+02:00", "2024-05-01T22:00:01+00:00", 2.0),
+        ("20240501T100000Z", "20240501T100001Z", None),  # Read where it has colons.
+        ("10:00:00.5", "10:00:00.75", 0.25),
+    ],
+)
+def test_times_in_iso_8601(tmp_path, first, second, seconds):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{first if i == 0 else second},{i}.5\n" for i in range(4))
+    path.write_text("time,x\n" + rows)
+    column = read_recording(path).groups[0].columns["time"]
+    if seconds is None:
+        assert "expected a number" in column.fault
+    else:
+        assert column.unit == "s"
+        assert column.values[:2] == pytest.approx([0.0, seconds], abs=1e-6)
+
+
+def test_a_time_that_is_none_is_refused_with_its_row(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "time,x\n2024-05-01T10:00:00,1\n2024-05-01T10:00:01,2\n2024-13-01T10:00,3\n"
+        "2024-05-01T10:00:03,4\n"
+    )
+    with pytest.raises(InputError, match="row 2: found '2024-05-01T10:00:00'"):
+        values(read_recording(path), "time")
+
+
+def test_csv_files_with_iso_8601_times_give_back_the_flights(tmp_path, campaign):
+    files = foreign.write_csv(tmp_path, campaign)
+    begin = datetime.datetime(2026, 5, 1, 23, 59, 59, tzinfo=datetime.UTC)
+    for file in files:
+        lines = file.read_bytes().decode("cp1252").splitlines()
+        for i in range(3, len(lines)):
+            time, _, rest = lines[i].partition(";")
+            milliseconds = float(time.replace(",", "."))
+            stamp = begin + datetime.timedelta(milliseconds=milliseconds)
+            lines[i] = f"{stamp.isoformat()};{rest}"
+        lines[2] = lines[2].replace("ms;", ";")
+        file.write_text("\n".join(lines))
+    path = tmp_path / "MAP.yaml"
+    path.write_text(foreign.MAP_CSV.replace("time: ms, ", "") + foreign.VEHICLE)
+    assert_same(read_flights(files, path).campaign, campaign, "csv")
+
+
+def test_joined_files_with_iso_8601_times_keep_their_common_clock(tmp_path, campaign):
+    [flight] = campaign.flights[:1]
+    begin = datetime.datetime(2026, 5, 1, 10, tzinfo=datetime.UTC)
+
+    def stamps(times):
+        return [
+            (begin + datetime.timedelta(seconds=float(t))).isoformat() for t in times
+        ]
+
+    poses = [
+        f"{s},{x!r},{z!r},{p!r}"
+        for s, (x, z, p) in zip(stamps(flight.time), flight.pose.tolist(), strict=True)
+    ]
+    (tmp_path / "a_poses.csv").write_text("\n".join(["t,x,z,pitch", *poses]))
+    rest = np.arange(1, 61) / RATE
+    time = np.concatenate([flight.time[0] - rest[::-1], flight.time])
+    angle, rate = np.pad(flight.elevator, (60, 0)), np.pad(flight.command, (60, 0))
+    servo = [
+        f"{s},{a!r},{r!r}"
+        for s, a, r in zip(stamps(time), angle.tolist(), rate.tolist(), strict=True)
+    ]
+    (tmp_path / "a_servo.csv").write_text("\n".join(["t,de,rate", *servo]))
+    path = tmp_path / "MAP.yaml"
+    path.write_text(
+        'join: ["*_poses.csv", "*_servo.csv"]\nclock: same\n'
+        "columns: {time: t, x: x, z: z, pitch: pitch, elevator: de, "
+        "elevator_rate_command: rate}\n" + foreign.VEHICLE
+    )
+    [imported] = read_flights(sorted(tmp_path.glob("*.csv")), path).campaign.flights
+    rows = np.searchsorted(flight.time - flight.time[0], imported.time - 1e-4)
+    assert np.allclose(imported.elevator, flight.elevator[rows], atol=1e-4)
