@@ -130,7 +130,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     imported = ImportResult(
         campaign=best.campaign, recordings=best.recordings, undecided=()
     )
-    return Guess(text="".join(f"{printable(line)}\n" for line in lines), imported=imported)
+    return Guess(
+        text="".join(f"{printable(line)}\n" for line in lines), imported=imported
+    )
 
 
 def _guess_elevator(campaign: Campaign, frame: dict[str, str]) -> str:
