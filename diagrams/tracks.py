@@ -6,7 +6,7 @@ from diagrams.playback import Track
 from diagrams.scene import NUM_POSITIONS
 from glider.planning.plan import Plan
 from glider.simulation.flown_flights import INSTANT, FlownFlight
-from glider.sysid.refly import Motion
+from glider.simulation.refly import Motion
 
 Color = tuple[float, float, float, float]
 

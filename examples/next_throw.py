@@ -32,7 +32,7 @@ from glider.physics.effects import COMMAND_DELAY, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.report.next_throw import draw_proposal
 from glider.report.next_throw_words import sentences
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 
 LATE = 0.002
 """By how much the hidden glider's servo is late [s]."""

@@ -13,11 +13,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from diagrams import program
+from glider.compiled.user_effects import check_user_effects
 from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.planning.problem import goal_problem
 from glider.simulation.fly import fly
-from glider.sysid.replay.own_effects import check_own_effects
 from tests.test_floors import FLOORS
 
 ROOT = Path(__file__).parents[1]
@@ -146,7 +146,7 @@ def effects(tmp_path, monkeypatch):
 
 
 def test_the_effects_of_the_recipe_can_be_used(effects):
-    check_own_effects(effects)
+    check_user_effects(effects)
     model = GliderModel(effects=(effects[1](loss=0.2),))
     x = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
     rates = model.chain.derivatives(0.0, x, 5.0, 0.0, 0.0, model.numbers)

@@ -60,7 +60,7 @@ sys.path.insert(0, ".")
 from thread_drag import THREAD_DRAG
 
 from glider import GliderModel, close_the_loop
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 
 truth = GliderModel(effects=(THREAD_DRAG(coefficient=0.03),))
 plan = CampaignPlan(flights=12)

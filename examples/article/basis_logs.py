@@ -8,7 +8,7 @@ from basis_exercise import Exercise, fly_exercise
 from basis_features import angle_sign
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
-from glider.sysid.fit.simulate import FINE
+from glider.simulation.campaigns import FINE
 from glider.sysid.pipeline import Progress, close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result

@@ -7,7 +7,6 @@ import numpy as np
 
 from glider.experiments.findings import Findings
 from glider.experiments.shapes import choice_of_shapes
-from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
@@ -21,6 +20,7 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.theta import theta_of
 from glider.sysid.search.sets_in_models import begin
 from glider.sysid.search.subsets import Members, Scorer
 

@@ -12,16 +12,10 @@ from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Field
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
-from glider.sysid.fit.simulate import (
-    fly_commands,
-    fly_path,
-    layout_for,
-    measured,
-    theta_of,
-)
+from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.signals import pose_signals
-from glider.sysid.replay.theta import Layout
+from glider.sysid.replay.theta import Layout, layout_for, theta_of
 
 MOVES = 9
 """Moves of the elevator in a throw: each to a target, from a time on."""

@@ -33,7 +33,7 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.pipeline import close_the_loop

@@ -19,7 +19,7 @@ from glider.campaign.samples import sample_names
 from glider.commands.sample_table import HEADING, line_of, trace_samples
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.tasks import fly, typical
 

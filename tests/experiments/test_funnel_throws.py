@@ -27,7 +27,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.report.next_throw_words import keeping_words, sentences
 from glider.simulation.fly import fly
-from glider.sysid.fit.simulate import layout_for, theta_of
+from glider.sysid.replay.theta import layout_for, theta_of
 from glider.verification.funnel.funnel import save_funnel
 from tests.experiments.test_proposal import FINDINGS
 from tests.experiments.test_throws import PLACE

@@ -10,7 +10,7 @@ from glider.experiments.findings import Findings
 from glider.experiments.proposal import Proposal, propose, read_task
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.noise import Noise
 

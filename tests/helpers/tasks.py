@@ -6,7 +6,7 @@ from glider.campaign.logs import Campaign
 from glider.commands.sample_table import begin, task_of
 from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
 

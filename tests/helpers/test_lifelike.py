@@ -11,10 +11,9 @@ from glider.campaign.writer import save_campaign
 from glider.compiled.replay import roll_out
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import layout_for, theta_of
 from glider.sysid.replay.nodes import sensed
 from glider.sysid.replay.signals import replayed_path
-from glider.sysid.replay.theta import OFFSET
+from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     draw_campaign,

@@ -1,5 +1,5 @@
-"""What models make of flights that they were not fitted to, and flights to fit to.
+"""Errors of models on flights that they were not fitted to.
 
 prediction: errors on flights that a model has not seen. folds: each flight held out
-once. simulate: campaigns with a known truth.
+once.
 """

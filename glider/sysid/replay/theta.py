@@ -11,8 +11,10 @@ import functools
 
 import numpy as np
 
+from glider.compiled.user_effects import check_user_effects
 from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import KINDS, LIBRARY, EffectKind, Replay
+from glider.physics.model import GliderModel
 from glider.physics.parameters import (
     NUM_PARAMETERS,
     PARAMETER_NAMES,
@@ -20,7 +22,6 @@ from glider.physics.parameters import (
     Parameters,
 )
 from glider.physics.state import NUM_STATES
-from glider.sysid.replay.own_effects import check_own_effects
 
 OFFSET = 3
 """Index of the elevator's state: where a log is flown, x[OFFSET] is its constant offset
@@ -125,7 +126,7 @@ def layout_of(own: tuple[EffectKind, ...]) -> Layout:
     Raises:
         InputError: an own kind cannot be used.
     """
-    check_own_effects(own)
+    check_user_effects(own)
     kinds = {**KINDS, **{e.kind: e for e in own}}
     flown = tuple(e for e in (*LIBRARY, *own) if e.stage != "log")
     held = tuple(e for e in flown if not e.is_replayed)
@@ -165,4 +166,19 @@ def layout_of(own: tuple[EffectKind, ...]) -> Layout:
 
 
 LIBRARY_LAYOUT = layout_of(())
-"""Layout without an effect of a user's own."""
+"""Layout without user effects."""
+
+
+def layout_for(model: GliderModel) -> Layout:
+    """Returns the layout of the library and of a model's user effects."""
+    return layout_of(tuple(e.kind for e in model.effects if e.kind not in LIBRARY))
+
+
+def theta_of(model: GliderModel) -> np.ndarray:
+    """Returns a model's parameters and coefficients as its layout has them."""
+    layout = layout_for(model)
+    theta = layout.default_theta(model.parameters)
+    for effect in model.effects:
+        if effect.kind.stage != "log":
+            theta[list(layout.slots_of(effect.kind.kind))] = effect.values
+    return theta

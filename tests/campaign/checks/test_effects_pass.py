@@ -8,7 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 
 STRONG = [
     ("wind", {"x": -3.0}),

@@ -16,7 +16,7 @@ from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table

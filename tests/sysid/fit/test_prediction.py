@@ -16,9 +16,9 @@ from glider.sysid.fit.prediction import (
     predict,
     rollout_scales,
 )
-from glider.sysid.fit.simulate import theta_of
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.theta import theta_of
 from tests.helpers.tasks import begin, fly, task_of
 
 WIND = KINDS["wind"](x=-0.4, z=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
     beforehand,

@@ -9,7 +9,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
@@ -77,7 +77,7 @@ def test_drag_is_found_whatever_is_known(campaign, missing):
 )
 def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
     monkeypatch.setattr(
-        "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
+        "glider.simulation.campaigns.random_commands", lambda count, *_: np.zeros(count)
     )
     plan = CampaignPlan(flights=8)
     flown = simulate_campaign(DRAG, plan, np.random.default_rng(6))
@@ -139,7 +139,7 @@ def test_a_log_may_begin_with_the_elevator_anywhere():
 @pytest.mark.parametrize("elevator", ["fixed", "fixed_per_flight"])
 def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
     monkeypatch.setattr(
-        "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
+        "glider.simulation.campaigns.random_commands", lambda count, *_: np.zeros(count)
     )
     truth = GliderModel(effects=(KINDS["elevator_trim"](angle=-0.2),))
     plan = CampaignPlan(flights=10)

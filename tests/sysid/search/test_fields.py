@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.search import tracing
 from glider.sysid.search.fields import Survey, fit_field, fit_fields, survey

@@ -40,7 +40,7 @@ def test_wrong_signs_are_found_and_right_ones_left(campaign, fault):
 
 def test_without_a_servo_only_the_pitch_can_be_wrong(monkeypatch):
     monkeypatch.setattr(
-        "glider.sysid.fit.simulate.random_commands", lambda count, *_: np.zeros(count)
+        "glider.simulation.campaigns.random_commands", lambda count, *_: np.zeros(count)
     )
     flown = fly(flights=2, duration=0.6)
     flights = tuple(

@@ -12,12 +12,12 @@ from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
 from glider.physics.actuator_replay import latest_command
-from glider.physics.effects import LIBRARY, NO_FIELD, Field
+from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
 from glider.sysid.replay.nodes import sensed
 from glider.sysid.replay.signals import replayed_path
 from glider.sysid.replay.signs import signs_of, turn
-from glider.sysid.replay.theta import OFFSET, Layout, layout_of
+from glider.sysid.replay.theta import OFFSET, Layout, layout_for, theta_of
 
 FINE = 10
 """Integration steps between two rows of the log."""
@@ -44,21 +44,6 @@ class CampaignPlan:
 
     launch_spread: tuple[float, ...] = (0.05, 0.12, 0.06, 0.0, 0.3, 0.2, 0.3)
     """Standard deviation of the launch states."""
-
-
-def layout_for(model: GliderModel) -> Layout:
-    """Returns the layout of the library and of a model's own effects."""
-    return layout_of(tuple(e.kind for e in model.effects if e.kind not in LIBRARY))
-
-
-def theta_of(model: GliderModel) -> np.ndarray:
-    """Returns a model's numbers as its layout has them."""
-    layout = layout_for(model)
-    theta = layout.default_theta(model.parameters)
-    for effect in model.effects:
-        if effect.kind.stage != "log":
-            theta[list(layout.slots_of(effect.kind.kind))] = effect.values
-    return theta
 
 
 def simulate_campaign(

@@ -11,8 +11,7 @@ from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.sysid.pipeline import close_the_loop
-from glider.sysid.refly import (
+from glider.simulation.refly import (
     Motion,
     find_flight,
     nominal_model,
@@ -20,6 +19,7 @@ from glider.sysid.refly import (
     position_error,
     refly,
 )
+from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.signs import Signs, turn_campaign

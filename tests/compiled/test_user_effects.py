@@ -1,4 +1,4 @@
-"""A user's own effect goes through the whole loop like one of the library's."""
+"""A user effect goes through the whole loop like one of the library."""
 
 import dataclasses
 
@@ -8,11 +8,12 @@ from pydrake.systems.analysis import Simulator
 
 from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.replay import roll_out
+from glider.compiled.user_effects import check_user_effects
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
 from glider.physics.model import GliderModel, load_model, save_model
+from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.fit.prediction import RolloutModel, find_launch
-from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign, theta_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model
@@ -20,9 +21,8 @@ from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.nodes import true_nodes
-from glider.sysid.replay.own_effects import check_own_effects
 from glider.sysid.replay.signals import pose_signals, replayed_path
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST
@@ -32,7 +32,7 @@ LAYOUT = layout_of(ALL)
 
 
 def planted(kind, **plan):
-    """A campaign whose glider has one own effect of a typical size.
+    """A campaign whose glider has one user effect of a typical size.
 
     The model names the others too, at sizes that do nothing, so that all tests
     share one compiled kernel.
@@ -46,7 +46,7 @@ def planted(kind, **plan):
 
 @pytest.fixture(scope="module", params=[FLAP, BOOM], ids=["flap", "boom"])
 def closed(request):
-    """An own effect without and one with a state of its own, closed the loop on."""
+    """A user effect without and one with a state of its own, closed the loop on."""
     _, campaign = planted(request.param, flights=8)
     return request.param, close_the_loop(campaign, own_effects=ALL)
 
@@ -84,7 +84,7 @@ def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
-def test_own_effects_of_each_stage_are_fitted(kind):
+def test_user_effects_of_each_stage_are_fitted(kind):
     model, campaign = planted(kind, flights=4)
     task, noise = task_of(campaign, LAYOUT)
     truth, slots = theta_of(model), list(LAYOUT.slots_of(kind.kind))
@@ -220,7 +220,7 @@ def test_an_own_actuator_needs_no_state():
         state_rate=None,
         steady_state=None,
     )
-    check_own_effects((weak,))
+    check_user_effects((weak,))
     model = GliderModel(effects=(weak(gain=0.25),))
     assert model.num_states == 7
     x = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
@@ -245,8 +245,8 @@ def weak_servo(rate, gain):
 
 def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
     bad = dataclasses.replace(STICKY, formula=lambda rate, s, gain, tau: rate + 1.0)
-    with pytest.raises(InputError, match="returns 2, not 1; defaults that do nothing"):
-        check_own_effects((bad,))
+    with pytest.raises(InputError, match="returns 2; expected 1, so that"):
+        check_user_effects((bad,))
 
 
 def test_the_library_keeps_its_layout():
@@ -263,11 +263,11 @@ def test_the_library_keeps_its_layout():
         ({"kind": "wind"}, "name is taken"),
         ({"kind": "unexplained"}, "name is taken"),
         ({"stage": "log"}, "stage is 'log'"),
-        ({"stage": "actuator"}, r"adds_to is .* out of \(\) is needed"),
+        ({"stage": "actuator"}, r"adds_to is .* expected a choice of \(\)"),
         ({"adds_to": ("wing_normal",)}, "adds_to"),
         ({"coefficients": ()}, "coefficients are none"),
-        ({"states": ("lag",)}, "needed together"),
-        ({"formula": lambda flow, gain: (1.0, 0.0)}, "defaults that do nothing"),
+        ({"states": ("lag",)}, "expected all or none"),
+        ({"formula": lambda flow, gain: (1.0, 0.0)}, "defaults do nothing"),
         ({"formula": lambda flow, gain: gain}, "2 finite numbers"),
         ({"formula": lambda flow: (0.0, 0.0)}, "formula fails"),
         ({"formula": lambda flow, gain: (float(str(gain)), 0.0)}, "does not compile"),
@@ -276,18 +276,18 @@ def test_the_library_keeps_its_layout():
 def test_an_own_effect_that_cannot_be_used_is_one_sentence(changes, words):
     bad = dataclasses.replace(FLAP, **changes)
     with pytest.raises(InputError, match=words) as error:
-        check_own_effects((bad,))
+        check_user_effects((bad,))
     assert "\n" not in str(error.value)
 
 
 def test_an_effect_in_the_place_of_its_kind_is_refused():
-    with pytest.raises(InputError, match="found a Effect; an EffectKind is needed"):
+    with pytest.raises(InputError, match="found a Effect; expected an EffectKind"):
         close_the_loop("nowhere", own_effects=[FLAP(gain=0.1)])
 
 
 def test_the_same_own_effect_twice_is_refused():
     with pytest.raises(InputError, match="name is taken"):
-        check_own_effects((TWIST, BLEED, LEAK, TWIST))
+        check_user_effects((TWIST, BLEED, LEAK, TWIST))
 
 
 def test_an_own_effect_can_be_asked_for_alone():

@@ -1,4 +1,4 @@
-"""Checks whether a user's own kinds of effects can be traced beside the library's.
+"""Checks whether user effects can be traced beside those of the library.
 
 A fault in a formula would otherwise show as an error of the compiler, or as a
 nominal model that flies wrongly.
@@ -22,52 +22,53 @@ _TRIAL_RATE = 1.0
 """A state of glider.physics.state and an elevator rate in which formulas are tried."""
 
 
-def check_own_effects(own: Sequence[EffectKind]) -> None:
+def check_user_effects(own: Sequence[EffectKind]) -> None:
     """Raises InputError about the first kind that cannot be used."""
     names = [e.kind if isinstance(e, EffectKind) else "" for e in own]
     for effect, name in zip(own, names, strict=True):
         if not isinstance(effect, EffectKind):
             raise InputError(
-                f"own effects: found a {type(effect).__name__}; "
-                "an EffectKind is needed."
+                f"user effects: found a {type(effect).__name__}; "
+                "expected an EffectKind."
             )
         if name in KINDS or name in _RESERVED or names.count(name) > 1:
             raise InputError(
-                f"own effect '{name}': the name is taken; a new one is needed."
+                f"user effect '{name}': the name is taken; expected a new one."
             )
         _check_shape(effect)
         _check_formulas(effect)
 
 
 def _check_shape(effect: EffectKind) -> None:
-    where = f"own effect '{effect.kind}'"
+    where = f"user effect '{effect.kind}'"
     stages = [stage for stage in STAGES if stage != "log"]
     if effect.stage not in stages:
         raise InputError(
-            f"{where}: stage is '{effect.stage}'; one of {', '.join(stages)} is needed."
+            f"{where}: stage is '{effect.stage}'; expected one of {', '.join(stages)}."
         )
     terms, is_actuator = STAGES[effect.stage], effect.stage == "actuator"
     if bool(effect.adds_to) == is_actuator or not set(effect.adds_to) <= set(terms):
         raise InputError(
-            f"{where}: adds_to is {effect.adds_to}; out of {', '.join(terms) or '()'} "
-            f"is needed at stage {effect.stage}."
+            f"{where}: adds_to is {effect.adds_to}; expected a choice of "
+            f"{', '.join(terms) or '()'} at stage {effect.stage}."
         )
     names = [c.name for c in effect.coefficients]
     has_size = is_actuator or not all(c.is_shape for c in effect.coefficients)
     if not names or len(set(names)) < len(names) or not has_size:
         raise InputError(
-            f"{where}: its coefficients are {', '.join(names) or 'none'}; different "
-            "names are needed, and one without a grid, which is the effect's size."
+            f"{where}: its coefficients are {', '.join(names) or 'none'}; expected "
+            "different names, and one without a grid, which is the effect's size."
         )
     functions = (effect.state_rate, effect.steady_state)
     if any((f is not None) != bool(effect.states) for f in functions):
         raise InputError(
-            f"{where}: states, state_rate and steady_state are needed together."
+            f"{where}: found only some of states, state_rate and steady_state; "
+            "expected all or none."
         )
     if effect.state_scales and len(effect.state_scales) != len(effect.states):
         raise InputError(
-            f"{where}: state_scales has {len(effect.state_scales)} numbers; one for "
-            f"each of the {len(effect.states)} states is needed."
+            f"{where}: state_scales has {len(effect.state_scales)} numbers; expected "
+            f"one for each of the {len(effect.states)} states."
         )
 
 
@@ -94,9 +95,9 @@ def _check_formulas(effect: EffectKind) -> None:
     nothing = _TRIAL_RATE if is_actuator else 0.0
     if any(a != nothing for a in added):
         raise InputError(
-            f"own effect '{effect.kind}': with its defaults the formula returns "
-            f"{', '.join(f'{a:g}' for a in added)}, not {nothing:g}; defaults that do "
-            "nothing are needed."
+            f"user effect '{effect.kind}': with its defaults the formula returns "
+            f"{', '.join(f'{a:g}' for a in added)}; expected {nothing:g}, so that the "
+            "defaults do nothing."
         )
 
 
@@ -109,7 +110,7 @@ def _tried(
     values: tuple[float, ...],
 ) -> tuple[float, ...]:
     """Returns a formula's results as a tuple, once they are what they must be."""
-    where = f"own effect '{effect.kind}': its {name}"
+    where = f"user effect '{effect.kind}': its {name}"
     for form in (function, lambda *given: check_compiles(function, given)):
         try:
             result = form(first, *values)
@@ -117,14 +118,14 @@ def _tried(
             text = next(iter(str(error).strip().splitlines()), type(error).__name__)
             what = "fails" if form is function else "does not compile"
             raise InputError(
-                f"{where} {what} ({text.rstrip('.')}); arithmetic and the functions "
-                "sin, cos, sqrt, exp and tanh of numpy are needed."
+                f"{where} {what} ({text.rstrip('.')}); expected arithmetic and the "
+                "functions sin, cos, sqrt, exp and tanh of numpy."
             ) from None
     numbers = result if isinstance(result, tuple) else (result,)
     shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count
     if not shaped or not all(math.isfinite(x) for x in np.ravel(numbers)):
         raise InputError(
-            f"{where} returns {show(result)}; {count} finite number"
-            f"{'s, as a tuple, are' if count > 1 else ' is'} needed."
+            f"{where} returns {show(result)}; expected {count} finite number"
+            f"{'s, as a tuple' if count > 1 else ''}."
         )
     return tuple(float(x) for x in numbers)

@@ -17,7 +17,6 @@ from glider.sysid.fit.prediction import (
     predict,
     rollout_scales,
 )
-from glider.sysid.fit.simulate import layout_for, theta_of
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import Scales, fit_scales, start_scales
 from glider.sysid.replay.noise import Noise, measure_noise
@@ -25,7 +24,7 @@ from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import flow_along
 from glider.sysid.replay.signals import logged_elevator, node_signals
 from glider.sysid.replay.signs import signs_of, turn, turn_campaign
-from glider.sysid.replay.theta import OFFSET
+from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 
