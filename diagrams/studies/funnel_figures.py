@@ -14,8 +14,7 @@ from diagrams.studies.funnel_study import WORDS, FunnelComparison, FunnelStudy
 from glider.report.plots.axes import few_ticks, legend_beside
 from glider.report.plots.style import STYLE
 from glider.report.wording import counted
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.tube import tube_outline
+from glider.verification.funnel.funnel import Funnel, tube_outline
 
 _STATES = {
     "z": (1, 1.0, "m"),

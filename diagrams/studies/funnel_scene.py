@@ -9,8 +9,7 @@ from diagrams.playback import GREY, Track, play
 from diagrams.program import finish, start_meshcat
 from diagrams.scene import NUM_POSITIONS
 from diagrams.studies.funnel_study import FunnelStudy
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.tube import tube_radii
+from glider.verification.funnel.funnel import Funnel, tube_radii
 
 RINGS, SIDES = 90, 24
 """Numbers of vertices of the mesh, along the flight and round it."""

@@ -17,11 +17,14 @@ from glider.verification.funnel.funnel import Funnel, load_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
-from glider.verification.sos.solving import SolverError
+from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights
-from glider.verification.trials.falsify import Falsification, falsify_funnel
-from glider.verification.trials.falsify_set import falsify_set
-from glider.verification.trials.flights import fly_inside
+from glider.verification.trials.falsify import (
+    Falsification,
+    falsify_funnel,
+    falsify_set,
+)
+from glider.verification.trials.funnel_flights import fly_inside
 
 WORDS = {"drawn": "nominal model", "corrected": "corrected model"}
 """Name of a funnel in files to that for people."""

@@ -158,7 +158,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.proof.words import check_report, describe_check
-    from glider.verification.trials.falsify_set import falsify_set
+    from glider.verification.trials.falsify import falsify_set
     from glider.verification.trials.words import describe_trial, trial_report
 
     funnel = funnel_of(file, args.funnel)

@@ -30,7 +30,7 @@ from glider.report.plots.style import STYLE
 from glider.report.plots.throws import plot_differences, plot_tapes, plot_throws
 from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
-from glider.verification.funnel.tube import tube_outline
+from glider.verification.funnel.funnel import tube_outline
 
 
 def commands_name(number: int) -> str:

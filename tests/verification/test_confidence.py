@@ -14,8 +14,8 @@ from glider.verification.dynamics.confidence import (
     describe_set,
     make_confidence,
 )
+from glider.verification.dynamics.deviations import glider_at, physical, theta_at
 from glider.verification.dynamics.error_dynamics import open_loop_rates
-from glider.verification.dynamics.gliders import glider_at, physical, theta_at
 from glider.verification.funnel.file import GlidersNote
 from glider.verification.funnel.funnel import noted_confidence
 

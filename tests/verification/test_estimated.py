@@ -18,7 +18,11 @@ from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.verification.monitor import FunnelMonitor
 from glider.verification.trials.estimated import fly_estimated, study_estimates
-from glider.verification.trials.flights import boundary_states, fly_from, funnel_policy
+from glider.verification.trials.funnel_flights import (
+    boundary_states,
+    fly_from,
+    funnel_policy,
+)
 
 NOISE = 0.003
 UNKNOWN = 0.5

@@ -10,7 +10,7 @@ from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
 from glider.verification.trials.falsify import falsify_funnel
-from glider.verification.trials.flights import boundary_states, fly_inside
+from glider.verification.trials.funnel_flights import boundary_states, fly_inside
 from tests.verification.points import sphere_points
 
 

@@ -11,7 +11,11 @@ from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.nominal import make_nominal
-from glider.verification.funnel.feedback import SHARE, command_slopes, steepest_gains
+from glider.verification.funnel.servo_limits import (
+    SHARE,
+    command_slopes,
+    steepest_gains,
+)
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import ShapeFlow
 from glider.verification.sos.forms import linear_part

@@ -11,21 +11,20 @@ from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.deviations import glider_at
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.gliders import glider_at
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.build import make_funnel
 from glider.verification.funnel.funnel import load_funnel, save_funnel
-from glider.verification.funnel.limits import goal_about
 from glider.verification.funnel.remainder import remainder_of
+from glider.verification.funnel.servo_limits import goal_about
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.proof.check import check_funnel
+from glider.verification.proof.check import check_funnel, gliders_faults
 from glider.verification.proof.flight_proof import FlightProof
-from glider.verification.proof.gliders_check import gliders_faults
 from glider.verification.proof.interval_proof import IntervalProof
 from glider.verification.proof.words import describe_check, describe_proof
-from glider.verification.trials.falsify_set import falsify_set
-from glider.verification.trials.flights import fly_from
+from glider.verification.trials.falsify import falsify_set
+from glider.verification.trials.funnel_flights import fly_from
 
 NAMES = ("mass", "wing_area")
 STD = np.array([2e-4, 2e-4])  # About 0.2 %.

@@ -9,7 +9,7 @@ from glider.errors import InputError
 from glider.paths import models_path
 from glider.planning.problem import Hook, PerchingProblem, load_problem
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.goal import hook_goal
+from glider.verification.funnel.settings import hook_goal
 from glider.verification.proof.purpose import hook_faults
 from tests.verification.points import sphere_points
 

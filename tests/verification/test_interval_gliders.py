@@ -11,6 +11,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.deviations import glider_at
 from glider.verification.dynamics.error_dynamics import (
     ORDER,
     expand_rates,
@@ -18,10 +19,9 @@ from glider.verification.dynamics.error_dynamics import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.gliders import glider_at
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.moving_center import make_moving_center
-from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval

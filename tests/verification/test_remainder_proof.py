@@ -14,7 +14,7 @@ from glider.verification.dynamics.error_dynamics import (
     table_of,
 )
 from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.proof import remainder_proof
 from glider.verification.proof.boxes import bound_in_balls
 from glider.verification.proof.enclosure import make_remainder

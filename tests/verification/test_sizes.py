@@ -13,10 +13,10 @@ from glider.physics.state import NUM_STATES
 from glider.simulation.fly import fly
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.nominal import ARRAYS, make_nominal
-from glider.verification.funnel import shape_flow, sizes
+from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
-from glider.verification.funnel.sizes import SHARE, size_matrices
+from glider.verification.funnel.shape_flow import SHARE, size_matrices
 from tests.verification.points import sphere_points
 
 SETTINGS = FunnelSettings(step=0.011, hold=0.088, launch_sizes=LAUNCH_SIZES)
@@ -65,7 +65,7 @@ def test_what_is_least_later_is_least_at_the_launch(policy, monkeypatch):
         return np.zeros_like(weight)
 
     monkeypatch.setattr(shape_flow, "solve_growth", no_growth)
-    monkeypatch.setattr(sizes, "SHARE", 0.0)
+    monkeypatch.setattr(shape_flow, "SHARE", 0.0)
     nominal = make_nominal(GliderModel(), policy, 0.002)
     arrays = {name: getattr(nominal, name)[:50] for name in ARRAYS}
     nominal = dataclasses.replace(nominal, **arrays)

@@ -21,15 +21,19 @@ from glider.verification.sos.exact import (
     leaves_definite,
     rounded,
 )
-from glider.verification.sos.grams import (
+from glider.verification.sos.programs import (
+    SolverError,
+    largest_margin,
+    least_growth,
+    solve_apart,
+)
+from glider.verification.sos.sphere import (
     least_eigenvalue,
     nearby_gram,
     represent,
     represent_rest,
+    sphere,
 )
-from glider.verification.sos.programs import largest_margin, least_growth
-from glider.verification.sos.solving import SolverError, solve_apart
-from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points
 
 N = 3

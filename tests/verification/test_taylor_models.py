@@ -5,7 +5,7 @@ import pytest
 
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.dependence import variables
+from glider.verification.dynamics.arithmetic import dependences
 from glider.verification.dynamics.error_dynamics import nonlinear_parts
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.taylor_models import TaylorModel
@@ -81,7 +81,7 @@ def test_what_a_quotient_by_zero_goes_into_is_never_bounded():
 
 
 def test_dependence_tells_what_is_nonlinear_from_what_is_linear():
-    x, y, z = variables(3)
+    x, y, z = dependences(3)
     formula = 2.0 * x - y / 3.0 + np.sin(z) * 4.0 + 1.0
     assert formula.variables == {0, 1, 2}
     assert formula.nonlinear == {2}

@@ -13,8 +13,7 @@ import numpy as np
 
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.nominal import Nominal
-from glider.verification.dynamics.nominal_path import nominal_path, nominal_slopes
+from glider.verification.dynamics.nominal import Nominal, nominal_path, nominal_slopes
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
 
 DEGREE = 5

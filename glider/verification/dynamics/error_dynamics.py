@@ -8,49 +8,23 @@ as long as the servo follows its command, which the funnel sees to.
 import numpy as np
 
 from glider.physics.model import GliderModel
-from glider.verification.dynamics import dependence
-from glider.verification.dynamics.gliders import theta_at
+from glider.verification.dynamics.arithmetic import dependences
+from glider.verification.dynamics.deviations import theta_at
 from glider.verification.dynamics.jets import (
     Monomials,
     coefficients_of,
     monomials,
     variables,
 )
-from glider.verification.dynamics.nominal import Nominal
+from glider.verification.dynamics.nominal import (
+    Nominal,
+    closed_loop_rates,
+    open_loop_rates,
+)
 
 ORDER = 3
 """Order of the expansion that funnels are built on. With order 2, the remainder leaves
 a launch 1.7 cm of height; with order 3, 9 cm."""
-
-
-def open_loop_rates(model, states, command, theta=None):
-    """Returns ẋ for any kind of number, servo limits apart.
-
-    Args:
-        model: the GliderModel.
-        states: n numbers x.
-        command: u, a number [rad/s].
-        theta: the numbers of a glider that deviates from it; None for its own.
-    """
-    theta = model.numbers if theta is None else theta
-    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, theta)
-
-
-def closed_loop_rates(model, states, gains, x0, u0, theta=None):
-    """Returns ẋ of the closed loop for any kind of number, servo limits apart.
-
-    Args:
-        model: the GliderModel.
-        states: n numbers, jets or arrays x.
-        gains: n numbers or arrays K.
-        x0: n numbers or arrays x₀.
-        u0: u₀, a number or an array.
-        theta: as for `open_loop_rates`.
-    """
-    command = u0
-    for gain, x, center in zip(gains, states, x0, strict=True):
-        command = command - gain * (x - center)
-    return open_loop_rates(model, states, command, theta)
 
 
 def nonlinear_parts(
@@ -63,7 +37,7 @@ def nonlinear_parts(
         num_states: n; variable n is the command.
         names: of further variables: numbers of the glider that deviate.
     """
-    states = dependence.variables(num_states + 1 + len(names))
+    states = dependences(num_states + 1 + len(names))
     states, deviations = states[: num_states + 1], states[num_states + 1 :]
     command = states.pop()
     theta = theta_at(model, names, deviations)

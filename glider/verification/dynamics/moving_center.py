@@ -15,10 +15,9 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.deviations import theta_at
 from glider.verification.dynamics.error_dynamics import closed_loop_rates, expand
-from glider.verification.dynamics.gliders import theta_at
-from glider.verification.dynamics.nominal import Nominal
-from glider.verification.dynamics.nominal_path import nominal_between
+from glider.verification.dynamics.nominal import Nominal, nominal_between
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5 of

@@ -1,13 +1,16 @@
 """The nominal flight of a funnel: the feedback's own flight along its plan.
 
-A plan by collocation is no exact flight between its knots, so that the error from it
-would never settle at zero. The nominal is what the glider flies under the plan's
+A plan by collocation is not an exact flight between its knots, so the deviation from
+it would never settle at zero. The nominal is what the glider flies under the plan's
 feedback from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
+Between its times x₀ is the cubic Hermite polynomial through states and slopes; u₀ and
+the gains are straight lines. That is how it is flown, checked and proven.
 """
 
 import dataclasses
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from glider.control.policy import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
@@ -94,3 +97,66 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
         inputs=inputs,
         gains=gains,
     )
+
+
+def nominal_slopes(nominal: Nominal) -> np.ndarray:
+    """Returns ẋ₀ (T, n) by the dynamics."""
+    x = list(nominal.states.T)
+    rates = closed_loop_rates(nominal.model, x, nominal.gains.T, x, nominal.inputs)
+    return np.array([np.broadcast_to(rate, len(nominal.times)) for rate in rates]).T
+
+
+def nominal_path(nominal: Nominal) -> CubicHermiteSpline:
+    """Returns x₀ as a function of time."""
+    return CubicHermiteSpline(nominal.times, nominal.states, nominal_slopes(nominal))
+
+
+def nominal_between(nominal: Nominal, share: float) -> Nominal:
+    """Returns the flight at one point of each interval, (T - 1) times.
+
+    Args:
+        nominal: the flight.
+        share: of an interval, where the point is; from 0 to 1.
+    """
+    times = nominal.times[:-1] + share * np.diff(nominal.times)
+    return dataclasses.replace(
+        nominal,
+        times=times,
+        states=nominal_path(nominal)(times),
+        inputs=_between(nominal.inputs, share),
+        gains=_between(nominal.gains, share),
+    )
+
+
+def _between(values, share):
+    return (1.0 - share) * values[:-1] + share * values[1:]
+
+
+def open_loop_rates(model, states, command, theta=None):
+    """Returns ẋ for any kind of number, servo limits apart.
+
+    Args:
+        model: the GliderModel.
+        states: n numbers x.
+        command: u, a number [rad/s].
+        theta: the numbers of a glider that deviates from it; None for its own.
+    """
+    theta = model.numbers if theta is None else theta
+    return model.chain.derivatives(0.0, states, command, 0.0, 0.0, theta)
+
+
+def closed_loop_rates(model, states, gains, x0, u0, theta=None):
+    """Returns ẋ of the closed loop for any kind of number, servo limits apart.
+
+    Args:
+        model: the GliderModel.
+        states: n numbers, jets or arrays x.
+        gains: n numbers or arrays K.
+        x0: n numbers or arrays x₀.
+        u0: u₀, a number or an array.
+        theta: as for `open_loop_rates`.
+    """
+    command = u0
+    for gain, x, center in zip(gains, states, x0, strict=True):
+        command = command - gain * (x - center)
+    return open_loop_rates(model, states, command, theta)

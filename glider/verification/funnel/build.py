@@ -19,7 +19,6 @@ from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import Nominal, make_nominal
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.goal import hook_goal
 from glider.verification.funnel.growth import (
     SHARES,
     BoundaryForms,
@@ -27,7 +26,6 @@ from glider.verification.funnel.growth import (
     boundary_forms,
     largest_growth,
 )
-from glider.verification.funnel.limits import bounds_about, room
 from glider.verification.funnel.remainder import (
     SAMPLES,
     inflate,
@@ -36,13 +34,22 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.scaling import scale_funnel
-from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.funnel.shape_flow import ShapeFlow
-from glider.verification.funnel.sizes import size_matrices
-from glider.verification.sos.grams import least_eigenvalue, nearby_gram, represent
-from glider.verification.sos.programs import SOLVERS, first_success, largest_margin
-from glider.verification.sos.solving import SolverError
-from glider.verification.sos.sphere import normalized, sphere
+from glider.verification.funnel.servo_limits import bounds_about, room
+from glider.verification.funnel.settings import FunnelSettings, hook_goal
+from glider.verification.funnel.shape_flow import ShapeFlow, size_matrices
+from glider.verification.sos.programs import (
+    SOLVERS,
+    SolverError,
+    first_success,
+    largest_margin,
+)
+from glider.verification.sos.sphere import (
+    least_eigenvalue,
+    nearby_gram,
+    normalized,
+    represent,
+    sphere,
+)
 
 Progress = Callable[[str], None]
 

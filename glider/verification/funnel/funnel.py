@@ -13,8 +13,7 @@ from glider.physics.covariance import check_names, covariance_of_rows
 from glider.physics.model import GliderModel, load_model, model_text
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
-from glider.verification.dynamics.nominal import ARRAYS, Nominal
-from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.dynamics.nominal import ARRAYS, Nominal, nominal_path
 from glider.verification.funnel.file import (
     FunnelFile,
     GlidersNote,
@@ -226,3 +225,26 @@ def _read_model(text: str, source: Path | str) -> GliderModel:
         except InputError as error:
             reason = str(error).removeprefix(f"{path}: ")
             raise InputError(f"{source}: not a funnel: its glider: {reason}") from None
+
+
+def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns unit normals of the path in the plane (K, 2) and radii (K,) [m].
+
+    A radius is how far a state of the funnel may be from the path, across it.
+    """
+    place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
+    centers = funnel.center(times)
+    along = np.gradient(centers[:, :2], times, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    radii = np.sqrt(np.einsum("ki,kij,kj->k", normals, place, normals))
+    return normals, radii
+
+
+def tube_outline(funnel: Funnel) -> np.ndarray:
+    """Returns the tube's edge as a polygon (2 T, 2) of x, z [m]."""
+    times = funnel.nominal.times
+    normals, radii = tube_radii(funnel, times)
+    centers = funnel.center(times)[:, :2]
+    above, below = (centers + sign * radii[:, None] * normals for sign in (1.0, -1.0))
+    return np.concatenate([above, below[::-1]])

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import ARRAYS, Nominal
-from glider.verification.dynamics.nominal_path import nominal_between
+from glider.verification.dynamics.nominal import ARRAYS, Nominal, nominal_between
 from glider.verification.funnel.ascent import largest_values
 from glider.verification.funnel.remainder import remainder_form
 from glider.verification.sos.forms import higher_forms, quadratic_form, to_ball

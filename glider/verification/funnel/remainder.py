@@ -10,12 +10,12 @@ also what they do otherwise, about their own center
 
 import numpy as np
 
+from glider.verification.dynamics.deviations import physical, theta_at
 from glider.verification.dynamics.error_dynamics import (
     closed_loop_rates,
     evaluate,
     nonlinear_parts,
 )
-from glider.verification.dynamics.gliders import physical, theta_at
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.ascent import climb_sphere
@@ -195,7 +195,7 @@ def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.
     Args:
         S: (T, n, n).
         beta: (T, n) bounds of the remainder.
-        sizes: (T, n, n) or (n, n) Σ, of `glider.verification.funnel.sizes`.
+        sizes: (T, n, n) or (n, n) Σ, of `glider.verification.funnel.shape_flow`.
     """
     L_T, _ = to_ball(S)
     weight = L_T @ sizes @ np.swapaxes(L_T, 1, 2)

@@ -1,4 +1,4 @@
-"""Settings of a funnel: its goal, margins and steps."""
+"""Settings of a funnel: its goal, margins and steps; the goal of a hook."""
 
 import dataclasses
 import math
@@ -6,11 +6,11 @@ import math
 import numpy as np
 
 from glider.errors import InputError, show
-from glider.physics.state import NUM_STATES, STATE_NAMES
-from glider.planning.problem import Hook
+from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
+from glider.planning.problem import Hook, PerchingProblem
 
 LAUNCH_SIZES = (0.02, 0.1, 0.05, 0.1, 0.1, 0.2, 0.6)
-"""Errors of a launch that matter alike where height is what is wanted, in the order of
+"""Launch errors that count equally where a high inlet is wanted, in the order of
 STATE_NAMES [m, rad, m/s, rad/s]."""
 
 
@@ -23,25 +23,25 @@ class FunnelSettings:
 
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
     """Half-axes of the goal ellipsoid about the nominal's end, in the order of
-    STATE_NAMES [m, rad, m/s, rad/s]. A hook reaches so far; the speeds are
-    chosen so that the Taylor polynomial still fits there."""
+    STATE_NAMES [m, rad, m/s, rad/s]. A hook reaches that far; the speeds are such
+    that the Taylor polynomial still fits there."""
 
     goal_extra: float = 4.0
     """Half-axis of the goal in each of the effects' own states, in its unit."""
 
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
-    """Deviations that matter alike, in the order of STATE_NAMES [m, rad, m/s, rad/s]:
+    """Deviations that count equally, in the order of STATE_NAMES [m, rad, m/s, rad/s]:
     what the shape of the funnel trades against each other. It is not sensitive to
-    them, but without any it runs away."""
+    them, but diverges without any."""
 
     launch_sizes: tuple[float, ...] | None = None
-    """Errors of a launch that matter alike, in the order of STATE_NAMES [m, rad, m/s,
-    rad/s]: what becomes of them on the flight shapes the funnel, and a share of `sizes`
-    (`glider.verification.funnel.sizes`). None for `sizes` alone, the same at all times.
-    LAUNCH_SIZES makes an inlet that is wider in all but the elevator."""
+    """Launch errors that count equally, in the order of STATE_NAMES [m, rad, m/s,
+    rad/s]: carried along the flight, they shape the funnel together with a share of
+    `sizes` (`glider.verification.funnel.shape_flow`). None for `sizes` alone, the same
+    at all times. LAUNCH_SIZES makes an inlet that is wider in all but the elevator."""
 
     sizes_extra: float = 2.0
-    """Deviation that matters like these, of each of the effects' own states."""
+    """Deviation that counts as much, of each of the effects' own states."""
 
     step: float = 0.0045
     """Longest step between the times that are certified [s]."""
@@ -54,15 +54,14 @@ class FunnelSettings:
     """Margin by which V̇/V is to stay below zero on the boundary [1/s]."""
 
     remainder: float = 0.0
-    """Inflation: how many times the largest Taylor remainder that is found acts as a
-    disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
+    """Inflation: factor on the largest Taylor remainder that is found, which then acts
+    as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
     proven that the true one is no larger, at all times."""
 
     elevator_gain: float = 0.0
     """Largest gain on the elevator's own deviation [1/s] of a feedback that is made
-    with the funnel's shape, the steepest descent of V that the servo can follow
-    (`glider.verification.funnel.feedback`); 0 for the policy's own feedback. 40 is
-    slow enough for commands that are held for 20 ms."""
+    with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
+    policy's own feedback. 40 is slow enough for commands held for 20 ms."""
 
     def __post_init__(self):
         """Raises InputError where a setting is out of range."""
@@ -105,3 +104,48 @@ class FunnelSettings:
 
 def _is_positive(value: float) -> bool:
     return 0.0 < value < math.inf
+
+
+ROOM = 1e-6
+"""Room that is left of each of the hook's limits [m, m/s, rad]: how far it takes a
+glider is compared in floating point."""
+
+_X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
+
+
+def hook_goal(
+    axes: tuple[float, ...], end: np.ndarray, problem: PerchingProblem
+) -> tuple[float, ...]:
+    """Returns the half-axes (7,) of the goal that fills what the problem's hook takes.
+
+    The largest distance, speed and pitch in an ellipsoid with axes along the states are
+    at most those of its center and the longest of their half-axes together.
+
+    Args:
+        axes: (7,) half-axes, in the order of STATE_NAMES, of which those of what the
+            hook does not ask for are kept: of the elevator and the pitch's rate.
+        end: (7 or more) state at the nominal's end.
+        problem: whose hook and wire.
+
+    Raises:
+        InputError: the hook does not take the nominal's end itself.
+    """
+    hook = problem.hook
+    low, high = hook.pitch_limits
+    pitch, place = float(end[_PITCH]), [_X, _Z]
+    miss = float(np.linalg.norm(end[place] - problem.wire))
+    speed = float(np.linalg.norm(end[VELOCITY]))
+    room = {
+        "distance from the wire": (miss, hook.reach - miss, place),
+        "speed": (speed, hook.speed_limit - speed, VELOCITY),
+        "pitch": (pitch, min(pitch - low, high - pitch), [_PITCH]),
+    }
+    goal = np.array(axes, dtype=float)
+    for name, (value, left, of) in room.items():
+        if left <= ROOM:
+            raise InputError(
+                f"The flight ends with a {name} of {value:.4g}, which the hook does "
+                "not take: a plan is needed that ends within its limits."
+            )
+        goal[of] = left - ROOM
+    return tuple(map(float, goal))

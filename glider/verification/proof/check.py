@@ -1,18 +1,20 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
-`purpose`: the funnel is one of the problem and the glider that are meant.
+`purpose`: the funnel is one of the intended problem and glider.
 `glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
-`gliders_check`: of a set of gliders, that each has room about its own center.
-`exact_check`: V falls on the boundary at each time, in whole numbers. Then, in floating
-point: no remainder larger than β_k is seen, and V falls between the times too. Proof of
-both, and in continuous time, is for `flight_proof`. What follows from it all is a
-theorem in `glider.verification.proof`.
+`gliders_faults`: each glider of its set has margin about its own center.
+`exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
+floating point: no remainder larger than β_k is seen, and V falls between the times too.
+Both are proven, in continuous time, by `flight_proof`; the theorem is in
+`glider.verification.proof`.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
+import scipy.linalg
 from threadpoolctl import threadpool_limits
 
 from glider.physics.model import GliderModel
@@ -26,8 +28,12 @@ from glider.verification.funnel.remainder import (
     remainder_of,
     split_directions,
 )
-from glider.verification.proof.exact_check import exact_faults, proven_slack
-from glider.verification.proof.gliders_check import gliders_faults
+from glider.verification.funnel.servo_limits import bounds_about, goal_reach, room
+from glider.verification.proof.exact_check import (
+    GOAL_ROUNDING,
+    exact_faults,
+    proven_slack,
+)
 from glider.verification.proof.purpose import hook_faults, model_faults, problem_faults
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -207,3 +213,36 @@ def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.max(np.array(found) + around))
+
+
+def gliders_faults(funnel: Funnel) -> list[str]:
+    """Returns why a funnel cannot be of its set of gliders, a sentence each.
+
+    In floating point: at its times the servo does not meet its limits about any
+    glider's center, and the last set is in the goal about each.
+    """
+    if not funnel.gliders:
+        return []
+    faults = []
+    directions, bounds = bounds_about(funnel.nominal, funnel.gliders, shrink=1.0)
+    try:
+        reach = room(funnel.S, directions, bounds)
+        met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))
+        if np.any(met):
+            faults.append(
+                "The servo would meet its limits with gliders of the set, first at "
+                f"{funnel.nominal.times[np.argmax(met)]:.4f} s."
+            )
+        axes = funnel.settings.goal_axes(funnel.num_states)
+        largest = scipy.linalg.eigh(
+            np.diag(1.0 / axes**2), funnel.S[-1], eigvals_only=True
+        )[-1]
+        end = math.sqrt(largest) + goal_reach(axes, funnel.gliders)
+    except (np.linalg.LinAlgError, ValueError):
+        return ["The set is no ellipsoid somewhere."]
+    if not end <= 1.0 + GOAL_ROUNDING:
+        faults.append(
+            "The last set is not within the goal about every glider's center: it "
+            f"reaches {end:.4g} times as far."
+        )
+    return faults

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.error_dynamics import open_loop_rates
-from glider.verification.dynamics.nominal_path import nominal_between, nominal_path
+from glider.verification.dynamics.nominal import nominal_between, nominal_path
 from glider.verification.funnel.ascent import climb_sphere
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.forms import to_ball

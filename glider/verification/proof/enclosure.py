@@ -19,6 +19,7 @@ import dataclasses
 import numpy as np
 
 from glider.physics.model import GliderModel
+from glider.verification.dynamics.deviations import theta_at
 from glider.verification.dynamics.error_dynamics import (
     ORDER,
     expand_rates,
@@ -26,9 +27,8 @@ from glider.verification.dynamics.error_dynamics import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.gliders import theta_at
 from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.nominal_path import nominal_path
+from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.ascent import DIFFERENCE
 from glider.verification.funnel.funnel import Funnel

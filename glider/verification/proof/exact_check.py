@@ -17,7 +17,7 @@ import numpy as np
 
 from glider.verification.dynamics.error_dynamics import expand, table_of
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.limits import servo_bounds
+from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.sos.exact import (
     Exact,
     at_least,
@@ -36,8 +36,7 @@ from glider.verification.sos.exact_forms import (
     substituted,
 )
 from glider.verification.sos.forms import to_ball
-from glider.verification.sos.grams import represent
-from glider.verification.sos.sphere import sphere
+from glider.verification.sos.sphere import represent, sphere
 
 SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; what is left of it is for rounding."""

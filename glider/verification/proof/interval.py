@@ -18,7 +18,7 @@ from glider.verification.dynamics.error_dynamics import (
     nonlinear_parts,
     table_of,
 )
-from glider.verification.dynamics.nominal_path import nominal_slopes
+from glider.verification.dynamics.nominal import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_gliders import servo_reach
 from glider.verification.sos.exact import Exact, at_least, exact

@@ -31,8 +31,13 @@ from glider.verification.sos.exact_forms import (
 )
 from glider.verification.sos.exact_time import InTime
 from glider.verification.sos.forms import to_ball
-from glider.verification.sos.grams import nearby_gram, represent, represent_rest
-from glider.verification.sos.sphere import Sphere, sphere
+from glider.verification.sos.sphere import (
+    Sphere,
+    nearby_gram,
+    represent,
+    represent_rest,
+    sphere,
+)
 
 GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least

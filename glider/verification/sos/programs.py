@@ -4,15 +4,21 @@ A least λ such that λᵀ r(z) - p(z) is a sum of squares on the sphere is foun
 problem of moments, its dual: with m the moments of z up to degree 4,
     maximize  pᵀ m   subject to   rows m = targets,  E[b bᵀ](m) ⪰ 0,
 whose multipliers are λ and the Gram matrix. That has 294 unknowns instead of 658 and
-takes two thirds of the time. The programs are plain functions of arrays that return
-whether the solver succeeded first, so that they can run in another process.
+takes two thirds of the time.
+
+A semidefinite solver can abort its whole process (Clarabel on a hard program, CSDP in
+Drake's SolveInParallel). So programs are functions of arrays that run in processes of
+their own, and the caller gets a SolverError.
 """
 
 import dataclasses
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import numpy as np
+from joblib.externals.loky import ProcessPoolExecutor
 from pydrake.solvers import (
     ClarabelSolver,
     MathematicalProgram,
@@ -20,7 +26,6 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
-from glider.verification.sos.solving import solve_apart
 from glider.verification.sos.sphere import sphere
 
 SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
@@ -137,3 +142,47 @@ def largest_margin(
     rows = sphere(n).constant[None, :]
     solved = solve_moments(-coefficients, rows, np.ones(1), n, solver)
     return solved.success, -float(solved.multipliers[0]), solved.gram
+
+
+WORKERS = 2
+"""Number of processes. Each imports Drake's solvers once, which takes half a second."""
+
+_ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "RAYON_NUM_THREADS": "1",
+}
+
+
+class SolverError(RuntimeError):
+    """No solver succeeded, or its process died."""
+
+
+def solve_apart(
+    function: Callable, tasks: Sequence[tuple], workers: int = WORKERS
+) -> list[Any]:
+    """Returns [function(*task) for task in tasks], computed in other processes.
+
+    Args:
+        function: importable by name, or one that cloudpickle takes.
+        tasks: arguments; arrays and plain objects.
+        workers: processes, kept for the next call.
+
+    Raises:
+        SolverError: a process died.
+    """
+    executor = _pool(workers)
+    futures = [executor.submit(function, *task) for task in tasks]
+    try:
+        return [future.result() for future in futures]
+    except BrokenProcessPool as error:
+        _pool.cache_clear()
+        executor.shutdown(wait=False, kill_workers=True)
+        first = str(error).strip().splitlines()[0] if str(error).strip() else ""
+        raise SolverError(f"A solver's process died: {first}") from None
+
+
+@functools.cache
+def _pool(workers: int) -> ProcessPoolExecutor:
+    """Returns processes of our own: joblib takes loky's shared ones for its own."""
+    return ProcessPoolExecutor(max_workers=workers, env=_ONE_THREAD, timeout=60)

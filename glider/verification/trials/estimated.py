@@ -24,7 +24,7 @@ from glider.planning.problem import Hook
 from glider.simulation.fly import AFTER
 from glider.simulation.miss import closest_pass
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.flights import draw_inside, funnel_policy
+from glider.verification.trials.funnel_flights import draw_inside, funnel_policy
 
 NOISES = (0.0001, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02)
 """Standard deviations of a measured position [m]; angles in proportion."""

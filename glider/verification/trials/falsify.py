@@ -1,6 +1,10 @@
-"""The attempt to falsify a funnel: flights of the true dynamics from its boundary.
+"""The attempt to falsify a funnel: flights of the full dynamics from its boundary.
 
-Flights that escape are counted, never dropped.
+Flights start from random points of the boundary, then near the worst of them. For a
+confidence set, gliders are drawn too and climb along the boundary of their set; at last
+its worst corner is flown, to first order from the worst flight. For a funnel that was
+made for such a set, V of each glider is about its own center. Flights that escape are
+counted, never dropped.
 """
 
 import dataclasses
@@ -10,25 +14,37 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.deviations import glider_at, physical
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.sphere import normalized
-from glider.verification.trials.flights import boundary_states, fly_from
+from glider.verification.trials.funnel_flights import boundary_states, fly_from
 
 ESCAPE_LEVEL = 1.005
-"""Level V that a flight passes which has left the funnel. Flights start at 1, and those
-that stay come to 1 + 1e-6 by rounding and integration."""
+"""Level V that only flights which have left the funnel exceed. They start at 1, and
+those that stay reach 1 + 1e-6 by rounding and integration."""
 
 START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 """Times when flights start, as shares of the funnel's duration."""
 
 CLIMB_ROUNDS = 6
-"""Rounds of ascent along the boundary."""
+"""Rounds of ascent along the boundary, each with a fifth as many flights."""
 
 CLIMB_WIDTH = 0.3
 """Length by which the first round strays from the worst points, on the unit sphere."""
 
 CLIMB_NARROWING = 0.6
 """Factor on that length from a round to the next."""
+
+GLIDERS = 24
+"""Gliders drawn at each start time, besides the set's corners: half of them within the
+set and half on its boundary."""
+
+CLIMBERS = 8
+"""Gliders that fly in each round of the climb."""
+
+NUDGE = 0.05
+"""Step towards the set's boundary by which its worst corner is looked for."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,8 +66,8 @@ class Falsification:
     states: np.ndarray
     """States (B, n) where they started."""
 
-    deviations: np.ndarray | None = None
-    """Deviations δ (B, m) of the gliders that flew; None where it was the same."""
+    deviations: np.ndarray
+    """Deviations δ (B, m) of the gliders that flew; m is 0 where it was the same."""
 
     @property
     def samples(self) -> int:
@@ -85,36 +101,169 @@ def falsify_funnel(
         funnel: to falsify.
         samples: flights from random points, divided among the start times.
         rng: draws the points.
-        model: the glider that flies; the funnel's own if None. One with states that
-            the funnel does not know starts with them at rest.
+        model: the glider that flies; the funnel's own if None. States that the funnel
+            lacks start at rest.
         shares: of the duration: when flights start.
-        climb: whether to look for worse points near the worst, CLIMB_ROUNDS times with
-            a fifth as many flights.
+        climb: whether to look for worse points near the worst.
         progress: called with the share that is done.
     """
     if samples < len(shares):
-        raise InputError(f"{samples} flights are too few; {len(shares)} are needed.")
-    last = len(funnel.nominal.times) - 1
-    n = funnel.num_states
-    found: list[tuple] = []
+        raise InputError(f"{samples} flights; expected at least {len(shares)}.")
+    trial = _Trial(funnel, rng, model)
     for number, share in enumerate(shares):
-        k = min(round(share * last), last - 1)
         count = samples // len(shares) + (number < samples % len(shares))
-        points = normalized(rng.normal(size=(count, n)))
-        worst = _fly(funnel, k, points, model, found)
-        width = CLIMB_WIDTH
-        for _ in range(CLIMB_ROUNDS if climb else 0):
-            best = np.argsort(-worst)[: max(1, count // 25)]
-            points = strayed(points[best], width, rng)
-            worst = _fly(funnel, k, points, model, found)
-            width *= CLIMB_NARROWING
+        trial.fly_at(share, count, climb)
         if progress:
             progress((number + 1) / len(shares))
-    columns = (np.concatenate(c) for c in zip(*found, strict=True))
-    starts, levels, later, ends, states = columns
-    return Falsification(
-        starts=starts, levels=levels, later=later, ends=ends, states=states
-    )
+    return trial.outcome()
+
+
+def falsify_set(
+    funnel: Funnel,
+    confidence: ConfidenceSet,
+    samples: int,
+    rng: np.random.Generator,
+    *,
+    shares: Sequence[float] = START_SHARES,
+    climb: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> Falsification:
+    """Flies gliders of a set from the boundary, then climbs from the worst of them.
+
+    Args:
+        funnel: to falsify.
+        confidence: set of the deviations from the funnel's glider.
+        samples: flights from random points, divided among start times and gliders; at
+            least one each. The climb adds half as many again and more.
+        rng: draws points and gliders.
+        shares: of the duration: when flights start.
+        climb: whether to look for worse ones near the worst.
+        progress: called with the share that is done.
+
+    Raises:
+        InputError: the funnel is of gliders that deviate in other numbers.
+    """
+    if funnel.gliders and funnel.gliders.confidence.names != confidence.names:
+        raise InputError(
+            "The funnel is of gliders that deviate in "
+            f"{', '.join(funnel.gliders.confidence.names)}; those to fly deviate in "
+            f"{', '.join(confidence.names) or 'nothing'}."
+        )
+    trial = _Trial(funnel, rng, confidence=confidence)
+    for number, share in enumerate(shares):
+        trial.fly_at(share, max(1, samples // len(shares)), climb)
+        if progress:
+            progress((number + 1) / len(shares))
+    return trial.outcome()
+
+
+class _Trial:
+    """Flights from the boundary, of one glider or of those of a set."""
+
+    def __init__(
+        self,
+        funnel: Funnel,
+        rng: np.random.Generator,
+        model: GliderModel | None = None,
+        confidence: ConfidenceSet | None = None,
+    ):
+        """Has flown nothing yet."""
+        self._funnel, self._rng = funnel, rng
+        self._model, self._confidence = model, confidence
+        self._found: list[tuple[np.ndarray, ...]] = []
+
+    def fly_at(self, share, count, climb):
+        """Flies from one time: random points first, then near the worst."""
+        last = len(self._funnel.nominal.times) - 1
+        k = min(round(share * last), last - 1)
+        worst = self._fly_all(k, self._draw(count))
+        width, kept = CLIMB_WIDTH, max(1, count // 25)
+        for _ in range(CLIMB_ROUNDS if climb else 0):
+            worst = self._fly_all(k, self._stray(worst, kept, width))
+            width *= CLIMB_NARROWING
+        if climb and self._confidence:
+            self._fly_corner(k, worst, kept, width)
+
+    def outcome(self) -> Falsification:
+        """Returns all that was flown."""
+        names = [field.name for field in dataclasses.fields(Falsification)]
+        columns = map(np.concatenate, zip(*self._found, strict=True))
+        return Falsification(**dict(zip(names, columns, strict=True)))
+
+    def _draw(self, count):
+        """Returns gliders, and random points for each: [(δ, points)]."""
+        rng, allowed, n = self._rng, self._confidence, self._funnel.num_states
+        if allowed is None:
+            return [(np.empty(0), normalized(rng.normal(size=(count, n))))]
+        half = GLIDERS // 2
+        inside = allowed.draw(half, rng)
+        at_edge = allowed.on_boundary(rng.normal(size=(half, allowed.dimension)))
+        gliders = np.concatenate([allowed.corners(), inside, at_edge])
+        parts = np.array_split(np.arange(count), len(gliders))
+        return [
+            (glider, normalized(rng.normal(size=(len(part), n))))
+            for glider, part in zip(gliders, parts, strict=True)
+        ]
+
+    def _stray(self, before, kept, width):
+        """Returns points near the worst, and gliders near theirs."""
+        values, points, gliders = before
+        best, rng = np.argsort(-values)[:kept], self._rng
+        allowed = self._confidence
+        if allowed is None:
+            return [(gliders[0], strayed(points[best], width, rng))]
+        flights = []
+        for first in range(min(CLIMBERS, len(best))):
+            group = best[first::CLIMBERS]
+            w = np.linalg.pinv(allowed.factor) @ gliders[group[0]]
+            w = w / max(np.linalg.norm(w), 1e-300)
+            glider = allowed.on_boundary(w + width * rng.normal(size=w.shape))
+            flights.append((glider, strayed(points[group], width, rng)))
+        return flights
+
+    def _fly_corner(self, k, before, kept, width):
+        """Flies the worst corner of the set, to first order from the worst flight."""
+        values, points, gliders = before
+        best = np.argsort(-values)[:kept]
+        allowed, worst = self._confidence, best[0]
+        if not allowed.dimension or not np.isfinite(values[worst]):
+            return
+        shrunk, start = (1.0 - NUDGE) * gliders[worst], points[worst][None]
+        around = [self._fly(k, shrunk + NUDGE * a, start)[0] for a in allowed.factor.T]
+        slope = np.array(around)[:, 0] - self._fly(k, shrunk, start)[0]
+        if allowed.shape == "box":
+            slope = np.sign(slope)
+        points = strayed(points[best], width, self._rng)
+        self._fly_all(k, [(allowed.on_boundary(slope), points)])
+
+    def _fly_all(self, k, flights):
+        """Flies gliders from points each; returns what to climb, points, gliders."""
+        found = [(*self._fly(k, glider, points), points) for glider, points in flights]
+        values, flown, points = zip(*found, strict=True)
+        gliders = [np.tile(d, (len(p), 1)) for d, p in zip(flown, points, strict=True)]
+        return np.concatenate(values), np.concatenate(points), np.concatenate(gliders)
+
+    def _fly(self, k, deviation, points):
+        """Flies a glider from points of the boundary; returns what to climb, and δ."""
+        funnel, glider = self._funnel, self._model
+        own = None
+        if self._confidence:
+            estimate, names = funnel.nominal.model, self._confidence.names
+            own = deviation = physical(estimate, names, deviation)
+            glider = glider_at(estimate, names, deviation)
+        if not len(points):
+            return np.empty(0), deviation
+        states = boundary_states(funnel, k, points, own)
+        levels, _ = fly_from(funnel, k, states, glider, own)
+        levels = np.where(np.isfinite(levels), levels, np.inf)
+        time = np.full(len(points), funnel.nominal.times[k])
+        # A flight starts at 1: what counts is how close it comes again, or goes beyond.
+        later = levels[:, 1:].max(axis=1)
+        flown = np.tile(deviation, (len(points), 1))
+        self._found.append(
+            (time, levels.max(axis=1), later, levels[:, -1], states, flown)
+        )
+        return later, deviation
 
 
 def strayed(points: np.ndarray, width: float, rng: np.random.Generator) -> np.ndarray:
@@ -122,15 +271,3 @@ def strayed(points: np.ndarray, width: float, rng: np.random.Generator) -> np.nd
     n = points.shape[1]
     noise = rng.normal(size=(5 * len(points), n)) / np.sqrt(n)
     return normalized(np.repeat(points, 5, axis=0) + width * noise)
-
-
-def _fly(funnel, k, points, model, found):
-    """Flies from points of the boundary and notes it; returns what to climb, (B,)."""
-    states = boundary_states(funnel, k, points)
-    levels, _ = fly_from(funnel, k, states, model)
-    levels = np.where(np.isfinite(levels), levels, np.inf)
-    time = np.full(len(points), funnel.nominal.times[k])
-    later = levels[:, 1:].max(axis=1)
-    found.append((time, levels.max(axis=1), later, levels[:, -1], states))
-    # A flight starts at 1: what counts is how close it comes again, or goes beyond.
-    return later

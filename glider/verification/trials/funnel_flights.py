@@ -10,7 +10,7 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.simulation.fly import fly
-from glider.verification.dynamics.nominal_path import nominal_slopes
+from glider.verification.dynamics.nominal import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized

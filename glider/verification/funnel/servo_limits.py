@@ -1,9 +1,15 @@
-"""The limits of the servo, as bounds on the deviation: |aᵀ e| <= b.
+"""The servo's limits as bounds |aᵀ e| <= b on deviations; a feedback within them.
 
-The servo does exactly what it is told (`glider.physics.servo`) while the command
-u = u₀ - K e and the elevator φ = φ₀ + e_φ keep
+The servo follows its command (`glider.physics.servo`) while u = u₀ - K e and the
+elevator's angle φ = φ₀ + e_φ keep
     |u| <= rate limit  and  low <= φ + τ u <= high,  τ the stopping time.
 Inside the funnel both hold, so that its dynamics need no saturation.
+
+The feedback is the steepest descent of V that the servo can follow. V̇ has the part
+2 eᵀ S B (u - u₀), B = ∂f/∂u; it is least where the command is as large as it may be and
+against Bᵀ S e, and the linear feedback along that,
+    u = u₀ - κ Bᵀ S e,  κ √(Bᵀ S B) = a share of the rate that u₀ leaves,
+nowhere meets the limit on eᵀ S e <= 1, however wide the set.
 """
 
 from collections.abc import Callable
@@ -13,6 +19,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
+from glider.verification.dynamics.error_dynamics import expand_rates
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 
@@ -131,3 +138,29 @@ def room(S: np.ndarray, directions: np.ndarray, bounds: np.ndarray) -> np.ndarra
     """
     reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(S), directions)
     return np.min(bounds**2 / reach, axis=1)
+
+
+SHARE = 0.97
+"""Share of the servo's rate that the feedback takes on the boundary: the set changes
+until the gains are used, one time earlier."""
+
+
+def command_slopes(nominal: Nominal) -> np.ndarray:
+    """Returns B = ∂f/∂u (T, n) along a flight."""
+    return expand_rates(nominal)[:, :, 1 + nominal.states.shape[1]]
+
+
+def steepest_gains(
+    S: np.ndarray, slopes: np.ndarray, rate: float, largest: float
+) -> np.ndarray:
+    """Returns the gains K (n,) along Bᵀ S that the servo can follow on the set.
+
+    Args:
+        S: (n, n) of the set.
+        slopes: (n,) B.
+        rate: what the nominal's command leaves of the servo's rate [rad/s].
+        largest: gain on the elevator's own deviation that is not exceeded [1/s].
+    """
+    along = slopes @ S
+    reach = np.sqrt(along @ slopes)
+    return min(SHARE * rate / reach, largest / abs(along[ELEVATOR])) * along
