@@ -30,8 +30,7 @@ from glider.experiments.proposal import Proposal, next_throw
 from glider.experiments.throws import fly_throw
 from glider.physics.effects import COMMAND_DELAY, SERVO_LAG
 from glider.physics.model import GliderModel
-from glider.report.next_throw import draw_proposal
-from glider.report.next_throw_words import sentences
+from glider.report.next_throw import draw_proposal, sentences
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 
 LATE = 0.002

@@ -1,17 +1,16 @@
-"""The command `next-throw`: which throws tell the explanations of a campaign apart."""
+"""The command `next-throw`: throws that distinguish a campaign's explanations."""
 
 import argparse
-import json
 from pathlib import Path
 
 from glider.commands.parsing import Commands, add_command, check_seed, output_folder
 from glider.errors import InputError
 
 _DESCRIPTION = """\
-Proposes the next throws of a campaign: launches and elevator commands that best tell
-apart the explanations that its flights leave, then tighten the coefficients that move
-where a flight ends. It says what it expects of them, how many throws of the present
-kind would do the same, and when nothing more is to be learned.
+Proposes the next throws of a campaign: launches and elevator commands that best
+distinguish the explanations that its flights leave, then tighten the coefficients that
+move the end of a flight. It reports what to expect of them, how many throws of the
+present kind would achieve the same, and when nothing more is to be learned.
 """
 
 _EPILOG = """\
@@ -20,14 +19,14 @@ Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has 
   launch_height: [0.0, 0.4]   # m; launch_speed [m/s], launch_climb, launch_pitch [rad]
   z: [-0.8, 1.5]              # m, floor and ceiling; x [m], pitch [rad]
   speed: 9.0                  # m/s at most; elevator [rad], elevator_rate [rad/s]
-  missed_speed: 0.2           # how well a launch is met; missed_height, missed_pitch
+  missed_speed: 0.2           # m/s, launch error (2σ); missed_height, missed_pitch
 
 With --funnel they also keep inside the sets of a funnel of the campaign's vehicle, by
-every explanation and where the launch is missed, until their tape ends: then, and at
-any moment before, the funnel's feedback may take over. Open limits of the launch are
-then the funnel's. That its certificate holds is checked first, exactly at each of its
-times (seconds), as check-funnel does; that no flight leaves it is not proven here:
-check-funnel FILE.npz --prove does that (minutes).
+every explanation and with launch errors, until their tape ends: then, and at any moment
+before, the funnel's feedback may take over. Open limits of the launch are then the
+funnel's. Its certificate is checked first, exactly at each of its times (seconds), as
+by check-funnel; that no flight leaves it is not proven here: check-funnel FILE.npz
+--prove does that (minutes).
 
 examples:
   python -m glider close-the-loop throws --out out/throws
@@ -45,7 +44,7 @@ def add(commands: Commands) -> None:
         commands,
         "next-throw",
         run,
-        help="which throws tell the explanations of a campaign apart",
+        help="propose throws that distinguish a campaign's explanations",
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )
@@ -91,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     check_seed(args.seed)
     if args.launches < 1:
-        raise InputError(f"--launches is {args.launches}; at least 1 is needed.")
+        raise InputError(f"--launches is {args.launches}; expected at least 1.")
     folder = output_folder(args.out, args.campaign, "next_throw")
 
     from rich.console import Console
@@ -130,11 +129,12 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed,
             progress=follow,
         )
+        from glider.files.schema import json_text
         from glider.report.next_throw import print_proposal, to_json, write_proposal
 
         write_proposal(proposal, folder)
     if args.json:
-        print(json.dumps(to_json(proposal), indent=2))
+        print(json_text(to_json(proposal)))
     else:
         print_proposal(proposal, folder, Console())
         print(f"Picture: {folder / 'next_throw.png'}")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.experiments.findings import Findings
-from glider.experiments.shapes import choice_of_shapes
-from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.candidates import gather, tamed
+from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
+from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.model_fit import (
     FitResult,
     beforehand,
@@ -25,13 +25,13 @@ from glider.sysid.search.sets_in_models import begin
 from glider.sysid.search.subsets import Members, Scorer
 
 MOST = 5
-"""Explanations that are weighed at most."""
+"""Largest number of explanations."""
 
 LEAST = 1e-4
-"""Probability below which an explanation is left out."""
+"""Probability below which an explanation is omitted."""
 
 UNKNOWN = 0.02
-"""Probability beforehand that what the flights show is nothing of the library's."""
+"""Prior probability that the flights show an effect that the library lacks."""
 
 _NEAR = 8.0
 """Loss of evidence, to first order, up to which a set is fitted in full [nats]."""
@@ -43,11 +43,11 @@ class Explanation:
 
     Attributes:
         model: fitted to all flights.
-        log_evidence: log marginal likelihood by Laplace's method, with what the
-            effects are worth beforehand, up to a constant of the campaign [nats].
-        probability: that it is the right one; all together are less than 1, for none
-            of them may be.
-        precision: (m, m) inverse covariance of its free numbers, after the flights.
+        log_evidence: log marginal likelihood by Laplace's method, with the prior of its
+            effects, up to a constant of the campaign [nats].
+        probability: that it is the right one; their sum is below 1, as none of them
+            may be.
+        precision: (m, m) inverse covariance of its free parameters, after the flights.
     """
 
     model: FitResult
@@ -57,29 +57,29 @@ class Explanation:
 
     @property
     def name(self) -> str:
-        """Its effects in a word."""
+        """Its effects, joined."""
         return " + ".join(self.model.kinds) or "plate alone"
 
 
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
     """Fits the sets of effects that the flights may be explained by, best first.
 
-    The chosen set; what differs from it by one effect and is nearly as good, as the
-    flights that are linear about it say in closed form; and what the analysis fitted
-    or named a rival. Beforehand each kind of the library is as probable as the next.
+    The chosen set; sets that differ from it by one effect and are nearly as good, by
+    closed forms for flights linear about it; and the sets and rivals of the analysis.
+    A priori each kind of the library is as probable as the next.
 
     Args:
         task: all the flights.
         noise: of the sensors.
         findings: of the analysis.
     """
-    price = float(np.log(len(task.kinds)))
+    penalty = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
     evidence, variants = candidates.evidence(
         candidates.grams(chosen.scales).sum(axis=0)
     )
-    score = Scorer(evidence, variants, lambda kind: price)
+    score = Scorer(evidence, variants, lambda kind: penalty)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
@@ -100,8 +100,8 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         start = begin(candidates, score.evidence, members, chosen.scales)
         models.append(fit_model(task, start, iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
-    weighed = [_weigh(task, m, price) for m in acting or [chosen]]
-    # What was not fitted counts by its closed form, against the chosen set's.
+    weighed = [_weigh(task, m, penalty) for m in acting or [chosen]]
+    # Sets that were not fitted count by their closed form, against the chosen set's.
     fitted = {kinds for kinds, _ in ranked}
     left = [value for kinds, (value, _) in near.items() if kinds not in fitted]
     every = np.array(
@@ -111,16 +111,16 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     shares = np.exp(every - every.max())
     listed = float(shares[: len(weighed)].sum() / shares.sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
-    return with_probabilities(_in_one_air(task, weighed, price), missing)
+    return with_probabilities(_in_one_air(task, weighed, penalty), missing)
 
 
 def with_probabilities(
     weighed: Sequence[Explanation], missing: float = 0.0
 ) -> tuple[Explanation, ...]:
-    """Returns explanations with their probabilities, best first, hopeless ones out.
+    """Explanations with their probabilities, best first, without hopeless ones.
 
     Args:
-        weighed: by their evidence.
+        weighed: with their evidence.
         missing: probability that none of them is right.
     """
     top = max(e.log_evidence for e in weighed)
@@ -133,12 +133,12 @@ def with_probabilities(
 
 
 def _in_one_air(
-    task: Task, weighed: Sequence[Explanation], price: float
+    task: Task, weighed: Sequence[Explanation], penalty: float
 ) -> list[Explanation]:
-    """Returns explanations fitted and weighed again with the same scales for all.
+    """Fits and weighs explanations again with the same scales for all.
 
-    The air and the sensors are what they are, whichever explanation is right. Scales
-    that each fits to a few flights tell them apart by more than the flights do.
+    Air and sensors do not depend on which explanation is right. Scales fitted to a few
+    flights each would distinguish them by more than the flights do.
     """
     logs = np.array([e.model.scales.logs for e in weighed])
     shares = np.array([e.log_evidence for e in weighed])
@@ -148,12 +148,12 @@ def _in_one_air(
     for explanation in weighed:
         model = dataclasses.replace(explanation.model, scales=scales)
         fitted = fit_model(task, model, iterations=3, free_scales=())
-        found.append(_weigh(task, fitted, price))
+        found.append(_weigh(task, fitted, penalty))
     return found
 
 
 def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
-    """Returns the analysis' own model, fitted to all flights."""
+    """The model of the analysis, fitted to all flights."""
     start = start_of(task, noise, with_curves=False)
     theta = theta_of(findings.model)
     kinds = tuple(k for k in findings.kinds if k in task.kinds)
@@ -168,10 +168,10 @@ def _chosen(task: Task, noise: Noise, findings: Findings) -> FitResult:
 
 
 def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
-    """Returns the set with lags and delays in the place of one another.
+    """The set with lags and delays in the place of one another.
 
-    Their columns are secants to where they are tried, five milliseconds and more: what
-    the flights say in closed form of a smaller one is far off.
+    Their columns are secants to where they are tried, five milliseconds and more: the
+    closed form is far off for a smaller one.
     """
     clocks = [
         name
@@ -188,7 +188,7 @@ def _clocks_swapped(task: Task, model: FitResult) -> list[frozenset[str]]:
 
 
 def _is_idle(task: Task, model: FitResult) -> bool:
-    """Whether an effect came out as nothing: the set without it says the same."""
+    """Checks whether an effect vanished: the set without it is identical."""
     for kind in model.kinds:
         slots = list(task.layout.slots_of(kind))
         moved = np.abs(model.theta - task.vehicle.theta)[slots]
@@ -198,7 +198,7 @@ def _is_idle(task: Task, model: FitResult) -> bool:
 
 
 def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Members]:
-    """Returns the sets by the best variant of each member, the others kept."""
+    """Sets with the best variant of each member, given the others."""
     found = []
     for kinds in sets:
         if not kinds <= set(score.variants):
@@ -214,8 +214,8 @@ def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Member
     return found
 
 
-def _weigh(task: Task, model: FitResult, price: float) -> Explanation:
-    """Returns a model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
+def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
+    """A model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     directions = slopes(task.layout, model.theta, model.free)
     grams = grams_of(linear_flights(task, model, directions), model.scales)
     _, _, prior = beforehand(task, model, model.free)
@@ -225,7 +225,70 @@ def _weigh(task: Task, model: FitResult, price: float) -> Explanation:
     evidence += choice_of_shapes(task, model)
     return Explanation(
         model=model,
-        log_evidence=evidence - price * len(model.kinds),
+        log_evidence=evidence - penalty * len(model.kinds),
         probability=np.nan,
         precision=precision,
     )
+
+
+def choice_of_shapes(task: Task, model: FitResult) -> float:
+    """Evidence that a model loses for the choice of its effects' shapes [nats].
+
+    Where a shape is fitted, the best of many was chosen, and noise alone makes the best
+    of many good. Each of the library's starting shapes s is as probable as the next
+    a priori, and stands for those around it, so that an effect is worth
+        log mean_s exp E_s
+    of the evidence E_s with that shape, in closed form; around the fitted shape it is
+    that of the fit. An effect that shows well pays log(number of shapes), one that
+    barely does is worth the average of its shapes.
+    """
+    return sum(_choice(task, model, kind) for kind in model.kinds)
+
+
+def _choice(task: Task, model: FitResult, kind: str) -> float:
+    layout = task.layout
+    own = layout.slots_of(kind)
+    shapes = [i for i in own if task.is_shape(i)]
+    sizes = [i for i in own if i in model.free and i not in shapes]
+    if not shapes or not sizes:
+        return 0.0
+    beside = [i for i in model.free if i not in own]
+    starts = [
+        [d for d in columns if d.slot in sizes]
+        for columns in starts_of(layout, layout.kinds[kind], model.theta)
+    ]
+    directions = slopes(layout, model.theta, [*sizes, *beside])
+    directions += [d for columns in starts for d in columns]
+    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
+    gram = np.sum(grams_of(flights, model.scales), axis=0)
+
+    # The error of the model without the effect, the others fitted to it.
+    count, end = len(sizes), len(sizes) + len(beside)
+    mean, precision = task.priors([*sizes, *beside], model.theta)
+    restored = np.zeros(len(gram))
+    restored[:count] = model.theta[sizes] - mean[:count]
+    restored[-1] = 1.0
+    gram[:, -1] = gram @ restored
+    gram[-1, -1] = gram[:, -1] @ restored
+    gram[-1, :-1] = gram[:-1, -1]
+    change = mean[count:] - model.theta[beside]
+    variants = 1 + len(starts)
+    evidence = Evidence(
+        gram=eliminate(gram, range(count, end), precision[count:], change),
+        precision=np.tile(precision[:count], variants),
+        lower=np.tile(layout.lower[sizes] - mean[:count], variants),
+        upper=np.tile(layout.upper[sizes] - mean[:count], variants),
+    )
+    fitted, *others = (
+        evidence.log_marginal(range(k * count, (k + 1) * count))
+        for k in range(variants)
+    )
+    if not np.isfinite(fitted):
+        return 0.0
+    nearest = nearest_start(layout, starts, model.theta)
+    worth = np.exp(np.minimum(np.array(others) - fitted, 0.0))
+    worth[nearest] = 1.0  # Around the fitted shape.
+    columns = np.arange(end, end + len(worth) * count).reshape(-1, count)
+    sound = [wild.isdisjoint(own) for own in columns.tolist()]
+    sound[nearest] = True
+    return float(np.log(np.mean(worth[sound])))

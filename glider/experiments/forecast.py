@@ -1,12 +1,12 @@
-"""What throws will tell: futures of a campaign, before the throws are flown.
+"""Forecasts of what throws will show, before they are flown.
 
 A throw is flown by one explanation i without noise and filtered by every explanation k,
 as a log would be. With the scales that all share, the whitened innovations of k are
     e_k + X_i δ + ν - X_k δ_k,
-δ ~ N(0, A_i⁻¹) what the flights so far leave open of the true numbers, ν ~ N(0, 1) all
-noise: of the sensors, of the moving air and of what differs from flight to flight; and
-δ_k ~ N(0, A_k⁻¹) are refitted. So in a future (i, δ, ν) throws change the log-evidence
-of k by
+where δ ~ N(0, A_i⁻¹) is the error of the parameters after the flights so far,
+ν ~ N(0, 1) all noise (sensors, moving air, flight-to-flight variation), and
+δ_k ~ N(0, A_k⁻¹) is fitted again. So in a future (i, δ, ν) throws change the
+log-evidence of k by
     -½ min_δk (|e_k + X_i δ + ν - X_k δ_k|² + δ_k' A_k δ_k)
     -½ log |1 + A_k⁻¹ X_k' X_k|,
 which needs the squares of the columns alone, summed over throws. Drawn from the
@@ -35,15 +35,15 @@ from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.record import Record, prepare
 
 Grams = tuple[np.ndarray, ...]
-"""By the true explanation: squares of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""
+"""By the true explanation: products of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""
 
 DRAWN_FUTURES = 128
-"""Futures that are drawn of each explanation: in pairs, noise and numbers mirrored."""
+"""Futures drawn of each explanation, in mirrored pairs."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Foresight:
-    """Foresees throws under the explanations of a campaign.
+class Forecast:
+    """Predicts throws under the explanations of a campaign.
 
     Attributes:
         campaign: whose clocks count.
@@ -51,7 +51,7 @@ class Foresight:
         noise: of its sensors.
         explanations: the most probable first.
         place: where throws are flown.
-        maps: that smooth logs, by their times: kept from one call to the next.
+        maps: smoothing matrices by the times of a log, kept between calls.
     """
 
     campaign: Campaign
@@ -65,7 +65,7 @@ class Foresight:
 
     @functools.cached_property
     def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
-        """Numbers, field and directions of each explanation."""
+        """Parameters, field and directions of each explanation."""
         task = self.task
         return [
             (
@@ -78,13 +78,13 @@ class Foresight:
 
     @property
     def probabilities(self) -> np.ndarray:
-        """Of the explanations; together less than 1, none of them may be right."""
+        """Of the explanations; their sum is below 1, as none of them may be right."""
         return np.array([e.probability for e in self.explanations])
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
-        """Returns the records of throws by each explanation, one list a throw.
+        """Records of throws predicted by each explanation, one list a throw.
 
-        Throws of one duration share their smoothing.
+        Throws of the same duration share their smoothing.
         """
         count = len(self.explanations)
         flights = [(t, k, self._filters[k][0]) for t in throws for k in range(count)]
@@ -97,7 +97,7 @@ class Foresight:
     def _fly(
         self, flights: Sequence[tuple[Throw, int, np.ndarray]]
     ) -> list[Record | None]:
-        """Returns the records of throws by explanations with some numbers."""
+        """Records of throws by explanations with parameters; None if one diverges."""
         layout = self.task.layout
 
         def fly(one: tuple[Throw, int, np.ndarray]) -> Flight:
@@ -111,7 +111,7 @@ class Foresight:
         return [next(made) if ok else None for ok in finite]
 
     def safe(self, throws: Sequence[Throw], logs: Sequence[list[Record]]) -> list[bool]:
-        """Returns whether each throw keeps the limits by every explanation."""
+        """Checks that throws keep the limits by every explanation."""
         limits = self.place.limits
 
         def check(pair: tuple[Throw, list[Record]]) -> bool:
@@ -124,9 +124,9 @@ class Foresight:
         return in_parallel(check, zip(throws, logs, strict=True))
 
     def kept(self, throws: Sequence[Throw]) -> list[Kept]:
-        """Returns throws for as long as every explanation keeps inside the funnel.
+        """Cuts throws to how long every explanation keeps them inside the funnel.
 
-        Where none is known they are whole, at level 0.
+        Without a funnel they are whole, at level 0.
         """
         known = self.place.funnel
         if known is None:
@@ -138,8 +138,8 @@ class Foresight:
 
         return in_parallel(cut, throws)
 
-    def foreseen(self, throws: Sequence[Throw]) -> list[Grams | None]:
-        """Returns what throws will tell; None for those that leave the limits."""
+    def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
+        """Grams of throws; None for those that leave the limits."""
         logs = self.logs(throws)
         good = [k for k, safe in enumerate(self.safe(throws, logs)) if safe]
         found: list[Grams | None] = [None] * len(throws)
@@ -148,11 +148,11 @@ class Foresight:
         return found
 
     def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
-        """Returns what throws will tell, from their records by each explanation."""
+        """Grams of throws, from their records by each explanation."""
         return in_parallel(lambda own: tuple(map(self._gram, own)), logs)
 
     def _gram(self, record: Record) -> np.ndarray:
-        """Returns the squares of all columns of one record, (c, c)."""
+        """Products of all columns of one record, (c, c)."""
         scales = self.explanations[0].model.scales
         blocks = []
         for theta, field, directions in self._filters:
@@ -160,12 +160,12 @@ class Foresight:
             innovations = whitened.innovations
             blocks.append(innovations.reshape(-1, innovations.shape[2]))
         columns = np.hstack(blocks)
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             return columns.T @ columns
 
     @functools.cached_property
     def _columns(self) -> list[slice]:
-        """Columns X_k of each explanation; e_k is the next after them."""
+        """Columns X_k of each explanation; e_k comes next."""
         ends = np.cumsum([len(e.precision) + 1 for e in self.explanations])
         return [
             slice(int(end) - len(e.precision) - 1, int(end) - 1)
@@ -174,7 +174,7 @@ class Foresight:
 
     @functools.cached_property
     def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Draws of each explanation: numbers δ (M, m), and noise (M, c)."""
+        """Draws of each explanation: parameter errors δ (M, m), and noise (M, c)."""
         rng = np.random.default_rng(0)
         width = self._columns[-1].stop + 1
         found = []
@@ -188,7 +188,7 @@ class Foresight:
     def numbers(
         self, explanation: Explanation, rng: np.random.Generator, pairs: int
     ) -> np.ndarray:
-        """Draws departures δ of the true numbers from the fitted, (2 pairs, m)."""
+        """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
         precision, model = explanation.precision, explanation.model
         standard = rng.normal(size=(pairs, len(precision)))
         if not len(precision):
@@ -205,13 +205,13 @@ class Foresight:
         )
 
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Returns log(probability) of each explanation in futures, (M, n).
+        """Log-probability of each explanation in futures, (M, n), up to a constant.
 
-        Up to what all share; those of today where the columns are nothing.
+        Those of today where the columns are zero.
 
         Args:
-            gram: of the throws, by the explanation that is true.
-            moved: (M, c) products of all columns with what moves the log, X_i δ + ν.
+            gram: of the throws, flown by the true explanation.
+            moved: (M, c) products of all columns with the change of the log, X_i δ + ν.
         """
         found = np.empty((len(moved), len(self.explanations)))
         for k, (own, e) in enumerate(
@@ -219,22 +219,22 @@ class Foresight:
         ):
             error = own.stop
             loss = gram[error, error] + 2.0 * moved[:, error]
-            room = 0.0
+            volume = 0.0
             if len(e.precision):
                 known = gram[own, own] + e.precision
                 scale = 1.0 / np.sqrt(np.diag(known))
                 factor = np.linalg.cholesky(known * scale[:, None] * scale)
                 side = (gram[own, error] + moved[:, own]) * scale
                 loss = loss - np.sum(np.linalg.solve(factor, side.T) ** 2, axis=0)
-                room = 2.0 * float(np.sum(np.log(np.diag(factor) / scale)))
-                room -= float(np.linalg.slogdet(e.precision)[1])
-            found[:, k] = np.log(e.probability) - 0.5 * (loss + room)
+                volume = 2.0 * float(np.sum(np.log(np.diag(factor) / scale)))
+                volume -= float(np.linalg.slogdet(e.precision)[1])
+            found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
         return found
 
     def futures(self, grams: Grams) -> np.ndarray:
-        """Returns log-probabilities of the explanations in drawn futures, (n, M, n).
+        """Log-probabilities of the explanations in drawn futures, (n, M, n).
 
-        By the true explanation; those of the last axis are together 1.
+        By the true explanation; probabilities along the last axis sum to 1.
         """
         found = []
         for i, gram in enumerate(grams):
@@ -244,20 +244,20 @@ class Foresight:
         return np.array(found)
 
     def chance(self, futures: np.ndarray) -> float:
-        """Returns the probability that the best explanation will be the right one."""
+        """Probability that the best explanation will be the right one."""
         p = self.probabilities
         best = np.exp(futures.max(axis=2)).mean(axis=1)
-        # Explanations that are one to these throws leave the choice of today.
+        # Throws that do not distinguish explanations leave the choice of today.
         return float(max(p @ best, p.max()))
 
     def open(self, futures: np.ndarray) -> float:
-        """Returns what will still be open about the explanations, -E log p_i [nats]."""
+        """Uncertainty about the explanations that will remain, -E log p_i [nats]."""
         p = self.probabilities
         own = np.array([futures[i, :, i].mean() for i in range(len(p))])
         return float(-p @ own)
 
     def distances(self, futures: np.ndarray) -> np.ndarray:
-        """Returns expected log-evidence of a true i (row) against each k [nats]."""
+        """Expected log-evidence of a true i (row) against each k [nats]."""
         today = np.log(self.probabilities)
         gained = np.mean(futures, axis=1) - today
         return np.diag(gained)[:, None] - gained
@@ -265,18 +265,18 @@ class Foresight:
     def tried(
         self, throws: Sequence[Throw], rng: np.random.Generator, draws: int
     ) -> float:
-        """Returns the probability that the best explanation will be the right one.
+        """Probability that the best explanation will be the right one, by simulation.
 
-        By flights of gliders whose numbers are drawn, thrown as launches are missed:
-        nothing is linear in the truth, and it is counted who is right. How strong the
-        noises are is known from the flights so far alone, of which each is a sample of
-        what differs from flight to flight: with few, numbers and noise are drawn from
-        a Student distribution.
+        Gliders with drawn parameters fly from perturbed launches, so that nothing is
+        linear in the truth. The strength of the noise is known from the flights so far
+        alone, each a sample of the flight-to-flight variation: parameters and noise
+        are drawn from a Student distribution.
 
         Args:
             throws: all that are flown.
-            rng: draws numbers, launches and noise.
-            draws: gliders, the more probable the more; each is flown in several noises.
+            rng: draws parameters, launches and noise.
+            draws: gliders, in proportion to the probability of their explanation; each
+                is flown with several draws of noise.
         """
         p = self.probabilities
         counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
@@ -310,7 +310,7 @@ class Foresight:
             ]
             gram = np.sum(own, axis=0)
             if len(own) < len(throws) or not np.all(np.isfinite(gram)):
-                right[i].append(0.0)  # What cannot be foreseen is not promised.
+                right[i].append(0.0)  # Not promised where it diverges.
                 continue
             noise = strengths[d] * rng.normal(size=(_NOISES, len(gram)))
             odds = self.odds(gram, noise @ _root(gram))
@@ -318,11 +318,7 @@ class Foresight:
         return float(p @ [np.mean(r) for r in right])
 
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
-        """Returns the covariance of the best explanation's free numbers, then.
-
-        Args:
-            grams: of throws; None for today's.
-        """
+        """Covariance of the best explanation's free parameters, after throws if any."""
         precision = self.explanations[0].precision
         if grams is not None:
             own = self._columns[0]
@@ -334,14 +330,14 @@ class Foresight:
 
 
 _PER_FLIGHT = 2
-"""Degrees of freedom that a flight adds: a trim, and a pitch zero or a wind."""
+"""Degrees of freedom that a flight adds: a trim, and a pitch offset or a wind."""
 
 _NOISES = 8
-"""Noises that a drawn glider is flown in."""
+"""Draws of noise that a drawn glider is flown in."""
 
 
 def _root(gram: np.ndarray) -> np.ndarray:
-    """Returns R with R' R = gram, which has hardly full rank."""
+    """R with R' R = gram, which barely has full rank."""
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, vectors = np.linalg.eigh(gram / size[:, None] / size)
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
@@ -353,15 +349,15 @@ def _normalised(odds: np.ndarray) -> np.ndarray:
 
 
 def is_finite(grams: Grams) -> bool:
-    """Returns whether no explanation blew up on the way."""
+    """Checks that no explanation diverged."""
     return all(bool(np.all(np.isfinite(own))) for own in grams)
 
 
 def added(parts: Sequence[Grams]) -> Grams:
-    """Returns what several throws will tell together."""
+    """Grams of several throws together."""
     return tuple(np.sum(own, axis=0) for own in zip(*parts, strict=True))
 
 
 def times(grams: Grams, count: float) -> Grams:
-    """Returns what so many throws of one kind will tell."""
+    """Grams of so many throws of one kind."""
     return tuple(count * gram for gram in grams)

@@ -1,11 +1,10 @@
 """Throws inside a funnel: its nominal flight, and departures from it.
 
-A tape is flown open loop: what was missed at the launch grows, where the funnel's
-feedback would make it fall. A throw therefore ends where the first of its flights would
-leave the funnel's sets,
+A tape is flown open loop: a launch error grows, where the funnel's feedback would
+reduce it. A throw therefore ends where the first of its flights would leave the sets,
     V = (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1,
-and until then the feedback may take over at any moment: the certificate is of each
-state of the sets, however the flight came there.
+and until then the feedback may take over at any moment: the certificate holds for each
+state of the sets, however the flight got there.
 """
 
 import dataclasses
@@ -34,27 +33,27 @@ from glider.sysid.replay.signals import replayed_path
 from glider.sysid.replay.theta import Layout
 
 FUNNEL_GENES = GENES + 2
-"""Numbers that a throw in a funnel is made of: those of a throw, and how large the
-departures of its launch and of its elevator are."""
+"""Genes of a throw in a funnel: those of a throw, and the size of the departures of its
+launch and of its elevator."""
 
 SHORTEST = 0.1
-"""Duration below which a tape is none [s]: of a dozen rows at 120 Hz."""
+"""Least duration of a tape [s]: a dozen rows at 120 Hz."""
 
 _STEP = 0.002
-"""Longest time between two looks at V [s]. V of the shipped funnels grows by 10 1/s and
-takes 0.05 s for that: between two looks it bends by less than 0.001."""
+"""Longest time between two evaluations of V [s]. V of the shipped funnels grows by 10
+1/s within 0.05 s: in between it deviates from a line by less than 0.001."""
 
 _PITCHDOT = STATE_NAMES.index("pitchdot")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Kept:
-    """How a throw keeps inside a funnel.
+    """The part of a throw that keeps inside a funnel.
 
     Attributes:
-        throw: for as long as it does; None where that is less than SHORTEST.
-        level: largest V until it ends; until the shortest tape's end where there is
-            none, and then above 1.
+        throw: cut to that part; None where it is shorter than SHORTEST.
+        level: largest V until it ends; without a throw that until the end of the
+            shortest tape, above 1.
     """
 
     throw: Throw | None
@@ -62,7 +61,7 @@ class Kept:
 
 
 def draw_genes_in_funnel(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Draws the numbers of throws in a funnel, (count, FUNNEL_GENES).
+    """Draws genes of throws in a funnel, (count, FUNNEL_GENES).
 
     From the nominal flight to the largest departures.
     """
@@ -72,7 +71,7 @@ def draw_genes_in_funnel(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Throw:
-    """Returns the throw that some numbers mean, as long as the funnel.
+    """The throw that genes encode, as long as the funnel.
 
     Args:
         genes: (FUNNEL_GENES,) in 0 .. 1: height, speed, climb, pitch; angles beside the
@@ -106,7 +105,7 @@ def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Thro
 
 
 def shortest(place: Range) -> float:
-    """Returns the duration of the shortest tape, of whole commands [s]."""
+    """Duration of the shortest tape, in full commands [s]."""
     return float(np.ceil(SHORTEST * place.command_rate - 1e-9)) / place.command_rate
 
 
@@ -117,13 +116,13 @@ def keep(
     layout: Layout,
     models: Sequence[tuple[np.ndarray, Field]],
 ) -> Kept:
-    """Returns a throw for as long as it keeps inside a funnel, by every model.
+    """Cuts a throw to how long every model keeps it inside a funnel.
 
-    Also where the launch is missed, as the limits say how far.
+    Perturbed launches too, by the launch errors of the limits.
 
     Args:
-        throw: what is done.
-        place: where; its limits say how far a launch is missed.
+        throw: as long as the funnel.
+        place: with the limits.
         known: the funnel.
         layout: of the models.
         models: theta and residual field of each.
@@ -163,7 +162,7 @@ def levels(
     field: Field,
     times: np.ndarray,
 ) -> np.ndarray:
-    """Returns V of a throw at some times by one model, (launches, n)."""
+    """V of a throw at some times by one model, (launches, n)."""
     replay = layout.replay(theta)
     rest = float(throw.launch[ELEVATOR])
     here, middle = (
@@ -181,5 +180,5 @@ def levels(
         ]
     )[..., :NUM_STATES]
     flights[..., ELEVATOR] = here  # Flown as an offset from its path.
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         return known.funnel.level(times, flights)

@@ -1,4 +1,4 @@
-"""A funnel that throws keep inside: whether it is one, and one for a campaign."""
+"""A funnel that throws keep inside, checked, and of a campaign's vehicle."""
 
 import dataclasses
 from pathlib import Path
@@ -17,10 +17,10 @@ from glider.verification.proof.check import check_funnel
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class KnownFunnel:
-    """A funnel, where it comes from, and whether it was looked at.
+    """A funnel, its file, and whether its certificate was checked.
 
-    Its sets are those about its own nominal flight. Where it was made for a set of
-    gliders, these are the sets of the one in the middle.
+    Its sets are those about its nominal flight; where it was made for a set of gliders,
+    those of the central one.
 
     Attributes:
         funnel: of the states of STATE_NAMES alone, from 0 s on.
@@ -36,11 +36,6 @@ class KnownFunnel:
     def name(self) -> str:
         """What an error begins with."""
         return self.file or "the given funnel"
-
-    @property
-    def words(self) -> str:
-        """What it is called in a sentence."""
-        return f"the funnel of {self.file}" if self.file else "the given funnel"
 
     @property
     def proof(self) -> str:
@@ -73,7 +68,7 @@ class KnownFunnel:
 
     @property
     def launch_widths(self) -> np.ndarray:
-        """How far each of them alone may deviate in the first set, (4,)."""
+        """Largest deviation of each of them alone in the first set, (4,)."""
         shape, (_, speed, climb, _) = self.funnel.shape(0.0), self.launch
         along = np.array([np.cos(climb), np.sin(climb)])
         directions = np.zeros((4, NUM_STATES))
@@ -83,12 +78,9 @@ class KnownFunnel:
         return 1.0 / np.sqrt(np.einsum("ki,ij,kj->k", directions, shape, directions))
 
     def with_launch(self, given: ThrowLimits | None) -> ThrowLimits:
-        """Returns limits whose launch, where it is left open, is the first set's.
+        """Limits whose launch, where it is open, is that of the first set.
 
-        How others were launched says nothing of where the certificate holds.
-
-        Args:
-            given: limits that hold; None for none.
+        Where the certificate holds does not depend on how flights were launched.
         """
         given = given or ThrowLimits()
         own = np.stack(
@@ -107,14 +99,12 @@ _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 
 def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
-    """Returns a funnel and where it comes from, loaded where a path is given.
-
-    Whether its certificate holds is for `checked`.
+    """A funnel with its file, loaded where a path is given, not yet `checked`.
 
     Raises:
-        InputError: the file holds no funnel, or one that begins late, with states of
-            its glider's effects beside STATE_NAMES (other explanations do not have
-            them), or with sets that are none.
+        InputError: the file holds no funnel, or one that begins late, has states of
+            effects beside STATE_NAMES, which other explanations lack, or sets that are
+            no ellipsoids.
     """
     if isinstance(funnel, KnownFunnel):
         return funnel
@@ -126,13 +116,13 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     if known.funnel.num_states != NUM_STATES:
         more = ", ".join(nominal.state_names[NUM_STATES:])
         raise InputError(
-            f"{known.name}: its states are those of a glider and {more}; a funnel of a "
-            "glider's own states alone is needed, for not every explanation has more."
+            f"{known.name}: its states include {more}, which not every explanation "
+            f"has; expected a funnel of {', '.join(STATE_NAMES)} alone."
         )
     if nominal.times[0] != 0.0:
         raise InputError(
-            f"{known.name}: it begins at {nominal.times[0]:.3g} s; one from the "
-            "launch on, at 0 s, is needed."
+            f"{known.name}: it begins at {nominal.times[0]:.3g} s; expected one from "
+            "the launch, at 0 s."
         )
     looks = np.unique(np.linspace(nominal.times[:-1], nominal.times[1:], _LOOKS))
     least = np.linalg.eigvalsh(known.funnel.shape(looks)).min(axis=1)
@@ -140,21 +130,21 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     if len(bad):
         raise InputError(
             f"{known.name}: its S has the eigenvalue {least[bad[0]]:.3g} at "
-            f"{looks[bad[0]]:.3g} s, and its set there is no ellipsoid; a funnel with "
-            "a positive definite S at all times is needed."
+            f"{looks[bad[0]]:.3g} s, and its set there is no ellipsoid; expected a "
+            "positive definite S at all times."
         )
     return known
 
 
 _LOOKS = 5
-"""Looks at S from one of a funnel's times to the next."""
+"""Times at which S is checked, from one of a funnel's times to the next."""
 
 
 def checked(known: KnownFunnel) -> KnownFunnel:
-    """Returns a funnel whose certificate holds, as `check-funnel` says without --prove.
+    """A funnel whose certificate holds, checked as by `check-funnel` without --prove.
 
-    Exactly at all of its times, which takes some seconds: a file may say anything.
-    Between them, and of the full dynamics, it looks and does not prove.
+    Exactly at all of its times, which takes some seconds. Between them, and for the
+    full dynamics, it is sampled and not proven.
 
     Raises:
         InputError: it does not hold.
@@ -165,7 +155,7 @@ def checked(known: KnownFunnel) -> KnownFunnel:
     if faults:
         raise InputError(
             f"{known.name}: its certificate does not hold: {faults[0].rstrip('.')}; "
-            "a funnel that check-funnel finds no fault with is needed."
+            "expected a funnel without faults, see check-funnel."
         )
     return dataclasses.replace(known, is_checked=True)
 
@@ -173,29 +163,28 @@ def checked(known: KnownFunnel) -> KnownFunnel:
 def check_vehicle(known: KnownFunnel, campaign: Campaign, vehicle: Vehicle) -> None:
     """Raises InputError where a funnel is of another vehicle than a campaign.
 
-    What the campaign does not tell of its vehicle is fitted: there is nothing to hold
-    it against. A servo that can more than the funnel's keeps the funnel, too.
+    Unknown parameters of the vehicle are fitted and not compared. A servo that can do
+    more than the funnel's keeps the funnel.
     """
     own = known.funnel.nominal.model.parameters
     for index, name in enumerate(PARAMETER_NAMES):
-        told, meant = float(vehicle.theta[index]), float(getattr(own, name))
-        if index not in vehicle.nuisance and not np.isclose(told, meant, atol=1e-12):
+        found, expected = float(getattr(own, name)), float(vehicle.theta[index])
+        is_known = index not in vehicle.nuisance
+        if is_known and not np.isclose(found, expected, atol=1e-12):
             raise InputError(
-                f"{known.name}: it is a funnel of a glider whose {name} is {meant:g}; "
-                f"the vehicle of {campaign.path} has {told:g}, and a funnel of that "
-                "one is needed."
+                f"{known.name}: it is a funnel of a glider whose {name} is {found:g}; "
+                f"expected {expected:g}, as the vehicle of {campaign.path}."
             )
     low, high, rate = own.servo
     travel, fastest = campaign.elevator_limits, campaign.elevator_rate_limit
-    slack = 1e-9  # Of numbers that are written in decimals.
+    slack = 1e-9  # Of numbers written in decimals.
     if travel and (travel[0] > low + slack or travel[1] < high - slack):
         raise InputError(
             f"{known.name}: its feedback takes the elevator from {low:g} to {high:g} "
-            f"rad; that of {campaign.path} goes from {travel[0]:g} to {travel[1]:g}, "
-            "and a funnel of that one is needed."
+            f"rad; expected {travel[0]:g} to {travel[1]:g}, as in {campaign.path}."
         )
     if fastest is not None and fastest < rate - slack:
         raise InputError(
-            f"{known.name}: its feedback turns the elevator by {rate:g} rad/s; that of "
-            f"{campaign.path} turns by {fastest:g}, and a funnel of that one is needed."
+            f"{known.name}: its feedback turns the elevator by {rate:g} rad/s; "
+            f"expected {fastest:g} at most, as in {campaign.path}."
         )

@@ -1,8 +1,9 @@
-"""Proposes the next throws: those that tell rival explanations apart, then the numbers.
+"""Proposes the next throws: those that distinguish rival explanations, then parameters.
 
-`glider.experiments.throw_search` finds them; here it is said what is expected of them.
+`glider.experiments.throw_search` finds them; here is what to expect of them.
 """
 
+import bisect
 import dataclasses
 import time
 from collections.abc import Sequence
@@ -15,11 +16,10 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
-from glider.experiments.alike import count_alike, present_kind
-from glider.experiments.ending import ending_of
+from glider.experiments.end_scatter import end_scatter
 from glider.experiments.explanations import Explanation, explain
 from glider.experiments.findings import Findings
-from glider.experiments.forecast import Foresight, added, times
+from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
 from glider.experiments.funnel_checks import check_frame, check_launch
 from glider.experiments.funnel_throws import SHORTEST
 from glider.experiments.known_funnel import (
@@ -30,7 +30,7 @@ from glider.experiments.known_funnel import (
 )
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import Progress, search
-from glider.experiments.throws import Range, Throw, range_of
+from glider.experiments.throws import Range, Throw, flown_throw, range_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import prepare
@@ -40,10 +40,13 @@ from glider.sysid.replay.vehicle import make_vehicle
 from glider.verification.funnel.funnel import Funnel
 
 _TRIED = 64
-"""Gliders with drawn numbers that the proposed throws are tried on."""
+"""Gliders with drawn parameters that the proposed throws are tried on."""
 
 _LIKE_FLOWN = 12
-"""Flown flights that stand for the present kind of throw."""
+"""Flown flights that represent the present kind of throw."""
+
+MOST_THROWS = 1000
+"""Throws of the present kind that are counted up to."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,9 +55,9 @@ class Proposal:
 
     Attributes:
         campaign: its name.
-        explanations: those that the flights leave, the most probable first.
-        throws: proposed, in the order of what they tell.
-        paths: of each throw, (explanations, n, 3) poses that they expect.
+        explanations: compatible with the flights, the most probable first.
+        throws: proposed, the most informative first.
+        paths: of each throw, (explanations, n, 3) predicted poses.
         flown: poses (n, 3) of the flights so far.
         place: where they are flown, and the funnel that they keep inside.
         levels: largest level of the funnel's sets that each throw reaches by any
@@ -62,13 +65,13 @@ class Proposal:
         chance_now: probability that the most probable explanation is the right one.
         chance_then: after the throws.
         chance_alike: after as many throws of the present kind.
-        alike: throws of the present kind that would do the same; None where more than
-            MOST_THROWS would be needed.
+        alike: throws of the present kind with the same effect; None where they are more
+            than MOST_THROWS.
         distances: (e, e) expected log-evidence of the throws against each explanation
             (column), where another (row) is true [nats].
-        ending_air: how far the ends of flights like the flown ones scatter by moving
-            air and by what differs from flight to flight [m].
-        ending_now: how far by what is not known of the coefficients [m].
+        ending_air: scatter of the ends of flights like the flown ones by moving air and
+            flight-to-flight variation [m].
+        ending_now: the same by the standard errors of the coefficients [m].
         ending_then: the same after the throws.
         ending_alike: the same after as many throws of the present kind.
         stds: "kind.coefficient" of the most probable explanation to its standard error
@@ -117,7 +120,7 @@ def next_throw(
         campaign: the folder that was analysed, or the campaign in memory.
         findings: of the analysis, see `findings_of` and `load_findings`.
         launches: how many throws to propose.
-        limits: of the throws; what they leave open is as it was flown.
+        limits: of the throws; what they leave open is as flown.
         funnel: that every throw keeps inside until its tape ends, or its file.
         seed: of the search.
         progress: called with a line of text as the work goes on.
@@ -128,7 +131,7 @@ def next_throw(
             inside the funnel.
     """
     if launches < 1:
-        raise InputError(f"{launches} launches are asked for; at least 1 is needed.")
+        raise InputError(f"{launches} launches; expected at least 1.")
     known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(
@@ -137,7 +140,7 @@ def next_throw(
     if findings.campaign not in (None, campaign.name):
         raise InputError(
             f"{campaign.path}: the report is of the campaign '{findings.campaign}'; "
-            f"one of '{campaign.name}' is needed."
+            f"expected one of '{campaign.name}'."
         )
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress("reading the flights")
@@ -165,13 +168,13 @@ def check_servo(campaign: Campaign) -> None:
     """Raises InputError where a campaign's glider takes no commands."""
     if campaign.elevator != "servo":
         raise InputError(
-            f"{campaign.path}: its elevator is {campaign.elevator!r}; a servo that can "
-            "be commanded is needed."
+            f"{campaign.path}: its elevator is {campaign.elevator!r}; expected a servo "
+            "that can be commanded."
         )
 
 
 def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
-    """Returns a campaign as inspected, all its flights as a task, and their noise.
+    """A campaign as inspected, all its flights as a task, and their noise.
 
     Raises:
         InputError: no throw can be proposed for it.
@@ -179,16 +182,16 @@ def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, N
     check_servo(campaign)
     if not signs_of(findings.model).are_right:
         raise InputError(
-            f"{campaign.path}: an angle is logged with the other sign (angle_sign); "
-            "logs with the right signs are needed before commands are sent."
+            f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
+            "expected logs with the right signs before commands are sent."
         )
     inspection = inspect(campaign)
     campaign = inspection.campaign
     vehicle = make_vehicle(campaign, layout_of(findings.own))
     if not vehicle.knows_forces:
         raise InputError(
-            f"{campaign.path}: mass, wing_area or elevator_area is not told; all three "
-            "are needed to foresee a throw."
+            f"{campaign.path}: mass, wing_area or elevator_area is missing; expected "
+            "all three to predict a throw."
         )
     noise = measure_noise(campaign, inspection.masks)
     records = prepare(
@@ -211,7 +214,7 @@ def propose(
 ) -> Proposal:
     """Proposes throws, given the explanations of a campaign; see `next_throw`.
 
-    The funnel's sets are taken as they are; the proposal says whether they are
+    The funnel's sets are taken as given; the proposal records whether they were
     `checked`.
     """
     begin = time.perf_counter()
@@ -225,7 +228,7 @@ def propose(
     if funnel:
         check_frame(funnel, place, SHORTEST)
         check_launch(funnel, place)
-    everything = Foresight(
+    everything = Forecast(
         campaign=campaign,
         task=task,
         noise=noise,
@@ -233,9 +236,9 @@ def propose(
         place=place,
     )
     likely = task.thinned(_LIKE_FLOWN)
-    ending = ending_of(likely, explanations[0])
+    scatter = end_scatter(likely, explanations[0])
     rng = np.random.default_rng(seed)
-    throws = search(everything, ending, launches, rng, progress)
+    throws = search(everything, scatter, launches, rng, progress)
     progress("weighing the throws")
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
@@ -260,10 +263,10 @@ def propose(
         chance_alike=everything.chance(everything.futures(alike_same)),
         alike=count_alike(everything, alike_one, chance),
         distances=everything.distances(futures),
-        ending_air=ending.air,
-        ending_now=ending.numbers(before),
-        ending_then=ending.numbers(after),
-        ending_alike=ending.numbers(everything.covariance(alike_same)),
+        ending_air=scatter.air,
+        ending_now=scatter.by_parameters(before),
+        ending_then=scatter.by_parameters(after),
+        ending_alike=scatter.by_parameters(everything.covariance(alike_same)),
         stds=_stds(task, explanations[0], before, after),
         seconds=time.perf_counter() - begin,
     )
@@ -282,3 +285,32 @@ def _stds(
             unit,
         )
     return found
+
+
+def present_kind(forecast: Forecast, flights: Task) -> Grams:
+    """Grams of a throw of the present kind, the mean of flown ones.
+
+    Raises:
+        InputError: the explanations can fly none of them again.
+    """
+    count = len(forecast.explanations)
+    throws = [flown_throw(r) for r in flights.records]
+    logs = [own for own in forecast.logs(throws) if len(own) == count]
+    found = [own for own in forecast.grams(logs) if is_finite(own)]
+    if not found:
+        raise InputError(
+            f"{forecast.campaign.path}: no flown flight can be flown again by all "
+            "explanations; expected flights that close-the-loop explains."
+        )
+    return times(added(found), 1.0 / len(found))
+
+
+def count_alike(forecast: Forecast, one: Grams, chance: float) -> int | None:
+    """Number of throws of one kind that reach a chance; None above MOST_THROWS."""
+
+    def reaches(count: int) -> bool:
+        return forecast.chance(forecast.futures(times(one, count))) >= chance
+
+    counts = range(1, MOST_THROWS + 1)
+    found = bisect.bisect_left(counts, True, key=reaches)
+    return counts[found] if found < MOST_THROWS else None

@@ -1,4 +1,4 @@
-"""What a proposed throw may do: its launch, and where its flight must stay."""
+"""Limits of proposed throws: of the launch, of the flight, of the elevator."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, show
 from glider.files import schema
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.sysid.replay.record import Record
@@ -17,9 +17,9 @@ _PITCH, _X, _Z = (STATE_NAMES.index(name) for name in ("pitch", "x", "z"))
 
 @dataclasses.dataclass(kw_only=True)
 class ThrowLimits:
-    """Limits of a throw; where a pair is empty, or a number NaN, flown flights tell.
+    """Limits of a throw; an empty pair, or a NaN, is as flown flights kept it.
 
-    A file gives only those that are to differ from what was flown.
+    A file gives only those that differ from what was flown.
     """
 
     launch_height: list[float] = dataclasses.field(default_factory=list)
@@ -47,22 +47,42 @@ class ThrowLimits:
     """Largest speed over the flight [m/s]."""
 
     elevator: list[float] = dataclasses.field(default_factory=list)
-    """Travel of the elevator that is used [rad]."""
+    """Least and largest angle of the elevator [rad]."""
 
     elevator_rate: float = math.nan
-    """Largest rate of the elevator that is asked for [rad/s]."""
+    """Largest commanded rate of the elevator [rad/s]."""
 
     missed_height: float = 0.03
-    """How far a launch may miss the height that was asked for [m]."""
+    """Launch error of the height [m]: twice its standard deviation."""
 
     missed_speed: float = 0.2
-    """The same of its speed [m/s]."""
+    """The same of the speed [m/s]."""
 
     missed_pitch: float = 0.05
-    """The same of its pitch [rad]."""
+    """The same of the pitch [rad]."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError where a limit cannot be."""
+        for name in _PAIRS:
+            pair = getattr(self, name)
+            if len(pair) and not (
+                len(pair) == 2 and np.all(np.isfinite(pair)) and pair[0] < pair[1]
+            ):
+                raise InputError(
+                    f"field '{name}' is {show(pair)}; expected [lower, upper] with "
+                    "lower < upper, or nothing for what was flown."
+                )
+        for name in (*_NUMBERS, *_ERRORS):
+            value = getattr(self, name)
+            is_open = name in _NUMBERS and math.isnan(value)
+            if not (is_open or (math.isfinite(value) and value >= 0.0)):
+                raise InputError(
+                    f"field '{name}' is {value:g}; expected a finite number of 0 or "
+                    "more."
+                )
 
     def allows(self, states: np.ndarray) -> bool:
-        """Returns whether a flight (n, 7 or more) keeps within the limits."""
+        """Checks that a flight (n, 7 or more) keeps within the limits; none open."""
         if not np.all(np.isfinite(states)):
             return False
         inside = all(
@@ -85,31 +105,8 @@ _FASTER = 1.1
 
 
 def load_limits(path: Path | str) -> ThrowLimits:
-    """Loads limits from a YAML file; what cannot be is an InputError."""
-    limits = schema.load_yaml(ThrowLimits, path, "a file of a throw's limits")
-    check_limits(limits, str(path))
-    return limits
-
-
-def check_limits(limits: ThrowLimits, source: str) -> None:
-    """Raises InputError, naming `source` and the field, where a limit cannot be."""
-    for name in _PAIRS:
-        pair = getattr(limits, name)
-        if len(pair) and not (
-            len(pair) == 2 and np.all(np.isfinite(pair)) and pair[0] < pair[1]
-        ):
-            raise InputError(
-                f"{source}: field '{name}' is {pair}; [lower, upper] with lower < "
-                "upper is needed, or nothing for what was flown."
-            )
-    for name in (*_NUMBERS, *_ERRORS):
-        value = getattr(limits, name)
-        may_be_open = name in _NUMBERS and math.isnan(value)
-        if not may_be_open and not (math.isfinite(value) and value >= 0.0):
-            raise InputError(
-                f"{source}: field '{name}' is {value}; a finite number, not negative, "
-                "is needed."
-            )
+    """Loads limits from a YAML file; InputError names a field that cannot be."""
+    return schema.load_yaml(ThrowLimits, path, "a file of a throw's limits")
 
 
 def limits_flown(
@@ -118,13 +115,13 @@ def limits_flown(
     rate: float | None,
     given: ThrowLimits | None = None,
 ) -> ThrowLimits:
-    """Returns limits, those that are not given as flown flights kept them.
+    """Limits that flown flights kept, with the given ones in their place.
 
     Args:
         records: the flights.
-        travel: of the elevator, if it is told [rad].
-        rate: the servo's limit, if it is told [rad/s].
-        given: limits that are to hold instead.
+        travel: of the elevator, if it is known [rad].
+        rate: the servo's limit, if it is known [rad/s].
+        given: limits that hold instead.
     """
     starts = np.array([r.nodes[0] for r in records])
     nodes = np.vstack([r.nodes for r in records])
@@ -146,15 +143,9 @@ def limits_flown(
     )
     if given is None:
         return flown
-    check_limits(given, "ThrowLimits")
-    return dataclasses.replace(
-        given,
-        **{n: getattr(given, n) or getattr(flown, n) for n in _PAIRS},
-        **{
-            n: getattr(flown if math.isnan(getattr(given, n)) else given, n)
-            for n in _NUMBERS
-        },
-    )
+    open_ones = [n for n in _PAIRS if not getattr(given, n)]
+    open_ones += [n for n in _NUMBERS if math.isnan(getattr(given, n))]
+    return dataclasses.replace(given, **{n: getattr(flown, n) for n in open_ones})
 
 
 _STEEP = math.radians(60.0)

@@ -1,6 +1,6 @@
-"""The search for throws that together leave least open.
+"""The search for throws that together leave least uncertain.
 
-Throws are drawn within the limits, foreseen, and drawn again about the best
+Throws are drawn within the limits, predicted, and drawn again about the best
 (cross-entropy method). `glider.experiments.throws` and, inside a funnel,
 `glider.experiments.funnel_throws` draw them.
 """
@@ -12,9 +12,9 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.errors import InputError
-from glider.experiments.ending import Ending
+from glider.experiments.end_scatter import EndScatter
 from glider.experiments.explanations import with_probabilities
-from glider.experiments.forecast import Foresight, Grams, added
+from glider.experiments.forecast import Forecast, Grams, added
 from glider.experiments.funnel_checks import check_frame
 from glider.experiments.funnel_throws import (
     draw_genes_in_funnel,
@@ -29,43 +29,43 @@ DRAWN = 48
 """Throws of a round."""
 
 _FIRST = 144
-"""Throws of a round that is drawn evenly: many leave the limits."""
+"""Throws of a round that is drawn uniformly: many leave the limits."""
 
 ROUNDS = 4
-"""Rounds: the first is drawn evenly, the others about the best so far."""
+"""The first is drawn uniformly, the others about the best so far."""
 
 ROUNDS_IN_FUNNEL = 8
-"""The same inside a funnel, where tapes that keep inside for long are few draws."""
+"""Rounds inside a funnel, where few draws keep inside for long."""
 
 ELITES = 8
 """Throws that the next round is drawn about."""
 
 SEARCHED = 3
-"""Explanations that the search tells apart; all are weighed in what is promised."""
+"""Explanations that the search distinguishes; the proposal weighs all."""
 
 _SPREAD = 0.15
 """Spread of a round about an elite, in genes; halved from round to round."""
 
-_NUMBERS = 0.05
-"""Worth of a factor e in the variance of where flights end, beside one nat of what is
-open about the explanations: they come first."""
+_PARAMETERS = 0.05
+"""Worth of a factor e in the variance of where flights end, in nats of uncertainty
+about the explanations: they come first."""
 
 PROMISING = 32
-"""Throws, the best alone, of which those that are the best together are chosen."""
+"""Throws, the best by themselves, among which the best combination is chosen."""
 
 
 def search(
-    everything: Foresight,
-    ending: Ending,
+    everything: Forecast,
+    scatter: EndScatter,
     launches: int,
     rng: np.random.Generator,
     progress: Progress,
 ) -> list[Throw]:
-    """Returns the throws that together leave least open, of all that were foreseen.
+    """Finds the throws that together leave least uncertain.
 
     Args:
-        everything: foresees them, by all explanations.
-        ending: where flights like those flown end.
+        everything: predicts them, by all explanations.
+        scatter: of the ends of flights like those flown.
         launches: how many throws.
         rng: draws them.
         progress: called with a line of text as the work goes on.
@@ -75,7 +75,7 @@ def search(
     """
     few = with_probabilities(everything.explanations[:SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
-    rounds, draw, make = _way(everything.place)
+    rounds, draw, make = _sampler(everything.place)
     nearest, is_any_kept = np.inf, False
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
@@ -97,46 +97,46 @@ def search(
         drawn = drawn[[k.throw is not None for k in kept]]
         new = [k.throw for k in kept if k.throw is not None]
         is_any_kept = is_any_kept or bool(new)
-        told = searched.foreseen(new)
-        good = [k for k, own in enumerate(told) if own is not None]
+        predicted = searched.predicted(new)
+        good = [k for k, own in enumerate(predicted) if own is not None]
         genes += [drawn[k] for k in good]
         throws += [new[k] for k in good]
-        grams += [own for own in told if own is not None]
+        grams += [own for own in predicted if own is not None]
         fresh = grams[len(alone) :]
-        alone += in_parallel(lambda g: open_after(searched, ending, g), fresh)
+        alone += in_parallel(lambda g: uncertainty_after(searched, scatter, g), fresh)
         promising = [int(k) for k in np.argsort(alone)[:PROMISING]]
-        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-    while chosen:  # What the search weighs less must not end on the floor either.
-        told = everything.foreseen([throws[k] for k in chosen])
-        bad = {k for k, own in zip(chosen, told, strict=True) if own is None}
+    while chosen:  # Less probable explanations must not predict a crash either.
+        predicted = everything.predicted([throws[k] for k in chosen])
+        bad = {k for k, own in zip(chosen, predicted, strict=True) if own is None}
         if not bad:
             return [throws[k] for k in chosen]
         promising = [k for k in promising if k not in bad]
-        best = choose(searched, ending, [grams[k] for k in promising], launches)
+        best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
     place, known = everything.place, everything.place.funnel
     if known and not is_any_kept:
         raise InputError(
             f"{known.name}: no throw that was tried keeps inside the funnel for "
             f"{shortest(place):.3g} s, the best comes to level {nearest:.3g}, where 1 "
-            "is its boundary; launches that miss by less (missed_height, missed_speed, "
-            "missed_pitch in the limits) or a wider funnel are needed."
+            "is its boundary; expected smaller launch errors (missed_height, "
+            "missed_speed, missed_pitch in the limits) or a wider funnel."
         )
     if known:
         check_frame(known, place, known.duration)
     raise InputError(
-        "No throw that was tried keeps within the limits; wider limits of the "
-        "launch or of the flight (floor, pitch, speed) are needed."
+        "No throw that was tried keeps within the limits; expected wider limits of the "
+        "launch or of the flight (floor, pitch, speed)."
     )
 
 
-def _way(
+def _sampler(
     place: Range,
 ) -> tuple[
     int, Callable[[np.random.Generator, int], np.ndarray], Callable[[np.ndarray], Throw]
 ]:
-    """Returns how many rounds, what draws the numbers of throws, what makes one."""
+    """Number of rounds, how genes are drawn, and how they become a throw."""
     known = place.funnel
     if known is None:
         return ROUNDS, draw_genes, lambda genes: throw_of(genes, place)
@@ -148,28 +148,29 @@ def _way(
 
 
 def choose(
-    foresight: Foresight, ending: Ending, grams: Sequence[Grams], count: int
+    forecast: Forecast, scatter: EndScatter, grams: Sequence[Grams], count: int
 ) -> list[int]:
-    """Returns indices of the throws that together leave least open, one by one.
+    """Chooses the throws that together leave least uncertain, one by one.
 
-    Each is chosen once, though twice the best might tell a little more: throws that
-    differ may show what none of the explanations foresees.
+    Each is chosen once, though twice the best might be a little better: throws that
+    differ may show what none of the explanations predicts.
     """
     chosen: list[int] = []
     for _ in range(count):
         so_far = [grams[k] for k in chosen]
         left = [k for k in range(len(grams)) if k not in chosen]
         values = [
-            open_after(foresight, ending, added([*so_far, grams[k]])) for k in left
+            uncertainty_after(forecast, scatter, added([*so_far, grams[k]]))
+            for k in left
         ]
         if left:
             chosen.append(left[int(np.argmin(values))])
     return chosen
 
 
-def open_after(foresight: Foresight, ending: Ending, grams: Grams) -> float:
-    """Returns what throws leave open: explanations first, then numbers [nats]."""
-    numbers = ending.numbers(foresight.covariance(grams))
-    return foresight.open(foresight.futures(grams)) + 2.0 * _NUMBERS * np.log(
-        max(numbers, 1e-9)
+def uncertainty_after(forecast: Forecast, scatter: EndScatter, grams: Grams) -> float:
+    """Uncertainty that throws leave: explanations first, then parameters [nats]."""
+    moved = scatter.by_parameters(forecast.covariance(grams))
+    return forecast.open(forecast.futures(grams)) + 2.0 * _PARAMETERS * np.log(
+        max(moved, 1e-9)
     )

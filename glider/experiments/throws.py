@@ -18,24 +18,29 @@ from glider.sysid.replay.signals import pose_signals
 from glider.sysid.replay.theta import Layout, layout_for, theta_of
 
 MOVES = 9
-"""Moves of the elevator in a throw: each to a target, from a time on."""
+"""Moves of the elevator in a throw, each to a target and beginning at a time."""
 
 GENES = 4 + 2 * MOVES + 1
 """Numbers that a throw is made of: launch, targets, times, how fast it moves."""
 
 USED = 0.95
-"""Share of the servo's rate that a tape asks for at most."""
+"""Largest commanded rate, as a share of the servo's."""
 
 MARGIN = 0.03
-"""Distance from the elevator's stops that its targets keep [rad]."""
+"""Distance of the elevator's targets from its stops [rad]."""
+
+USUAL_COMMAND_RATE = 50.0
+"""Rate of commands where a campaign does not report it [Hz]."""
 
 _FINE = 4
-"""Integration steps between two rows of a flight that is foreseen."""
+"""Integration steps between two rows of a predicted flight."""
+
+_Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Throw:
-    """What to do in a throw.
+    """A launch and its elevator commands.
 
     Attributes:
         launch: (7,) state at release, of STATE_NAMES [m, rad, m/s, rad/s].
@@ -48,6 +53,11 @@ class Throw:
     times: np.ndarray
     commands: np.ndarray
     duration: float
+
+    @property
+    def end(self) -> float:
+        """When the last command ends [s]."""
+        return float(self.times[-1] + self.times[1] - self.times[0])
 
     @property
     def speed(self) -> float:
@@ -67,13 +77,13 @@ class Range:
 
     Attributes:
         limits: of launch, flight and elevator; none open.
-        x: of the release; the funnel's where one is known [m].
-        rest: where the elevator stands before the first command [rad].
+        x: of the release; the funnel's if there is one [m].
+        rest: angle of the elevator before the first command [rad].
         stops: of the elevator, as flown flights show them [rad]; None for none.
         duration: of a flight [s].
         pose_rate: of the log [Hz].
         command_rate: of the commands [Hz].
-        funnel: that throws keep inside; None where none is known.
+        funnel: that throws keep inside, if any.
     """
 
     limits: ThrowLimits
@@ -86,17 +96,13 @@ class Range:
     funnel: KnownFunnel | None = None
 
 
-USUAL_COMMAND_RATE = 50.0
-"""Rate of commands where a campaign does not tell it [Hz]."""
-
-
 def range_of(
     campaign: Campaign,
     records: Sequence[Record],
     limits: ThrowLimits,
     funnel: KnownFunnel | None = None,
 ) -> Range:
-    """Returns where a campaign's throws were flown, or where a funnel has them."""
+    """The range of a campaign's throws, released at x of the funnel if there is one."""
     x = funnel.x if funnel else np.median([r.nodes[0, 0] for r in records])
     return Range(
         limits=limits,
@@ -111,12 +117,12 @@ def range_of(
 
 
 def draw_genes(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Draws the numbers of throws evenly, (count, GENES)."""
+    """Draws genes of throws uniformly, (count, GENES)."""
     return rng.random((count, GENES))
 
 
 def throw_of(genes: np.ndarray, place: Range) -> Throw:
-    """Returns the throw that some numbers mean.
+    """The throw that genes encode.
 
     Args:
         genes: (GENES,) in 0 .. 1: height, speed, climb, pitch; targets; times; rate.
@@ -140,11 +146,11 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
 
 
 def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
-    """Returns the state at release, (7,), that does not turn.
+    """The state at release, (7,), without rotation.
 
     Args:
         launch: (4,) height [m], speed [m/s], climb, pitch [rad].
-        place: where it is.
+        place: of the release.
     """
     height, speed, climb, pitch = launch
     state = np.zeros(NUM_STATES)
@@ -155,24 +161,24 @@ def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
 
 
 def tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarray:
-    """Returns the rates that take the elevator to angles, from where it rests, (k,).
+    """Rates that take the elevator from rest to the wanted angles, (k,) [rad/s].
 
     Args:
         wanted: (k,) angle at the end of each command [rad].
         fastest: largest rate [rad/s].
-        place: whose rest and rate of commands count.
+        place: its rest and rate of commands.
     """
     commands, angle = np.zeros(len(wanted)), place.rest
     for k, target in enumerate(wanted):
         rate = (target - angle) * place.command_rate
         commands[k] = np.clip(rate, -fastest, fastest)
         angle += commands[k] / place.command_rate
-    # A flight computer reads them from a file: the numbers flown are those it has.
+    # A flight computer reads them from a file: what is flown is what the file holds.
     return np.round(commands, 4)
 
 
 def flown_throw(record: Record) -> Throw:
-    """Returns a flown flight as a throw, from its smoothed log."""
+    """A flown flight as a throw, from its smoothed log."""
     return Throw(
         launch=np.append(
             record.nodes[0, :ELEVATOR], [record.rest, *record.nodes[0, 4:7]]
@@ -186,7 +192,7 @@ def flown_throw(record: Record) -> Throw:
 def log_of(
     throw: Throw, place: Range, layout: Layout, theta: np.ndarray, field: Field
 ) -> Flight:
-    """Returns the log that a model expects of a throw, without noise."""
+    """The log that a model predicts of a throw, without noise."""
     rows = round(throw.duration * place.pose_rate) + 1
     return fly_commands(
         layout,
@@ -202,14 +208,20 @@ def log_of(
     )
 
 
-def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
-    """Returns a throw as hands throw it: by how far a launch may miss is twice σ."""
-    height, speed, pitch = 0.5 * rng.normal(size=3)
+def perturbed(
+    throw: Throw, limits: ThrowLimits, height: float, speed: float, pitch: float
+) -> Throw:
+    """A throw whose launch is off by multiples of the launch errors of the limits."""
     launch = throw.launch.copy()
-    launch[STATE_NAMES.index("z")] += limits.missed_height * height
-    launch[STATE_NAMES.index("pitch")] += limits.missed_pitch * pitch
+    launch[_Z] += limits.missed_height * height
+    launch[_PITCH] += limits.missed_pitch * pitch
     launch[VELOCITY] *= 1.0 + limits.missed_speed * speed / throw.speed
     return dataclasses.replace(throw, launch=launch)
+
+
+def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
+    """A throw with a drawn launch error; those of the limits are two σ."""
+    return perturbed(throw, limits, *(0.5 * rng.normal(size=3)))
 
 
 def fly_throw(
@@ -219,7 +231,7 @@ def fly_throw(
 
     Args:
         model: the glider that flies.
-        throw: launch and commands as proposed; the launch misses by chance.
+        throw: launch and commands as proposed; the launch misses at random.
         place: of the proposal, see `glider.experiments.proposal.Proposal`.
         rng: draws the launch error and the noise of motion capture.
     """
@@ -230,38 +242,34 @@ def fly_throw(
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
 
 
+def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
+    """The nominal launch, and those off by one launch error each, (7,) each.
+
+    In the order of -height, -pitch, -speed, height, pitch, speed.
+    """
+    signed = [sign * unit for sign in (-1.0, 1.0) for unit in np.eye(3)[[0, 2, 1]]]
+    return [throw.launch, *(perturbed(throw, limits, *one).launch for one in signed)]
+
+
 def is_safe(
     throw: Throw, record: Record, theta: np.ndarray, field: Field, limits: ThrowLimits
 ) -> bool:
-    """Returns whether a throw keeps within limits, also where the launch is missed.
+    """Checks that a throw keeps within limits, perturbed launches too.
 
     Args:
-        throw: what is done.
-        record: of it, as the model expects it.
+        throw: nominal.
+        record: of it, as the model predicts it.
         theta: the model.
         field: its residual field.
         limits: none open.
     """
-    layout = record.layout
     elevator, rate = pose_signals(record, theta)
-    for launch in launches(throw, limits):
-        states = fly_path(layout, theta, launch, record.time, elevator, rate, field)
-        # Where the release is, is given: it may lie on the edge of what was flown.
-        if not limits.allows(states[1:]):
-            return False
-    return True
-
-
-def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
-    """Returns the launch as it is asked for, and as it may be missed."""
-    z, pitch = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
-    found = [throw.launch]
-    for sign in (-1.0, 1.0):
-        for index, size in ((z, limits.missed_height), (pitch, limits.missed_pitch)):
-            moved = throw.launch.copy()
-            moved[index] += sign * size
-            found.append(moved)
-        moved = throw.launch.copy()
-        moved[VELOCITY] *= 1.0 + sign * limits.missed_speed / throw.speed
-        found.append(moved)
-    return found
+    # The place of release is given: it may lie on the edge of what was flown.
+    return all(
+        limits.allows(
+            fly_path(record.layout, theta, launch, record.time, elevator, rate, field)[
+                1:
+            ]
+        )
+        for launch in launches(throw, limits)
+    )

@@ -1,71 +1,155 @@
-"""What is written and printed of proposed throws."""
+"""Proposed throws: sentences, terminal, next_throw.json, commands and picture."""
 
 import dataclasses
 import io
-import json
+import itertools
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from glider.experiments.proposal import Proposal
-from glider.experiments.throws import Throw
+from glider.experiments.proposal import MOST_THROWS, Proposal
+from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
-from glider.report.json_report import plain
-from glider.report.next_throw_words import (
-    is_done,
-    keeping_words,
-    launch_words,
-    sentences,
-)
-from glider.report.numbers import format_estimate
-from glider.report.plots.axes import legend
-from glider.report.plots.style import STYLE
-from glider.report.plots.throws import plot_differences, plot_tapes, plot_throws
+from glider.report.numbers import format_estimate, format_length
+from glider.report.plots.axes import few_ticks, legend
+from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
 from glider.verification.funnel.funnel import tube_outline
 
+SURE = 0.99
+"""Probability of the best explanation among the listed ones above which it is alone."""
+
+SMALL = 1.0 / 3.0
+"""Scatter by the coefficients over that by the air below which the air dominates: they
+then add less than 6 % to it."""
+
+_LEAST_GAIN = 0.02
+"""Least gain of probability by throws that are worth flying."""
+
+_NAMED = 0.01
+"""Probability above which an explanation is named."""
+
+_INSEPARABLE = 3.0
+"""Expected log-evidence below which explanations stay indistinguishable [nats]."""
+
+_COLORS = (BLUE, RED, GREEN, ORANGE, PURPLE)
+"""Of the proposed throws in turn."""
+
+_LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
+"""Of the explanations in turn."""
+
+
+def is_one_left(proposal: Proposal) -> bool:
+    """Checks whether the flights leave one explanation alone."""
+    return proposal.chance_now > SURE * (1.0 - proposal.missing)
+
+
+def is_done(proposal: Proposal) -> bool:
+    """Checks whether more flights would show nothing more."""
+    is_known = proposal.ending_now < SMALL * proposal.ending_air
+    return is_one_left(proposal) and is_known
+
+
+def sentences(proposal: Proposal) -> list[str]:
+    """What the flights leave open, and what to expect of the throws."""
+    p = proposal
+    likely = [i for i, e in enumerate(p.explanations) if e.probability >= _NAMED]
+    evidence = np.minimum(p.distances, p.distances.T)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("glider.report"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    text = environment.get_template("next_throw.txt").render(
+        p=p,
+        likely=likely,
+        other=1.0 - sum(p.explanations[i].probability for i in likely),
+        is_one_left=is_one_left(p),
+        is_better=p.chance_then >= p.chance_now + _LEAST_GAIN,
+        is_done=is_done(p),
+        most=MOST_THROWS,
+        inseparable=[
+            (i, j)
+            for i, j in itertools.combinations(likely, 2)
+            if evidence[i, j] < _INSEPARABLE
+        ],
+        funnel=p.place.funnel,
+        chance=_chance,
+        length=format_length,
+        level=_level,
+    )
+    return [line for line in text.splitlines() if line]
+
+
+def throw_words(proposal: Proposal, number: int) -> str:
+    """A launch as people set it, and how it keeps inside the funnel, if any."""
+    throw = proposal.throws[number - 1]
+    pitch = float(throw.launch[2])
+    words = (
+        f"release at {throw.launch[1]:.2f} m, {throw.speed:.2f} m/s, flight path "
+        f"{_up_or_down(throw.climb)}, nose {_up_or_down(-pitch)}"
+    )
+    if proposal.place.funnel is None:
+        return words
+    return (
+        f"{words}; up to level {_level(proposal.levels[number - 1])} of the funnel, "
+        f"its feedback from {throw.duration:.2f} s"
+    )
+
+
+def _level(value: float) -> str:
+    return f"{math.ceil(100.0 * value - 1e-9) / 100.0:.2f}"  # Never less than it is.
+
+
+def _up_or_down(angle: float) -> str:
+    return f"{abs(math.degrees(angle)):.1f}° {'up' if angle >= 0.0 else 'down'}"
+
+
+def _chance(value: float) -> str:
+    if value < 0.01:
+        return "under 0.01"
+    return "over 0.99" if value > 0.99 else f"{value:.2f}"
+
 
 def commands_name(number: int) -> str:
-    """Returns the name of a throw's file of commands; they count from 1."""
+    """Name of a throw's file of commands; they count from 1."""
     return f"commands_{number}.csv"
 
 
 def write_proposal(proposal: Proposal, folder: Path) -> None:
     """Writes commands_N.csv, next_throw.png and, last, next_throw.json.
 
-    Files of commands of an earlier proposal go: nobody must fly them by mistake.
+    Files of commands of an earlier proposal are removed: they must not be flown.
 
     Raises:
         InputError: if the folder is a file.
     """
-    text = json.dumps(to_json(proposal), indent=2, ensure_ascii=False, allow_nan=False)
     old = [path.name for path in folder.glob("commands_*.csv")]
     files: dict[str, bytes | None] = dict.fromkeys(old)
     for number, throw in enumerate(proposal.throws, start=1):
-        tape = tape_text(throw.times, throw.commands, _end(throw))
+        tape = tape_text(throw.times, throw.commands, throw.end)
         files[commands_name(number)] = tape.encode()
     files["next_throw.png"] = draw_proposal(proposal)
-    files["next_throw.json"] = f"{text}\n".encode()
+    files["next_throw.json"] = f"{json_text(to_json(proposal))}\n".encode()
     replace_files(folder, files, last="next_throw.json")
 
 
-def _end(throw: Throw) -> float:
-    period = float(throw.times[1] - throw.times[0])
-    return float(throw.times[-1]) + period
-
-
 def to_json(proposal: Proposal) -> dict[str, Any]:
-    """Returns next_throw.json: lists, dicts, strings, numbers, booleans and None."""
+    """next_throw.json: lists, dicts, strings, numbers, booleans and None."""
     p, known = proposal, proposal.place.funnel
-    found: dict[str, Any] = plain(
+    found: dict[str, Any] = to_builtins(
         {
             "campaign": p.campaign,
             "says": sentences(p),
@@ -119,8 +203,32 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
     return found
 
 
+def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
+    """Prints what is expected, the launches and where their commands are."""
+    for sentence in sentences(proposal):
+        console.print(sentence, highlight=False)
+    console.print()
+    for number in range(1, len(proposal.throws) + 1):
+        console.print(
+            f"Throw {number}: {throw_words(proposal, number)}; "
+            f"{folder / commands_name(number)}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    if not proposal.stds:
+        return
+    console.print()
+    table = Table(box=box.SIMPLE_HEAD)
+    for title in (proposal.explanations[0].name, "now ±", "then ±"):
+        table.add_column(title)
+    for name, (*stds, unit) in proposal.stds.items():
+        estimates = [Estimate(value=std, std=0.0, unit=unit) for std in stds]
+        table.add_row(name, *map(format_estimate, estimates))
+    console.print(table)
+
+
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
-    """Returns a picture of the proposed throws beside the flown flights, as a file.
+    """Draws the proposed throws beside the flown flights.
 
     Args:
         proposal: its throws.
@@ -132,58 +240,64 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(3 if several else 2, 1)
-        side, tapes = axes[0], axes[1]
-        low, high = p.place.limits.elevator
-        known = p.place.funnel
-        tube = tube_outline(known.funnel) if known else None
-        plot_throws(side, p.flown, p.paths, p.place.limits.z[0], tube)
-        side.set_xlabel("x, along the throw [m]")
-        side.set_ylabel("z, up [m]")
-        times = [np.append(t.times, _end(t)) for t in p.throws]
-        angles = [
-            np.clip(
-                p.place.rest + np.append(0.0, np.cumsum(t.commands * np.diff(time))),
-                low,
-                high,
-            )
-            for t, time in zip(p.throws, times, strict=True)
-        ]
-        plot_tapes(tapes, times, angles, (low, high))
-        tapes.set_ylabel("elevator asked for,\nup > 0 [°]")
-        tapes.set_xlabel("time since release [s]")
+        _draw_paths(axes[0], p)
+        _draw_tapes(axes[1], p)
         if several:
-            rows = [np.arange(q.shape[1]) / p.place.pose_rate for q in p.paths]
-            plot_differences(axes[2], rows, p.paths)
-            axes[2].set_ylabel("explanations apart,\nas fitted now [mm]")
-            axes[2].set_xlabel("time since release [s]")
-        legend(figure, side)
+            _draw_differences(axes[2], p)
+        for ax in axes:
+            few_ticks(ax)
+        legend(figure, axes[0])
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
 
 
-def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
-    """Prints what is expected, the launches and where their commands are."""
-    for sentence in sentences(proposal):
-        console.print(sentence, highlight=False)
-    console.print()
-    for k, throw in enumerate(proposal.throws, start=1):
-        console.print(
-            f"Throw {k}: {launch_words(throw)}{keeping_words(proposal, k - 1)}; "
-            f"{folder / commands_name(k)}",
-            highlight=False,
-            soft_wrap=True,
+def _draw_paths(ax: Axes, p: Proposal) -> None:
+    """Draws flown and predicted paths in the vertical plane, and the funnel."""
+    if p.place.funnel:
+        outline = tube_outline(p.place.funnel.funnel)
+        ax.fill(
+            *outline.T, color="#DDE8F4", lw=0.0, label="funnel, projected", zorder=0
         )
-    if not proposal.stds:
-        return
-    console.print()
-    table = Table(box=box.SIMPLE_HEAD)
-    for title in (proposal.explanations[0].name, "now ±", "then ±"):
-        table.add_column(title)
-    for name, (now, then, unit) in proposal.stds.items():
-        table.add_row(name, *(_std(value, unit) for value in (now, then)))
-    console.print(table)
+    for k, path in enumerate(p.flown):
+        label = "flown" if k == 0 else None
+        ax.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
+    for k, paths in enumerate(p.paths):
+        label = f"throw {k + 1}"
+        _draw_by_explanation(ax, k, [q[:, :2].T for q in paths], label)
+        ax.plot(*paths[0, 0, :2], "o", color=_COLORS[k % len(_COLORS)], ms=4)
+    ax.axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+    ax.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
 
 
-def _std(value: float, unit: str) -> str:
-    return format_estimate(Estimate(value=value, std=0.0, unit=unit))
+def _draw_tapes(ax: Axes, p: Proposal) -> None:
+    """Draws the commanded angle of the elevator."""
+    low, high = p.place.limits.elevator
+    for k, throw in enumerate(p.throws):
+        times = np.append(throw.times, throw.end)
+        turned = np.append(0.0, np.cumsum(throw.commands * np.diff(times)))
+        angles = np.degrees(np.clip(p.place.rest + turned, low, high))
+        ax.plot(times, angles, color=_COLORS[k % len(_COLORS)], lw=1.6)
+    for stop in (low, high):
+        ax.axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
+    ax.set(xlabel="time since release [s]", ylabel="commanded elevator,\nup > 0 [°]")
+
+
+def _draw_differences(ax: Axes, p: Proposal) -> None:
+    """Draws the distance of each throw's path from that of the first explanation."""
+    for k, paths in enumerate(p.paths):
+        times = np.arange(paths.shape[1]) / p.place.pose_rate
+        apart = 1e3 * np.linalg.norm(paths[:, :, :2] - paths[0, :, :2], axis=2)
+        _draw_by_explanation(ax, k, [(times, far) for far in apart])
+    ax.set(
+        xlabel="time since release [s]",
+        ylabel="difference of explanations,\nas fitted now [mm]",
+    )
+
+
+def _draw_by_explanation(
+    ax: Axes, throw: int, lines: Sequence[Any], label: str | None = None
+) -> None:
+    for e, (x, y) in enumerate(lines):
+        style = {"color": _COLORS[throw % len(_COLORS)], "ls": _LINES[e % len(_LINES)]}
+        ax.plot(x, y, lw=1.7, label=label if e == 0 else None, **style)

@@ -1,4 +1,4 @@
-"""What is foreseen of throws is what flying them brings."""
+"""What is predicted of throws is what flying them brings."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from glider.experiments.explanations import Explanation
-from glider.experiments.forecast import Foresight, added, times
+from glider.experiments.forecast import Forecast, added, times
 from glider.experiments.throw_limits import limits_flown
 from glider.experiments.throws import flown_throw, log_of, range_of
 from glider.physics.effects import NO_FIELD
@@ -16,11 +16,11 @@ from glider.sysid.likelihood.scales import whiten
 from glider.sysid.replay.record import prepare
 
 
-def foresight_of(late, explanations=None):
+def forecast_of(late, explanations=None):
     campaign, task, noise, own = late
     travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
     limits = limits_flown(task.records, travel, rate)
-    return Foresight(
+    return Forecast(
         campaign=campaign,
         task=task,
         noise=noise,
@@ -52,17 +52,17 @@ def fixed(late):
     return tuple(found)
 
 
-def test_foreseen_evidence_is_the_mean_of_noisy_flights(late):
+def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
     """Δ and its variance 2 Δ, over flights with the noise of the sensors."""
     campaign, task, noise, _ = late
     pair = fixed(late)
-    foresight = foresight_of(late, pair)
+    forecast = forecast_of(late, pair)
     throw = flown_throw(task.records[0])
-    [grams] = foresight.grams(foresight.logs([throw]))
-    foreseen = foresight.distances(foresight.futures(grams))[0, 1]
-    assert foreseen > 2.0  # Else the test would show nothing.
+    [grams] = forecast.grams(forecast.logs([throw]))
+    predicted = forecast.distances(forecast.futures(grams))[0, 1]
+    assert predicted > 2.0  # Else the test would show nothing.
     scales, rng = pair[0].model.scales, np.random.default_rng(0)
-    clean = log_of(throw, foresight.place, task.layout, pair[0].model.theta, NO_FIELD)
+    clean = log_of(throw, forecast.place, task.layout, pair[0].model.theta, NO_FIELD)
     gained = []
     for _ in range(60):
         pose = clean.pose + rng.normal(size=clean.pose.shape) * (
@@ -72,16 +72,16 @@ def test_foreseen_evidence_is_the_mean_of_noisy_flights(late):
         )
         angle = clean.elevator + scales.elevator * rng.normal(size=len(clean.time))
         noisy = dataclasses.replace(clean, pose=pose, elevator=angle)
-        [record] = prepare([noisy], campaign, noise, task.layout, maps=foresight.maps)
+        [record] = prepare([noisy], campaign, noise, task.layout, maps=forecast.maps)
         costs = [
             whiten(linearize(record, e.model.theta, NO_FIELD), scales).cost
             for e in pair
         ]
         gained.append(costs[1] - costs[0])
-    error = np.sqrt(2.0 * foreseen / len(gained))
-    assert np.mean(gained) == pytest.approx(foreseen, abs=3.5 * error)
-    assert np.var(gained) == pytest.approx(2.0 * foreseen, rel=0.6)
-    drawn = foresight.futures(grams)[0]
+    error = np.sqrt(2.0 * predicted / len(gained))
+    assert np.mean(gained) == pytest.approx(predicted, abs=3.5 * error)
+    assert np.var(gained) == pytest.approx(2.0 * predicted, rel=0.6)
+    drawn = forecast.futures(grams)[0]
     drawn = drawn[:, 0] - drawn[:, 1]
     assert np.mean(gained) == pytest.approx(np.mean(drawn), abs=3.5 * error)
     assert np.std(gained) == pytest.approx(np.std(drawn), rel=0.4)
@@ -96,18 +96,18 @@ def test_free_numbers_take_away_what_they_can_explain(late):
     moved = dataclasses.replace(lag, model=dataclasses.replace(lag.model, theta=theta))
     loose = dataclasses.replace(moved, precision=1e-3 * lag.precision)
     throw = flown_throw(task.records[0])
-    foreseen = []
+    predicted = []
     for rival in (moved, loose):
-        foresight = foresight_of(late, (lag, rival))
-        [grams] = foresight.grams(foresight.logs([throw]))
+        forecast = forecast_of(late, (lag, rival))
+        [grams] = forecast.grams(forecast.logs([throw]))
         # The room that a loose rival had beforehand is no part of what is told.
-        odds = foresight.odds(grams[0], np.zeros((1, len(grams[0]))))[0]
+        odds = forecast.odds(grams[0], np.zeros((1, len(grams[0]))))[0]
         room = 0.5 * np.log(
             1.0
             + grams[0][[0, 2], [0, 2]] / [lag.precision[0, 0], rival.precision[0, 0]]
         )
-        foreseen.append((odds + room) @ [1.0, -1.0])
-    assert foreseen[1] < 0.05 * foreseen[0]
+        predicted.append((odds + room) @ [1.0, -1.0])
+    assert predicted[1] < 0.05 * predicted[0]
 
 
 def alike(late, probabilities, precision=0.0):
@@ -122,49 +122,49 @@ def alike(late, probabilities, precision=0.0):
 
 
 def test_throws_that_show_nothing_leave_the_posterior_of_today(late):
-    foresight = foresight_of(late, alike(late, (0.6, 0.3)))
+    forecast = forecast_of(late, alike(late, (0.6, 0.3)))
     nothing = tuple(np.zeros((4, 4)) for _ in range(2))
-    futures = foresight.futures(nothing)
+    futures = forecast.futures(nothing)
     assert np.exp(futures) == pytest.approx(
         np.broadcast_to([2 / 3, 1 / 3], (2, 128, 2))
     )
-    assert foresight.chance(futures) == pytest.approx(0.6)
+    assert forecast.chance(futures) == pytest.approx(0.6)
 
 
 def test_a_chance_leaves_room_for_what_is_not_among_the_rivals(late):
     """However much throws tell."""
-    foresight = foresight_of(late, fixed(late))
+    forecast = forecast_of(late, fixed(late))
     told = np.array([[0.0, 0.0], [0.0, 900.0]])  # Δ of 450 nats.
-    futures = foresight.futures((told, told[::-1, ::-1]))
-    assert foresight.chance(futures) == pytest.approx(1.0)
+    futures = forecast.futures((told, told[::-1, ::-1]))
+    assert forecast.chance(futures) == pytest.approx(1.0)
     some = tuple(
-        dataclasses.replace(e, probability=0.45) for e in foresight.explanations
+        dataclasses.replace(e, probability=0.45) for e in forecast.explanations
     )
-    foresight = dataclasses.replace(foresight, explanations=some)
-    futures = foresight.futures((told, told[::-1, ::-1]))
-    assert foresight.chance(futures) == pytest.approx(0.9)
+    forecast = dataclasses.replace(forecast, explanations=some)
+    futures = forecast.futures((told, told[::-1, ::-1]))
+    assert forecast.chance(futures) == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize("delta", [0.1, 1.0, 4.0])
 def test_the_chance_of_two_is_that_of_their_bayes_factor(late, delta):
     """Φ(√(Δ/2)), where log K ~ N(Δ, 2 Δ) and nothing is free."""
-    foresight = foresight_of(late, fixed(late))
+    forecast = forecast_of(late, fixed(late))
     told = 2.0 * delta * np.diag([0.0, 1.0])
-    futures = foresight.futures((told, told[::-1, ::-1]))
+    futures = forecast.futures((told, told[::-1, ::-1]))
     expected = norm.cdf(np.sqrt(0.5 * delta))
-    assert foresight.chance(futures) == pytest.approx(expected, abs=0.03)
-    assert foresight.distances(futures)[0, 1] == pytest.approx(delta, rel=1e-9)
+    assert forecast.chance(futures) == pytest.approx(expected, abs=0.03)
+    assert forecast.distances(futures)[0, 1] == pytest.approx(delta, rel=1e-9)
 
 
-def test_more_flights_tell_more_and_leave_less_open(late):
-    foresight = foresight_of(late)
+def test_more_flights_show_more_and_leave_less_open(late):
+    forecast = forecast_of(late)
     throws = [flown_throw(r) for r in late[1].records[:2]]
-    grams = foresight.grams(foresight.logs(throws))
+    grams = forecast.grams(forecast.logs(throws))
     both = added(grams)
-    told = [foresight.futures(g) for g in (grams[0], both, times(both, 10.0))]
-    opens = [foresight.open(f) for f in told]
+    told = [forecast.futures(g) for g in (grams[0], both, times(both, 10.0))]
+    opens = [forecast.open(f) for f in told]
     assert opens[0] > opens[1] > opens[2] > 0.0
-    before, after = foresight.covariance(), foresight.covariance(both)
+    before, after = forecast.covariance(), forecast.covariance(both)
     assert np.all(np.diag(after) < np.diag(before))
 
 
@@ -196,9 +196,9 @@ def test_odds_are_those_of_normal_distributions(late):
     """N(y; model k, 1 + X_k A_k⁻¹ X_k'), with no formula of the squares."""
     rng = np.random.default_rng(3)
     explanations, columns = made_up(late, rng)
-    foresight = foresight_of(late, explanations)
+    forecast = forecast_of(late, explanations)
     shift = rng.normal(size=30)  # X_i δ + ν, of one future.
-    odds = foresight.odds(columns.T @ columns, (shift @ columns)[None])[0]
+    odds = forecast.odds(columns.T @ columns, (shift @ columns)[None])[0]
     whole = []
     for e, first in zip(explanations, (0, 3), strict=True):
         x = columns[:, first : first + 2]
@@ -213,14 +213,14 @@ def test_futures_are_drawn_as_the_flights_leave_the_numbers(late):
     """Mean and spread of the log-odds by drawing δ and ν row by row."""
     rng = np.random.default_rng(4)
     explanations, columns = made_up(late, rng, apart=2.0)
-    foresight = foresight_of(late, explanations)
+    forecast = forecast_of(late, explanations)
     gram = columns.T @ columns
-    drawn = foresight.futures((gram, gram))[0]
+    drawn = forecast.futures((gram, gram))[0]
     drawn = drawn[:, 0] - drawn[:, 1]
     root = np.linalg.cholesky(np.linalg.inv(explanations[0].precision))
     numbers = np.clip(rng.normal(size=(4000, 2)) @ root.T, *_bounds(late))
     shifts = numbers @ columns[:, :2].T + rng.normal(size=(4000, 30))
-    odds = foresight.odds(gram, shifts @ columns)
+    odds = forecast.odds(gram, shifts @ columns)
     odds = odds[:, 0] - odds[:, 1]
     assert np.mean(drawn) == pytest.approx(np.mean(odds), abs=0.3 * np.std(odds))
     assert np.std(drawn) == pytest.approx(np.std(odds), rel=0.25)
@@ -234,25 +234,25 @@ def _bounds(late):
 
 
 def test_gliders_that_are_flown_bear_out_what_is_linear(late):
-    foresight = foresight_of(late)
+    forecast = forecast_of(late)
     throws = [flown_throw(r) for r in late[1].records] * 3
-    linear = foresight.chance(
-        foresight.futures(added(foresight.grams(foresight.logs(throws))))
+    linear = forecast.chance(
+        forecast.futures(added(forecast.grams(forecast.logs(throws))))
     )
-    tried = foresight.tried(throws, np.random.default_rng(0), 32)
+    tried = forecast.tried(throws, np.random.default_rng(0), 32)
     assert 0.6 < linear < 0.99
     assert tried == pytest.approx(linear, abs=0.12)
 
 
 def test_a_rival_that_lies_far_off_is_not_promised(late):
     """Where the truth is not linear over what is open, the chance falls."""
-    foresight = foresight_of(late)
+    forecast = forecast_of(late)
     throws = [flown_throw(r) for r in late[1].records]
     rng = np.random.default_rng
-    near = foresight.tried(throws, rng(0), 32)
+    near = forecast.tried(throws, rng(0), 32)
     loose = tuple(
         dataclasses.replace(e, precision=e.precision / 400.0)
-        for e in foresight.explanations
+        for e in forecast.explanations
     )
-    far = dataclasses.replace(foresight, explanations=loose)
+    far = dataclasses.replace(forecast, explanations=loose)
     assert far.tried(throws, rng(0), 32) < near + 0.05

@@ -1,4 +1,4 @@
-"""What a throw may do, told by a file and by the flown flights."""
+"""Limits of throws, from a file and from flown flights."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_one_row_beyond_a_limit_is_not_allowed(index, value):
         ("flor: 3.0", "flor"),
     ],
 )
-def test_a_file_that_cannot_be_is_told_by_its_field(tmp_path, text, word):
+def test_a_wrong_limit_is_reported_by_its_field(tmp_path, text, word):
     path = tmp_path / "limits.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=word) as error:

@@ -14,7 +14,7 @@ from glider.experiments.throw_limits import ThrowLimits
 from glider.physics.effects import ANGLE_SIGN, KINDS
 from glider.physics.model import GliderModel
 from glider.physics.state import VELOCITY
-from glider.report.next_throw_words import is_done, sentences
+from glider.report.next_throw import is_done, sentences
 from tests.helpers.late import LATE
 from tests.helpers.tasks import fly, typical
 
@@ -109,10 +109,10 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     proposal = propose(campaign, task, noise, explanations, launches=1)
     assert proposal.chance_now == pytest.approx(1.0 - UNKNOWN)
     assert is_done(proposal)
-    assert "What is left is the air" in sentences(proposal)[-1]
+    assert "What remains is the air" in sentences(proposal)[-1]
 
 
-def test_what_cannot_be_proposed_for_is_told():
+def test_what_cannot_be_proposed_for_is_reported():
     campaign = fly(flights=3)
     with pytest.raises(InputError, match="servo"):
         next_throw(replace(campaign, elevator="fixed"), FINDINGS)
@@ -131,7 +131,7 @@ def test_what_cannot_be_proposed_for_is_told():
 
 
 @pytest.mark.parametrize("text", ["{", "{}", "[]", '{"effects": 3}'])
-def test_what_is_no_report_is_told(tmp_path, text):
+def test_what_is_no_report_is_reported(tmp_path, text):
     with pytest.raises(InputError, match=r"report\.json"):
         load_findings(tmp_path)
     (tmp_path / "report.json").write_text(text)

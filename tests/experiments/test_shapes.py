@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.experiments.shapes import choice_of_shapes
+from glider.experiments.explanations import choice_of_shapes
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (

@@ -15,35 +15,35 @@ from glider.sysid.replay.record import Record
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Ending:
-    """Where flights like those flown end, to first order, the launch given.
+class EndScatter:
+    """Scatter of the ends of flights from a given launch, to first order.
 
     Attributes:
-        air: standard deviation of the place, by moving air and by what differs from
-            flight to flight [m].
-        by_numbers: (2 F, m) how x and z there move with the free numbers, over √F.
+        air: standard deviation of the end, by moving air and flight-to-flight
+            variation [m].
+        slopes: (2 F, m) change of x and z of the end with the free parameters, over √F.
     """
 
     air: float
-    by_numbers: np.ndarray
+    slopes: np.ndarray
 
-    def numbers(self, covariance: np.ndarray) -> float:
-        """Returns the standard deviation by what is not known of the numbers [m]."""
-        moved = self.by_numbers @ covariance @ self.by_numbers.T
+    def by_parameters(self, covariance: np.ndarray) -> float:
+        """Standard deviation of the end by the covariance of the parameters [m]."""
+        moved = self.slopes @ covariance @ self.slopes.T
         return float(np.sqrt(max(np.trace(moved), 0.0)))
 
 
-def ending_of(task: Task, explanation: Explanation) -> Ending:
-    """Returns how the ends of a task's flights spread under an explanation.
+def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
+    """Computes the scatter of a task's flights under an explanation.
 
-    The filter, told the launch and shown the last row alone, has the spread as the
-    variance of its innovation.
+    The filter, given the launch and the last row alone, has it as the variance of its
+    innovation.
     """
     model = explanation.model
     directions = slopes(task.layout, model.theta, model.free)
     field = field_of(task, model)
 
-    def spread(record: Record) -> tuple[float, np.ndarray]:
+    def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linearize(record, model.theta, field, directions)
         start = start_variances(flight, model.scales)
         start[: flight.by_x.shape[1]] = 0.0
@@ -60,8 +60,8 @@ def ending_of(task: Task, explanation: Explanation) -> Ending:
             rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
         return variance, np.array(rows)
 
-    found = in_parallel(spread, task.records)
-    return Ending(
+    found = in_parallel(scatter, task.records)
+    return EndScatter(
         air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
-        by_numbers=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
+        slopes=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
     )
