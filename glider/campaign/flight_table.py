@@ -5,6 +5,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class Table:
 
     path: Path  # The file that they come from.
     name: str = ""  # Of the flight; "": that of the file.
-    columns: Mapping[str, Sequence[str] | np.ndarray]
+    columns: Mapping[str, Any]  # Cells as text, or numbers (n,).
     lines: Sequence[int] | None = None
     """Each row's line in the file; None: from line 2 on, as line 1 is the header."""
 

@@ -411,7 +411,7 @@ def _excluded(
     inspection: Inspection, outlying: Mapping[str, str]
 ) -> tuple[ExcludedRows, ...]:
     """Returns all that is not used: rows that are faulty, flights that stand out."""
-    rows = [s for s in inspection.set_aside if s.file not in outlying]
+    rows = [s for s in inspection.excluded if s.file not in outlying]
     flights = [ExcludedRows(file=n, rows=ALL, why=why) for n, why in outlying.items()]
     return tuple(sorted(rows + flights, key=lambda s: s.file))
 

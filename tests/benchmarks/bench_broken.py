@@ -467,7 +467,7 @@ def check(campaign: Campaign, broken: Break) -> Answer:
     except InputError as error:
         words, outcome = str(error), "refused"
     else:
-        notes = [f"{s.file}: {s.why}" for s in inspection.set_aside]
+        notes = [f"{s.file}: {s.why}" for s in inspection.excluded]
         notes += [f"{name} stands out ({r:.3g})" for name, r in outlying.items()]
         notes += inspection.warnings
         outcome = "told" if notes else "silent"

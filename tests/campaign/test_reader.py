@@ -244,7 +244,7 @@ SPOILT_SETTINGS = {
         edited(vehicle="r1"),
         ["vehicle", "'r1'", "a mapping of fields"],
     ),
-    "negative mass": (edited(vehicle__mass=-1), ["'mass'", "-1", "greater than 0"]),
+    "negative mass": (edited(vehicle__mass=-1), ["'mass'", "-1", "a positive number"]),
     "mass is text": (edited(vehicle__mass="1 kg"), ["mass'", "'1 kg'", "number"]),
     "limits in degrees": (
         edited(vehicle__elevator_limits=[-25, 54]),

@@ -1,39 +1,34 @@
-"""Do flights fall down, nose ahead, at the gravity that campaign.yaml tells?
+"""Do flights fall down, nose ahead, at the gravity that campaign.yaml specifies?
 
-The air's force grows with the airspeed, gravity does not. So measured accelerations
-are fitted, at all flights' rows at once, by
+The fit of `forces` determines gravity: its direction shows which way is down, its size
+the units. It is done with either sign of the pitch and the better one taken: a turned
+angle is traced later (`glider.sysid.search.signs`) and is no fault of the frame.
 
-    a = c + |v - w| R(pitch) A R(pitch)ᵀ (v - w) + thrust + offset
-
-with any constant vector c, any wind w and any 2 x 2 matrix A, of forces along the body
-axis and normal to it: flat plates, drag, camber, a wrong mass, area or zero of the
-pitch are all in A; thrust acts along the body axis, and the offset is that of the
-tracked point from the center of mass. The constant c is gravity, and says which way is
-down; it also knows the units, for a fall of 9.81 m/s² tells the scale of positions and
-times. The fit is done with
-either sign of the pitch and the better one taken: a turned angle is traced later
-(`glider.sysid.search.signs`) and is no fault of the frame.
-
-Measured margins: over 20 simulated campaigns and a measured one the direction of c is
-off by at most 0.07 rad and its size by 12 %. With strong effects of the library (winds
-of 3 m/s, a tilt of 0.5 rad, a thrust of the glider's weight) it is off by 0.55 rad and
-by 38 % (half the mass) where it is determined at all; a marker 0.36 m off and a strong
-stall leave it undetermined, which `_CLEARLY` knows.
+Measured margins: over 20 simulated campaigns and a measured one the direction of
+gravity is off by at most 0.07 rad and its size by 12 %. With strong effects of the
+library (winds of 3 m/s, a tilt of 0.5 rad, a thrust of the glider's weight) it is off
+by 0.55 rad and by 38 % (half the mass) where it is determined at all; a marker 0.36 m
+off and a strong stall leave it undetermined, which `_CLEARLY` detects.
 """
 
 import dataclasses
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.forces import (
+    ForceFit,
+    body_axes,
+    calc_heading,
+    fit_forces,
+    join,
+    usable_motion,
+)
 from glider.campaign.checks.masks import Masks
-from glider.campaign.checks.motion import Motion, calc_motion
-from glider.campaign.logs import Campaign, Flight
+from glider.campaign.checks.motion import Motion
+from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
-_STRIDE = 3  # Rows from one acceleration to the next: those between are no news.
 _MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
 _UPRIGHT = 1.1
@@ -50,24 +45,9 @@ data contradict what is told."""
 _PATH = 0.01
 """Median angle of attack below which the pitch is taken for that of the path [rad]; the
 plate of the default glider needs 0.15 at 7 m/s to carry it."""
-_ITERATIONS = 7
-_WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
-_STEP = 0.01  # Of the wind, for slopes [m/s].
-_WIND = 2.0  # Standard deviation of its prior, of the weight of one row [m/s].
-_MAX_WIND = 6.0  # [m/s]
 _FORCE = 10.0
 """Ratio of the wing's measured force to that of the vehicle, or its inverse, that
 passes: mass and areas may be off by 6 (the library's bounds)."""
-
-
-class ForceFit(NamedTuple):
-    """Accelerations explained by a constant and forces of the air."""
-
-    sign: int  # Of the pitch, +1 as logged.
-    constant: np.ndarray  # (2,) in x and z of the log [m/s²].
-    forces: np.ndarray  # (4,) A: normal, along by normal flow; alike by axial [1/m].
-    wind: np.ndarray  # (2,) [m/s]
-    misfit: float  # Robust RMS of what is left [m/s²].
 
 
 def check_frame(
@@ -99,106 +79,6 @@ def check_frame(
     return turned, tuple(warnings)
 
 
-def usable_motion(flight: Flight, masks: dict[str, Masks]) -> Motion:
-    """Returns the motion over the rows of a flight that may be used."""
-    usable = masks[flight.name].usable
-    return calc_motion(flight.time[usable], flight.pose[usable], stride=_STRIDE)
-
-
-def join(motions: list[Motion]) -> Motion:
-    """Returns the motions of flights one after the other."""
-    return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
-
-
-def fit_forces(
-    motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
-) -> ForceFit:
-    """Fits the constant and the forces with the better sign of the pitch.
-
-    Args:
-        motion: of many flights.
-        down: the constant [m/s²], where it is not to be fitted.
-        signs: of the pitch that are tried.
-    """
-    return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
-
-
-def calc_heading(motion: Motion, sign: int) -> float:
-    """Returns the mean cosine of the angle of attack, weighted by speed²: 1 ahead."""
-    body, _ = _axes(sign * motion.pose[:, 2])
-    velocity = motion.velocity[:, :2]
-    along = np.sum(velocity * body, axis=1) * motion.speed
-    return float(np.sum(along) / max(np.sum(motion.speed**2), 1e-12))
-
-
-def _axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns body axis and wing normal, (k, 2) each, in x and z."""
-    body = np.stack([np.cos(pitch), -np.sin(pitch)], axis=1)
-    normal = np.stack([np.sin(pitch), np.cos(pitch)], axis=1)
-    return body, normal
-
-
-def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
-    """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
-    wind, forces = np.zeros(2), np.zeros(4)
-    offset = _offset_columns(motion, sign)
-    thrust = _axes(sign * motion.pose[:, 2])[0]
-    constants = [np.tile(axis, (len(motion.time), 1)) for axis in np.eye(2)]
-    if down is not None:
-        constants = []
-    target = motion.acceleration[:, :2] - (0.0 if down is None else down)
-    weight = np.ones(target.size)
-    for iteration in range(_ITERATIONS):
-        flows = _force_columns(motion, sign, wind)
-        slopes = [
-            np.tensordot(forces, _force_columns(motion, sign, wind + step), 1)
-            - np.tensordot(forces, flows, 1)
-            for step in _STEP * np.eye(2)
-        ]
-        columns = [*flows, *offset, thrust, *slopes, *constants]
-        design = np.stack(columns, axis=2).reshape(target.size, -1)
-        prior = np.zeros((2, design.shape[1]))
-        prior[:, _WIND_AT] = np.eye(2) * _STEP / _WIND
-        solution = np.linalg.lstsq(
-            np.concatenate([design * weight[:, None], prior]),
-            np.concatenate([target.reshape(-1) * weight, -wind / _WIND]),
-            rcond=None,
-        )[0]
-        rest = target.reshape(-1) - design @ solution
-        scale = 1.4826 * np.median(np.abs(rest)) + 1e-9
-        weight = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(rest), 1e-12)))
-        forces = solution[:4]
-        if iteration > 0:  # The first has no forces yet that a wind could change.
-            change = _STEP * solution[_WIND_AT]
-            change *= min(1.0, 2.0 / max(float(np.hypot(*change)), 1e-12))
-            wind = np.clip(wind + change, -_MAX_WIND, _MAX_WIND)
-    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
-    constant = solution[_WIND_AT.stop :] if down is None else down
-    return ForceFit(sign, constant, forces, wind, misfit)
-
-
-def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
-    """Returns accelerations (4, k, 2) by each entry of the matrix A."""
-    body, normal = _axes(sign * motion.pose[:, 2])
-    air = motion.velocity[:, :2] - wind
-    speed = np.hypot(air[:, 0], air[:, 1])
-    return np.stack(
-        [
-            (speed * np.sum(air * flow, axis=1))[:, None] * force
-            for flow in (normal, body)
-            for force in (normal, body)
-        ]
-    )
-
-
-def _offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
-    """Returns accelerations (k, 2) of points 1 m ahead of and above the center."""
-    body, normal = _axes(sign * motion.pose[:, 2])
-    square = motion.velocity[:, 2:] ** 2
-    turning = sign * motion.acceleration[:, 2:]
-    return [-turning * normal - square * body, turning * body - square * normal]
-
-
 def _check_columns(campaign: Campaign, motion: Motion) -> None:
     """Refuses a column that never moves, or a pitch in degrees."""
     for k, (name, least) in enumerate(_LEAST.items()):
@@ -224,7 +104,7 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     velocity = motion.velocity[:, :2]
     fast = motion.speed > 0.5 * np.median(motion.speed)
     for sign in (1, -1):
-        body, normal = _axes(sign * motion.pose[:, 2])
+        body, normal = body_axes(sign * motion.pose[:, 2])
         across, along = np.sum(velocity * normal, 1), np.sum(velocity * body, 1)
         median = float(np.median(np.abs(np.arctan2(across, along))[fast]))
         if median < _PATH:

@@ -11,6 +11,14 @@ SPAN = 0.1
 _LONGEST = 1.5  # Duration of a window with missing rows over that of one without.
 
 
+def robust_std(values: np.ndarray) -> np.ndarray:
+    """Standard deviation about zero along the first axis, by the median.
+
+    That of scipy.stats takes 0.3 s to import.
+    """
+    return 1.4826 * np.median(np.abs(values), axis=0)
+
+
 class Motion(NamedTuple):
     """Motion at k rows of a log; x, z, pitch in the columns."""
 

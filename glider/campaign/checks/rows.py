@@ -9,12 +9,8 @@ import dataclasses
 import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows, Masks, name_rows, stretches
-from glider.campaign.checks.runs import (
-    Track,
-    find_one_motion,
-    fourth_differences,
-    measure_noise,
-)
+from glider.campaign.checks.motion import robust_std
+from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.checks.standing import find_standing
 from glider.campaign.logs import Campaign, Flight
 
@@ -36,19 +32,19 @@ class Faults:
     """What is wrong with rows of a campaign."""
 
     masks: dict[str, Masks]  # By the name of the flight.
-    set_aside: tuple[ExcludedRows, ...]
+    excluded: tuple[ExcludedRows, ...]
     warnings: tuple[str, ...]
 
 
 def find_faults(campaign: Campaign) -> Faults:
-    """Finds rows that are frozen, stick out or are displaced; tells gaps.
+    """Finds rows that are frozen, stick out or are displaced; reports gaps.
 
-    The noise is measured on all flights: one bad flight does not hide itself. False
-    alarms: see `runs.THRESHOLD`. A row that sticks out by 4 noises or less passes.
+    The noise is measured on all flights: one bad flight does not hide itself. For false
+    alarms see `smoothness.THRESHOLD`; a row that sticks out by 4 noises or less passes.
     """
     noise, digits = _measure_noise(campaign), _measure_digits(campaign)
     elevator_noise = _measure_elevator_noise(campaign)
-    masks, set_aside, warnings = {}, [], []
+    masks, excluded, warnings = {}, [], []
     for flight in campaign.flights:
         faults = {
             "is not a number": ~np.all(np.isfinite(flight.pose), axis=1),
@@ -67,13 +63,13 @@ def find_faults(campaign: Campaign) -> Faults:
         usable &= ~(verdict.sticks_out | verdict.displaced)
         faults["beyond a gap whose commands are not known"] = _cut_off(flight, usable)
         pose = np.logical_or.reduce(list(faults.values()))
-        set_aside += _tell(flight, "pose", faults)
+        excluded += _tell(flight, "pose", faults)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
-        set_aside += _tell(flight, "elevator", of_servo)
+        excluded += _tell(flight, "elevator", of_servo)
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
         masks[flight.name] = Masks(pose=pose, elevator=elevator)
         warnings += _tell_gaps(flight)
-    return Faults(masks=masks, set_aside=tuple(set_aside), warnings=tuple(warnings))
+    return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
 def _measure_noise(campaign: Campaign) -> np.ndarray:
@@ -84,7 +80,7 @@ def _measure_noise(campaign: Campaign) -> np.ndarray:
 
 def _flight_noise(flight: Flight, usable: np.ndarray) -> np.ndarray:
     differences, _ = fourth_differences(flight.time[usable], flight.pose[usable])
-    return measure_noise(differences) if len(differences) else np.zeros(3)
+    return robust_std(differences) if len(differences) else np.zeros(3)
 
 
 def _measure_digits(campaign: Campaign) -> np.ndarray:
@@ -170,7 +166,7 @@ def _elevator_faults(
 def _measure_elevator_noise(campaign: Campaign) -> float:
     """Returns the standard deviation of the elevator's sensor [rad]."""
     each = [
-        measure_noise(fourth_differences(f.time, f.elevator[:, None])[0])[0]
+        robust_std(fourth_differences(f.time, f.elevator[:, None])[0])[0]
         for f in campaign.flights
         if f.elevator is not None
     ]

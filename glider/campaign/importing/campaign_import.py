@@ -23,35 +23,31 @@ from glider.errors import InputError, printable
 
 _ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")
 _ROLLS = 0.1
-"""Roll and yaw that flights may have by which they tell no wrong rotation [rad]."""
+"""Roll and yaw of flights up to which no order of rotations is refused [rad]."""
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 RECORD = "import.txt"
-"""File in the campaign's folder that tells what was done."""
+"""File in the campaign's folder that reports what was done."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportResult:
-    """A campaign, and what there is to tell of how it came about."""
+    """A campaign, and what was done to get it."""
 
     campaign: Campaign
     recordings: tuple[CutRecording, ...]
-    undecided: tuple[str, ...]  # What the flights do not tell of the mapping.
+    undecided: tuple[str, ...]  # What the flights do not show of the mapping.
 
     def describe(self) -> str:
-        """Returns all of it as lines of text."""
+        """All of it as lines of text."""
         lines = []
-        names = iter(flight.name for flight in self.campaign.flights)
+        flights = iter(self.campaign.flights)
         for recording in self.recordings:
-            lines.append(
-                f"{recording.path}: {_count(len(recording.flights), 'flight')}"
-            )
-            for flight in recording.flights:
-                lines.append(
-                    f"  {next(names)}  {flight.begin:.3f}-{flight.end:.3f} s, "
-                    f"{flight.rows} rows"
-                )
-                lines.append(f"    {flight.why}")
-            lines += [f"  {words}" for words in recording.told]
+            lines.append(f"{recording.path}: {_count(recording.flights, 'flight')}")
+            for cut in recording.flights:
+                flight = next(flights)
+                rows, span = len(flight.time), f"{cut.begin:.3f}-{cut.end:.3f} s"
+                lines += [f"  {flight.name}  {span}, {rows} rows", f"    {cut.why}"]
+            lines += [f"  {note}" for note in recording.notes]
         lines += [f"warning: {words}" for words in self.undecided]
         return "\n".join(map(printable, lines))
 
@@ -59,7 +55,7 @@ class ImportResult:
 def import_campaign(
     files: Sequence[Path | str], mapping: Path | str, out: Path | str
 ) -> ImportResult:
-    """Makes a campaign folder of logs, as a mapping says, and tells what was done.
+    """Makes a campaign folder of logs, as a mapping specifies; reports what was done.
 
     Nothing is written unless all of it is right: the flights must fall down, nose
     ahead, and their forces and moments must have the signs that the mapping claims.
@@ -79,59 +75,61 @@ def import_campaign(
 
 
 def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResult:
-    """Returns what `import_campaign` writes."""
+    """Makes what `import_campaign` writes."""
     settings, claim = read_settings(Path(mapping))
     if claim is None:
         raise InputError(
-            f"{mapping}: has no 'columns:'; a mapping names the columns of the logs "
+            f"{mapping}: has no 'columns:'; expected a mapping of the logs' columns "
             "(--guess proposes one)."
         )
-    raws = _read_all([Path(file) for file in files], claim)
-    recordings = cut_recordings(raws, claim, settings)
-    if not any(recording.flights for recording in recordings):
-        reasons = "; ".join(f"{r.path.name}: {w}" for r in recordings for w in r.told)
+    recordings = _read_all([Path(file) for file in files], claim)
+    cuts = cut_recordings(recordings, claim, settings)
+    if not any(cut.flights for cut in cuts):
+        reasons = "; ".join(f"{c.path.name}: {note}" for c in cuts for note in c.notes)
         raise InputError(
-            f"{mapping}: no flight was found in {_count(len(recordings), 'recording')} "
+            f"{mapping}: no flight was found in {_count(cuts, 'recording')} "
             f"({reasons or 'nothing moves'}); is 'up' in 'frame:' right?"
         )
     settings = dataclasses.replace(settings, path=Path(mapping))
-    campaign = campaign_of_cuts(settings, recordings)
+    campaign = campaign_of_cuts(settings, cuts)
     undecided = check_signs(campaign)
-    _check_rotation(raws, claim, campaign)
-    return ImportResult(campaign=campaign, recordings=recordings, undecided=undecided)
+    _check_rotation(recordings, claim, campaign)
+    return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
 def _check_rotation(
-    raws: Sequence[Recording], claim: Mapping, campaign: Campaign
+    recordings: Sequence[Recording], claim: Mapping, campaign: Campaign
 ) -> None:
     """Refuses an order of Euler angles where another makes better flights."""
-    told = claim.frame.rotation
-    if told is None or len(told) != 3 or len(campaign.flights) < _MIN_FLIGHTS:
+    order = claim.frame.rotation
+    own = misfit_of(campaign)
+    few = len(campaign.flights) < _MIN_FLIGHTS
+    if order is None or len(order) != 3 or few or own is None:
         return
-    own, roll = misfit_of(campaign), _sideways(campaign)
-    for order in _ORDERS:
-        other = dataclasses.replace(
-            claim, frame=dataclasses.replace(claim.frame, rotation=order)
-        )
+    roll = _sideways(campaign)
+    for other in _ORDERS:
+        frame = dataclasses.replace(claim.frame, rotation=other)
         try:
-            cuts = cut_recordings(raws, other, campaign)
-            rival = campaign_of_cuts(campaign, cuts)
-            misfit = misfit_of(rival)
+            rival = dataclasses.replace(claim, frame=frame)
+            turned = campaign_of_cuts(
+                campaign, cut_recordings(recordings, rival, campaign)
+            )
+            misfit = misfit_of(turned)
         except InputError:
             continue
-        if own is None or misfit is None:
+        if misfit is None:
             continue
-        straighter = 2.0 * _sideways(rival) + _ROLLS < roll and misfit < own
+        straighter = 2.0 * _sideways(turned) + _ROLLS < roll and misfit < own
         if straighter or misfit * CLEARLY < own:
             raise InputError(
-                f"{claim.source}: frame: rotation: with {order} in place of {told} the "
-                f"forces fit {own / misfit:.2g} times as well, and the flights roll "
-                f"and yaw by {_sideways(rival):.2g} rad instead of {roll:.2g}."
+                f"{claim.source}: frame: rotation: with {other} in place of {order} "
+                f"the forces fit {own / misfit:.2g} times as well, and the flights "
+                f"roll and yaw by {_sideways(turned):.2g} rad instead of {roll:.2g}."
             )
 
 
 def _sideways(campaign: Campaign) -> float:
-    """Returns how much flights roll and yaw while they fly, as an RMS [rad]."""
+    """RMS of roll and yaw about their medians while the flights last [rad]."""
     swings = [
         flight.attitude[:, 1:] - np.median(flight.attitude[:, 1:], axis=0)
         for flight in campaign.flights
@@ -140,8 +138,8 @@ def _sideways(campaign: Campaign) -> float:
     return float(np.sqrt(np.mean(np.concatenate(swings) ** 2))) if swings else 0.0
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
+def _count(things: Sequence, what: str) -> str:
+    return f"{len(things)} {what}" + ("" if len(things) == 1 else "s")
 
 
 def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:

@@ -1,9 +1,9 @@
 """The cutting step: flights, from release to contact, out of a long recording.
 
-A glider in flight moves, and loses energy to the air: a hand adds it, and what the
-glider hits takes a leap of its velocity. So a recording is parted where the body is not
-seen, stands still or is frozen; each part that moves is looked at for the last push of
-a hand and for the first leap of the velocity.
+A glider in flight moves and loses energy to the air; a hand adds energy, and an impact
+shows as a jump of the velocity. So a recording is split where the body is not seen,
+stands still or is frozen; each part that moves is searched for the last push of a hand
+and for the first jump of the velocity.
 """
 
 import dataclasses
@@ -11,20 +11,18 @@ import dataclasses
 import numpy as np
 
 from glider.campaign.checks.masks import stretches
-from glider.campaign.checks.motion import Motion, calc_motion
-from glider.campaign.checks.runs import Track as Rows
-from glider.campaign.checks.runs import (
-    find_one_motion,
-    fourth_differences,
-    measure_noise,
-)
+from glider.campaign.checks.motion import Motion, calc_motion, robust_std
+from glider.campaign.checks.smoothness import Track as Rows
+from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, angles_of, take
 
-_MAX_GAP = 0.1  # Time without the body that parts a recording [s].
+_MAX_GAP = 0.1  # Time without the body that splits a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
-_PUSH = 6.0  # Force along the path that only a hand has, as in checks.standing [m/s²].
+_PUSH = (
+    6.0  # Force along the path that only a hand exerts, as in checks.standing [m/s²].
+)
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 AFTER_RELEASE = 0.05
 """Time after the hand lets go that is cut as well: fingers touch the tail [s]."""
@@ -44,13 +42,13 @@ class Cut:
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
-    """Returns the flights of a recording in their order, and what was left out.
+    """Finds the flights of a recording in their order; notes what was omitted.
 
     Args:
         track: with z up.
         gravity: [m/s²].
     """
-    flights, told = [], []
+    flights, notes = [], []
     seen = ~_frozen(track)
     for first, last in _parts(track, seen):
         part = take(track, slice(first, last + 1))
@@ -62,17 +60,17 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
         if isinstance(found, Cut):
             flights.append(found)
         else:
-            told.append(f"{span}: {found}")
+            notes.append(f"{span}: {found}")
     lost = int(np.sum(~seen))
     if not len(seen):
-        told.append("the body is never seen")
+        notes.append("the body is never seen")
     if lost:
-        told.append(f"{lost} rows that repeat the one before: the body was lost")
-    return flights, told
+        notes.append(f"{lost} rows that repeat the one before: the body was lost")
+    return flights, notes
 
 
 def _frozen(track: Track) -> np.ndarray:
-    """Returns rows (n,) whose position has stood for some rows to the last digit."""
+    """Rows (n,) whose position repeats to the last digit for some rows."""
     same = np.all(np.diff(track.position, axis=0, prepend=np.nan) == 0.0, axis=1)
     frozen = np.zeros(len(same), dtype=bool)
     for first, last in stretches(same):
@@ -82,7 +80,7 @@ def _frozen(track: Track) -> np.ndarray:
 
 
 def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
-    """Returns first and last row of each part in which the body is seen and moves."""
+    """First and last row of each part in which the body is seen and moves."""
     rows = np.flatnonzero(seen)
     if len(rows) < _MIN_ROWS:
         return []
@@ -104,7 +102,7 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
-    """Returns the flight in a part of a recording, or why there is none.
+    """Finds the flight in a part of a recording, or why there is none.
 
     Args:
         part: in which the body is seen and moves.
@@ -143,14 +141,14 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
 
 
 def _push(motion: Motion, gravity: float) -> np.ndarray:
-    """Returns the force per mass along the path (k,), gravity apart [m/s²]."""
+    """Force per mass along the path (k,), without gravity [m/s²]."""
     speed = np.maximum(np.linalg.norm(motion.velocity, axis=1), 1e-3)
     force = motion.acceleration + np.array([0.0, 0.0, gravity])
     return np.sum(force * motion.velocity, axis=1) / speed
 
 
 def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:
-    """Returns when the hand that throws lets go [s]; None where no hand is seen."""
+    """Time at which the hand lets go [s]; None where no hand is seen."""
     peak = int(np.argmax(energy))
     pushed = np.flatnonzero(push[: peak + 1] > _PUSH)
     if not len(pushed):
@@ -161,13 +159,13 @@ def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float
 
 
 def _find_contact(flight: Track) -> float | None:
-    """Returns when the velocity leaps [s]; None where it does not."""
+    """Time at which the velocity jumps [s]; None where it does not."""
     pitch, _ = angles_of(flight)
     pose = np.column_stack([flight.position[:, [0, 2]], pitch])
     differences, _ = fourth_differences(flight.time, pose)
     if not len(differences):
         return None
-    rows = Rows(time=flight.time, pose=pose, noise=measure_noise(differences))
+    rows = Rows(time=flight.time, pose=pose, noise=robust_std(differences))
     displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool)).displaced
     last = stretches(displaced)
     if last and last[-1][1] == len(displaced) - 1 and last[-1][0] > 0:

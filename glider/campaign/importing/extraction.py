@@ -1,4 +1,4 @@
-"""Flights of a recording: the steps of an import in their order, in memory."""
+"""The steps of an import in their order, in memory: from recordings to flights."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from glider.campaign.flight_reader import with_flights
 from glider.campaign.flight_table import Table
-from glider.campaign.importing.clock import find_offsets, shift
+from glider.campaign.importing.clock_offset import find_offsets, shift
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording
@@ -25,7 +25,6 @@ class CutFlight:
     """A flight of a recording, as a table in SI and the axes of this project."""
 
     table: Table
-    rows: int
     begin: float  # On the clock of the recording [s].
     end: float
     why: str  # Why it begins and ends there.
@@ -33,15 +32,15 @@ class CutFlight:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CutRecording:
-    """The flights of a recording, and what there is to tell of it."""
+    """The flights of a recording, and notes on what was done to it."""
 
     path: Path
     flights: tuple[CutFlight, ...]
-    told: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
-    """Returns a file that is one flight as a table in SI; nothing is cut.
+    """Converts a file that is one flight to a table in SI; nothing is cut.
 
     Args:
         file: of any text dialect.
@@ -51,9 +50,7 @@ def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
     Raises:
         InputError: it cannot be mapped.
     """
-    track = make_track(
-        select(read_recording(file), mapping), mapping.frame, mapping.source
-    )
+    track = make_track(select(read_recording(file), mapping), mapping)
     whole = Cut(track=track, begin="", end="")
     [(track, _)] = _on_one_clock([track], [[whole]], mapping)
     flight = turn_along(track) if track.along_throw else track
@@ -62,94 +59,91 @@ def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
 
 
 def cut_recordings(
-    raws: Sequence[Recording], mapping: Mapping, settings: Campaign
+    recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
 ) -> tuple[CutRecording, ...]:
-    """Returns the flights in recordings.
+    """Finds the flights in recordings.
 
     Raises:
         InputError: one cannot be mapped, or its clocks do not fit.
     """
-    tracks = [
-        make_track(select(raw, mapping), mapping.frame, mapping.source) for raw in raws
-    ]
+    tracks = [make_track(select(r, mapping), mapping) for r in recordings]
     gravity = settings.vehicle.get("gravity", GliderParameters().gravity)
     cuts = [cut(track, gravity) for track in tracks]
     clocked = _on_one_clock(tracks, [flights for flights, _ in cuts], mapping)
     return tuple(
-        _cut_recording(track, flights, told + words, mapping, settings)
-        for (track, words), (flights, told) in zip(clocked, cuts, strict=True)
+        _extract(track, flights, notes + of_clock, mapping, settings)
+        for (track, of_clock), (flights, notes) in zip(clocked, cuts, strict=True)
     )
 
 
 def campaign_of_cuts(
     settings: Campaign, recordings: Sequence[CutRecording]
 ) -> Campaign:
-    """Returns the flights of recordings as a campaign, numbered in their order.
+    """A campaign of the flights of recordings, numbered in their order.
 
     Raises:
         InputError: one cannot be a flight in SI.
     """
     tables = [flight.table for recording in recordings for flight in recording.flights]
-    campaign = with_flights(settings, tables)
-    flights = tuple(
-        dataclasses.replace(flight, name=f"flight_{i:03d}.csv")
-        for i, flight in enumerate(campaign.flights)
-    )
-    return dataclasses.replace(campaign, flights=flights)
+    named = [
+        dataclasses.replace(table, name=f"flight_{i:03d}.csv")
+        for i, table in enumerate(tables)
+    ]
+    return with_flights(settings, named)
 
 
-def _cut_recording(
-    track: Track, cuts: list[Cut], told: list[str], mapping: Mapping, settings: Campaign
+def _extract(
+    track: Track,
+    cuts: list[Cut],
+    notes: list[str],
+    mapping: Mapping,
+    settings: Campaign,
 ) -> CutRecording:
+    """Makes tables of the flights that were cut out of a recording."""
     flights = []
     for found in cuts:
-        whole = dataclasses.replace(
+        flight = dataclasses.replace(
             found.track,
             elevator=track.elevator,
             rate_command=track.rate_command,
             angle_command=track.angle_command,
         )
-        flight = turn_along(whole) if track.along_throw else whole
+        if track.along_throw:
+            flight = turn_along(flight)
         columns, of_servo = _columns(flight, settings, mapping.source)
-        told = told + [word for word in of_servo if word not in told]
+        notes = notes + [note for note in of_servo if note not in notes]
         begin, end = float(flight.time[0]), float(flight.time[-1])
         columns["time"] = columns["time"] - begin
-        flights.append(
-            CutFlight(
-                table=Table(path=track.path, name="flight", columns=columns),
-                rows=len(flight.time),
-                begin=begin,
-                end=end,
-                why=f"{found.begin}; {found.end}",
-            )
-        )
-    return CutRecording(path=track.path, flights=tuple(flights), told=tuple(told))
+        table = Table(path=track.path, columns=columns)
+        why = f"{found.begin}; {found.end}"
+        flights.append(CutFlight(table=table, begin=begin, end=end, why=why))
+    return CutRecording(path=track.path, flights=tuple(flights), notes=tuple(notes))
 
 
 def _on_one_clock(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
 ) -> list[tuple[Track, list[str]]]:
-    """Returns recordings with all logs on their poses' clocks, and what was done."""
+    """Recordings with all logs on their poses' clocks, each with notes on it."""
     clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
-    if clock == "same":
-        return [(track, []) for track in tracks]
-    if clock != "find":
-        told = [f"clock: shifted by {clock:g} s, as told"]
-        return [(shift(track, float(clock)), told) for track in tracks]
-    flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     result: list[tuple[Track, list[str]]] = [(track, []) for track in tracks]
+    if clock == "same":
+        return result
+    if clock != "find":
+        notes = [f"clock: shifted by {clock:g} s, as specified"]
+        return [(shift(track, float(clock)), notes) for track in tracks]
+    flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     if not flying:
         return result
     offsets = find_offsets([(tracks[i], [c.track for c in flights[i]]) for i in flying])
     for i, offset in zip(flying, offsets, strict=True):
         error = "" if offset.std is None else f" ± {offset.std:.3f}"
-        words = (
+        note = (
             f"clock: the elevator's is {offset.seconds:+.3f}{error} s ahead of that of "
             f"the poses (correlation {offset.correlation:.2f}); it was shifted back"
         )
         if tracks[i].elevator is None or not _has_two_clocks(tracks[i]):
-            words += ", and a delay of the servo, if any, with it"
-        result[i] = (shift(tracks[i], offset.seconds), [words])
+            note += ", and a delay of the servo, if any, with it"
+        result[i] = (shift(tracks[i], offset.seconds), [note])
     return result
 
 
@@ -163,17 +157,16 @@ def _has_two_clocks(track: Track) -> bool:
 
 
 def _has_servo(track: Track) -> bool:
-    """Whether there is something that another log could follow."""
-    measured = track.elevator is not None and track.elevator.clock == track.clock
-    return len(_logs(track)) > int(measured) and (
-        measured or track.elevator is not None or track.angle_command is not None
-    )
+    """Whether the elevator, or a command, can be compared with another log."""
+    if track.elevator is not None and track.elevator.clock == track.clock:
+        return len(_logs(track)) > 1
+    return track.elevator is not None or track.angle_command is not None
 
 
 def _columns(
     flight: Track, settings: Campaign, source: str
 ) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Returns the columns of a campaign's file, and what was made of servo logs."""
+    """Columns of a campaign's file, and notes on what was made of servo logs."""
     pitch, sideways = angles_of(flight)
     columns = {
         "time": flight.time,
@@ -190,10 +183,10 @@ def _columns(
             "roll": _centered(sideways[:, 0]),
             "yaw": _centered(sideways[:, 1]),
         }
-    return columns, [f"servo: {servo.told}"] if servo and servo.told else []
+    return columns, [f"servo: {servo.note}"] if servo and servo.note else []
 
 
 def _centered(angle: np.ndarray) -> np.ndarray:
-    """Returns an unwrapped angle (n,) without whole turns in its mean [rad]."""
+    """An unwrapped angle (n,) without whole turns in its mean [rad]."""
     turn = 2.0 * np.pi
     return angle - turn * np.round(np.mean(angle) / turn)

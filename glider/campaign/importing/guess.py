@@ -1,9 +1,9 @@
 """`--guess`: a mapping proposed from names, ranges, gravity and the elevator's effect.
 
-Columns are found by their names, units by their names or their ranges. Axes and signs
-are tried: of all frames the one is proposed in which the flights fall down at g and
-the forces of the air go with the attitude best. Each line of the proposal says why; a
-sign that the flights do not tell is left to the user, with a question mark.
+Columns are found by their names, units by their names or ranges. Axes and signs are
+tried: the frame is proposed in which the flights fall down at g and the forces of the
+air agree best with the attitude. Each line of the proposal has its reason; a sign that
+the flights do not show is left to the user, with a question mark.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.checks.clocks import follow_sign
-from glider.campaign.checks.frame import usable_motion
+from glider.campaign.checks.forces import usable_motion
 from glider.campaign.checks.masks import no_masks
 from glider.campaign.importing.campaign_import import ImportResult
 from glider.campaign.importing.cutting import cut
@@ -29,13 +29,14 @@ from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.selection import select
 from glider.campaign.importing.sign_checks import (
+    CLEARLY,
     SIGNIFICANT,
     elevator_effect,
     misfit_of,
 )
 from glider.campaign.importing.track import make_track
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import Settings
+from glider.campaign.settings import Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.physics.parameters import GliderParameters
@@ -63,11 +64,22 @@ _SCALARS = (_RATE, "elevator_angle_command", "time", "x", "z", "pitch", "elevato
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SHORTEST_STEP, _LONGEST_STEP = 2e-4, 0.2  # Of logs of poses [s].
-_SIGNS = ("", "-")
-_AXES = [sign + axis for axis in "xyz" for sign in _SIGNS]
+_RANGES = (
+    ("position", "length", 100.0, "mm"),
+    ("x", "length", 100.0, "mm"),
+    ("pitch", "angle", 2.0 * np.pi, "deg"),
+    ("attitude", "angle", 2.0 * np.pi, "deg"),
+    ("elevator", "angle", 2.0 * np.pi, "deg"),
+    (_RATE, "rate", 50.0, "deg/s"),
+)
+"""Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
+_AXES = [sign + axis for axis in "xyz" for sign in ("", "-")]
+_PITCH = ("nose_down", "nose_up")
 _MAX_TRIED = 4  # Files that frames are tried on.
-_MAX_FILES = 12  # Files that are looked into.
-_CLEAR = 1.2  # Ratio of misfits to the next best, from which on a frame is told.
+_MAX_FILES = 12  # Files that are read.
+
+Fields = dict[str, str]
+"""Of a mapping's `columns:`, `units:` or `frame:`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -82,70 +94,72 @@ class Guess:
 class _Trial:
     """A frame that was tried."""
 
-    frame: dict[str, str]
+    frame: Fields
     misfit: float  # Of the forces, gravity given [m/s²].
     campaign: Campaign
     recordings: tuple[CutRecording, ...]
 
+    @property
+    def rows(self) -> int:
+        """Number of rows in all flights."""
+        return sum(len(flight.time) for flight in self.campaign.flights)
+
 
 def guess_mapping(files: Sequence[Path]) -> Guess:
-    """Returns a mapping for logs.
+    """Proposes a mapping for logs.
 
     Raises:
         InputError: no columns of a pose are found, or no frame makes flights of them.
     """
-    raws = [r for f in sorted(files)[:_MAX_FILES] for r in read_recordings(Path(f))]
-    seen = [raw for raw in raws if any(g.columns for g in raw.groups)]
-    columns, reasons = _guess_columns(seen[0])
-    units = _guess_units(seen[0], columns, reasons)
-    best, ratio = _best_frame(seen[:_MAX_TRIED], columns, units)
+    logs = [r for f in sorted(files)[:_MAX_FILES] for r in read_recordings(Path(f))]
+    logs = [log for log in logs if any(group.columns for group in log.groups)]
+    columns, reason = _guess_columns(logs[0])
+    units, reasons = _guess_units(logs[0], columns)
+    best, ratio = _best_frame(logs[:_MAX_TRIED], columns, units)
     frame = dict(best.frame)
-    frame_why = (
-        f"the forces fit {ratio:.2g} times as well as in the next best frame"
-        if np.isfinite(ratio) and ratio > _CLEAR
-        else "in no other frame they are flights"
-        if ratio > _CLEAR
-        else f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
-    )
-    servo_why = ""
-    if best.campaign.elevator == "servo":
-        servo_why = _guess_elevator(best.campaign, frame)
-    lines = ["# Proposed by --guess: see that each line is right before you use it."]
-    lines.append("columns:")
-    lines += [f"  {k}: {_quoted(v)}  # {reasons[k]}" for k, v in columns.items()]
+    if ratio <= CLEARLY:
+        why = f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
+    elif np.isfinite(ratio):
+        why = f"the forces fit {ratio:.2g} times as well as in the next best frame"
+    else:
+        why = "in no other frame they are flights"
+    servo = best.campaign.elevator == "servo"
+    servo_why = _guess_elevator(best.campaign, frame) if servo else ""
+    lines = ["# Proposed by --guess: check each line before you use it.", "columns:"]
+    lines += [f"  {k}: {_quoted(v)}  # {reason}" for k, v in columns.items()]
     if units:
         lines.append("units:")
-        lines += [f"  {k}: {v}  # {reasons[f'units {k}']}" for k, v in units.items()]
-    lines.append(f"frame:  # {frame_why}")
+        lines += [f"  {k}: {v}  # {reasons[k]}" for k, v in units.items()]
+    lines.append(f"frame:  # {why}")
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
-    if "elevator" in frame:
+    if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
-    if best.campaign.elevator != "servo":
-        lines.append("  elevator: fixed  # no column of an elevator was found")
-    else:
-        lines.append("  elevator_rate_limit: 13.0  # ? rad/s: that of your servo")
-    final = _try_frame(seen, columns, units, frame)
-    best = final or best
+    lines.append(
+        "  elevator_rate_limit: 13.0  # ? rad/s: that of your servo"
+        if servo
+        else "  elevator: fixed  # no column of an elevator was found"
+    )
+    best = _try_frame(logs, columns, units, frame) or best
     imported = ImportResult(
         campaign=best.campaign, recordings=best.recordings, undecided=()
     )
-    return Guess(
-        text="".join(f"{printable(line)}\n" for line in lines), imported=imported
-    )
+    text = "".join(f"{printable(line)}\n" for line in lines)
+    return Guess(text=text, imported=imported)
 
 
-def _guess_elevator(campaign: Campaign, frame: dict[str, str]) -> str:
-    """Sets the signs of elevator and command in a frame; returns why."""
+def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
+    """Sets the signs of elevator and command in a frame; returns the reason."""
     masks = {flight.name: no_masks(flight) for flight in campaign.flights}
     motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
     effect = elevator_effect(campaign, motions)
-    up, down = "trailing_edge_up", "trailing_edge_down"
-    frame["elevator"] = down if effect > 0.0 else up
+    signs = ["trailing_edge_up", "trailing_edge_down"]
+    own, other = reversed(signs) if effect > 0.0 else signs
+    frame["elevator"] = own
     if follow_sign(campaign.flights, masks) < 0:
-        frame["command"] = up if effect > 0.0 else down
+        frame["command"] = other
     if abs(effect) < SIGNIFICANT:
-        return "? the flights do not tell it: check it"
+        return "? the flights do not show it: check it"
     return f"it turns the glider so, by {abs(effect):.0f} standard errors"
 
 
@@ -154,52 +168,47 @@ def _quoted(value: str) -> str:
     return value if plain and value not in ("y", "n") else f'"{value}"'
 
 
-def _guess_columns(raw: Recording) -> tuple[dict[str, str], dict[str, str]]:
-    """Returns columns by quantity, and why each."""
-    names = raw.names()
-    columns: dict[str, str] = {}
-    for quantity, name in _ULOG.items():
-        if any(n.startswith(name) for n in names):
-            columns[quantity] = name
-    if len(columns) == len(_ULOG):
-        return columns, dict.fromkeys(columns, "PX4's topic")
-    columns = {}
+def _guess_columns(log: Recording) -> tuple[Fields, str]:
+    """Finds columns by quantity, and how."""
+    names = log.names()
+    if all(any(n.startswith(name) for n in names) for name in _ULOG.values()):
+        return dict(_ULOG), "PX4's topic"
+    columns: Fields = {}
     stems = list(dict.fromkeys(_stems(names)))
     for quantity, shapes in _SHAPES.items():
         fits = [
             stem
             for stem in stems
             if re.search(_NAMES[quantity], stem, re.IGNORECASE)
-            and any(raw.find_all(stem, axes, quantity) for axes in shapes)
+            and any(log.find_all(stem, axes, quantity) for axes in shapes)
         ]
         owner = columns.get("attitude", "").rpartition(".")[0]
         own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
         if fits:
-            columns[quantity] = _most_alive(raw, own or fits)
+            columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     for quantity in _SCALARS:
-        is_there = (
+        if (
             (quantity in ("x", "z") and "position" in columns)
             or (quantity == "pitch" and "attitude" in columns)
             or (quantity == "elevator_angle_command" and _RATE in columns)
-            or (quantity == "time" and any(g.time for g in raw.groups))
-        )
+            or (quantity == "time" and any(group.time for group in log.groups))
+        ):
+            continue
         taken = tuple(columns.values())
-        free = [n for n in names if not (n.startswith(taken) or _IS_TIME(n))]
-        free = names if quantity == "time" else free
-        for name in [] if is_there else free:
-            own_name = name.rpartition(".")[2]
-            if re.search(_NAMES[quantity], own_name, re.IGNORECASE):
+        for name in names:
+            if quantity != "time" and (name.startswith(taken) or _IS_TIME(name)):
+                continue
+            if re.search(_NAMES[quantity], name.rpartition(".")[2], re.IGNORECASE):
                 columns[quantity] = name
                 break
     has_place = "position" in columns or {"x", "z"} <= set(columns)
     if not (has_place and {"attitude", "pitch"} & set(columns)):
         listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
         raise InputError(
-            f"{raw.path}: no columns of a position and an attitude were recognized by "
+            f"{log.path}: no columns of a position and an attitude were recognized by "
             f"their names in {listed}; write the mapping by hand."
         )
-    ordered = {q: columns[q] for q in QUANTITIES if q in columns}
-    return ordered, dict.fromkeys(ordered, "by its name")
+    return {q: columns[q] for q in QUANTITIES if q in columns}, "by its name"
 
 
 def _stems(names: Sequence[str]) -> Iterator[str]:
@@ -210,144 +219,114 @@ def _stems(names: Sequence[str]) -> Iterator[str]:
             yield match[1]
 
 
-def _most_alive(raw: Recording, stems: Sequence[str]) -> str:
-    """Returns the vector that moves most: the glider, not the wand on the floor."""
-
-    def travel(stem: str) -> float:
-        for axes in ("xyz", "012"):
-            found = raw.find_all(stem, axes, stem)
-            if found:
-                values = np.stack([c.values for c in found[1]])
-                steps = np.abs(np.diff(values, axis=1))
-                return float(np.nansum(steps)) if np.isfinite(steps).any() else -1.0
-        return -1.0
-
-    return max(stems, key=travel)
+def _travel(log: Recording, stem: str) -> float:
+    """Way of a vector: the glider moves most, not the wand on the floor."""
+    values, _ = _values(log, stem)
+    steps = np.abs(np.diff(values))
+    return float(np.nansum(steps)) if np.isfinite(steps).any() else -1.0
 
 
-def _guess_units(
-    raw: Recording, columns: dict[str, str], reasons: dict[str, str]
-) -> dict[str, str]:
-    """Returns units that the file does not tell, by the ranges of the columns."""
-    units: dict[str, str] = {}
-    if "time" in columns:
-        _, column = raw.find(columns["time"], "time")
-        step = float(np.nanmedian(np.diff(column.values)))
-        if column.unit is None and not _LONGEST_STEP > step > _SHORTEST_STEP:
-            fits = [
-                unit
-                for unit, size in _STEPS.items()
-                if _SHORTEST_STEP < step * size < _LONGEST_STEP
-            ]
-            if fits:
-                units["time"] = fits[0]
-                reasons["units time"] = f"its median step is {step:.4g}"
-    ranges = (
-        ("position", "length", 100.0, "mm"),
-        ("x", "length", 100.0, "mm"),
-        ("pitch", "angle", 2.0 * np.pi, "deg"),
-        ("attitude", "angle", 2.0 * np.pi, "deg"),
-        ("elevator", "angle", 2.0 * np.pi, "deg"),
-        (_RATE, "rate", 50.0, "deg/s"),
-    )
-    for quantity, kind, most, other in ranges:
-        values, unit = _values(raw, columns.get(quantity))
-        if values is None or unit is not None:
-            continue
-        reach = float(np.nanmax(np.abs(values)))
-        if reach > most:
-            units[kind] = other
-            reasons[f"units {kind}"] = f"'{quantity}' reaches {reach:.4g}"
-    return units
-
-
-def _values(raw: Recording, name: str | None) -> tuple[np.ndarray | None, str | None]:
-    if name is None:
-        return None, None
+def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
+    """Values of a vector (k, n) or a scalar (n,), and their unit."""
     for axes in ("xyz", "012"):
-        found = raw.find_all(name, axes, name)
+        found = log.find_all(name, axes, name)
         if found:
             return np.stack([c.values for c in found[1]]), found[1][0].unit
-    _, column = raw.find(name, name)
+    _, column = log.find(name, name)
     return column.values, column.unit
 
 
+def _guess_units(log: Recording, columns: Fields) -> tuple[Fields, Fields]:
+    """Units that the file does not report, by the ranges of the columns, and why."""
+    units: Fields = {}
+    reasons: Fields = {}
+    if "time" in columns:
+        values, unit = _values(log, columns["time"])
+        step = float(np.nanmedian(np.diff(values)))
+        fits = [
+            unit
+            for unit, size in _STEPS.items()
+            if _SHORTEST_STEP < step * size < _LONGEST_STEP
+        ]
+        if unit is None and fits and fits[0] != "s":
+            units["time"], reasons["time"] = fits[0], f"its median step is {step:.4g}"
+    for quantity, kind, most, other in _RANGES:
+        if quantity not in columns:
+            continue
+        values, unit = _values(log, columns[quantity])
+        reach = float(np.nanmax(np.abs(values)))
+        if unit is None and reach > most:
+            units[kind], reasons[kind] = other, f"'{quantity}' reaches {reach:.4g}"
+    return units, reasons
+
+
 def _best_frame(
-    raws: Sequence[Recording], columns: dict[str, str], units: dict[str, str]
+    logs: Sequence[Recording], columns: Fields, units: Fields
 ) -> tuple[_Trial, float]:
-    """Returns the frame with the least misfit, and the ratio to the next best."""
-    spatial = "position" in columns
-    frames = _planar_frames() if not spatial else _frames(raws, columns, units)
-    trials = [
-        trial
-        for frame in frames
-        if (trial := _try_frame(raws, columns, units, frame)) is not None
-    ]
+    """The frame with the least misfit, and the ratio of the next best to it."""
+    frames = (
+        _frames(logs, columns, units) if "position" in columns else _planar_frames()
+    )
+    tried = [_try_frame(logs, columns, units, frame) for frame in frames]
+    trials = [trial for trial in tried if trial is not None]
     if not trials:
         raise InputError(
-            f"{raws[0].path}: in no frame the columns {', '.join(columns.values())} "
+            f"{logs[0].path}: in no frame the columns {', '.join(columns.values())} "
             "make flights; write the mapping by hand."
         )
-    most = max(_rows(trial) for trial in trials)
-    trials = [trial for trial in trials if 2 * _rows(trial) > most]
+    most = max(trial.rows for trial in trials)
+    trials = [trial for trial in trials if 2 * trial.rows > most]
     trials.sort(key=lambda trial: trial.misfit)
     ratios = [trial.misfit / trials[0].misfit for trial in trials[1:]]
     return trials[0], min(ratios, default=np.inf)
 
 
-def _rows(trial: _Trial) -> int:
-    return sum(len(flight.time) for flight in trial.campaign.flights)
-
-
-def _planar_frames() -> Iterator[dict[str, str]]:
+def _planar_frames() -> Iterator[Fields]:
     """Yields the frames of x and z."""
-    for up, forward, pitch in itertools.product(
-        _SIGNS, _SIGNS, ("nose_down", "nose_up")
-    ):
-        yield {"up": f"{up}z", "forward": f"{forward}x", "pitch": pitch}
+    for up, forward, pitch in itertools.product(("z", "-z"), ("x", "-x"), _PITCH):
+        yield {"up": up, "forward": forward, "pitch": pitch}
 
 
 def _frames(
-    raws: Sequence[Recording], columns: dict[str, str], units: dict[str, str]
-) -> Iterator[dict[str, str]]:
+    logs: Sequence[Recording], columns: Fields, units: Fields
+) -> Iterator[Fields]:
     """Yields a frame for each axis that may point up and each way to read rotations.
 
-    The nose is where the body's axes point that the flights go along, and its top that
-    which is up then.
+    The nose is the axis of the body along which the flights go, the top the one that
+    points up then.
     """
     if "attitude" not in columns:
-        for up, pitch in itertools.product(_AXES, ("nose_down", "nose_up")):
+        for up, pitch in itertools.product(_AXES, _PITCH):
             yield {"up": up, "pitch": pitch}
         return
-    four = raws[0].find_all(columns["attitude"], "xyzw", "attitude")
-    three = any(
-        raws[0].find_all(columns["attitude"], axes, "attitude")
-        for axes in ("xyz", "012")
-    )
+    found = {
+        axes: logs[0].find_all(columns["attitude"], axes, "attitude")
+        for axes in ("xyzw", "xyz", "012")
+    }
     readings: tuple[str, ...] = ("",)
-    if not four and raws[0].rotation is None:
+    if not found["xyzw"] and logs[0].rotation is None:
+        three = found["xyz"] or found["012"]
         readings = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
     for up, reading in itertools.product(_AXES, readings):
         frame = {"up": up} | ({"rotation": reading} if reading else {})
         claim = _claim(columns, units, frame)
         ahead, above = [], []
-        for raw in raws:
-            track = make_track(select(raw, claim), claim.frame, claim.source)
-            for found in cut(track, GliderParameters().gravity)[0]:
-                turns = found.track.rotation
-                if turns is None:
-                    continue
-                way = np.diff(found.track.position, axis=0)
-                ahead.append(np.einsum("ni,nij->j", way, turns[1:]))
-                above.append(np.mean(turns[:, 2], axis=0))
-        if not ahead:
-            continue
-        nose = _axis_of(np.sum(ahead, axis=0), "")
-        yield frame | {"nose": nose, "top": _axis_of(np.mean(above, axis=0), nose)}
+        for log in logs:
+            track = make_track(select(log, claim), claim)
+            for flight in cut(track, GliderParameters().gravity)[0]:
+                turns = flight.track.rotation
+                if turns is not None:
+                    way = np.diff(flight.track.position, axis=0)
+                    ahead.append(np.einsum("ni,nij->j", way, turns[1:]))
+                    above.append(np.mean(turns[:, 2], axis=0))
+        if ahead:
+            nose = _nearest_axis(np.sum(ahead, axis=0), "")
+            top = _nearest_axis(np.mean(above, axis=0), nose)
+            yield frame | {"nose": nose, "top": top}
 
 
-def _axis_of(direction: np.ndarray, other: str) -> str:
-    """Returns the axis nearest to a direction (3,), not along another axis."""
+def _nearest_axis(direction: np.ndarray, other: str) -> str:
+    """The axis nearest to a direction (3,), not along another axis."""
     sizes = np.abs(direction)
     if other:
         sizes["xyz".index(other[-1])] = -1.0
@@ -355,9 +334,7 @@ def _axis_of(direction: np.ndarray, other: str) -> str:
     return ("-" if direction[k] < 0.0 else "") + "xyz"[k]
 
 
-def _claim(
-    columns: dict[str, str], units: dict[str, str], frame: dict[str, str]
-) -> Mapping:
+def _claim(columns: Fields, units: Fields, frame: Fields) -> Mapping:
     fields = {"columns": columns, "units": units, "frame": frame}
     claim = schema.convert(fields, Settings, "the guess").mapping("the guess")
     assert claim is not None
@@ -365,27 +342,14 @@ def _claim(
 
 
 def _try_frame(
-    raws: Sequence[Recording],
-    columns: dict[str, str],
-    units: dict[str, str],
-    frame: dict[str, str],
+    logs: Sequence[Recording], columns: Fields, units: Fields, frame: Fields
 ) -> _Trial | None:
-    """Returns what a frame makes of the logs; None where it makes no flights."""
+    """What a frame makes of the logs; None where it makes no flights."""
     servo = any(name.startswith("elevator") for name in columns)
-    settings = Campaign(
-        name="guess",
-        path=Path("guess"),
-        vehicle={},
-        elevator="servo" if servo else "fixed",
-        elevator_limits=None,
-        elevator_rate_limit=13.0 if servo else None,
-        pose_rate=np.nan,
-        command_rate=None,
-        flights=(),
-    )
-    claim = _claim(columns, units, frame)
+    vehicle = Vehicle(elevator_rate_limit=13.0) if servo else Vehicle(elevator="fixed")
+    settings = Settings(vehicle=vehicle).campaign(Path("guess"))
     try:
-        recordings = cut_recordings(raws, claim, settings)
+        recordings = cut_recordings(logs, _claim(columns, units, frame), settings)
         if not any(recording.flights for recording in recordings):
             return None
         campaign = campaign_of_cuts(settings, recordings)

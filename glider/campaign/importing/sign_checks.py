@@ -1,10 +1,10 @@
-"""Do the flights fly in the frame that a mapping says? Refused, and said why, if not.
+"""Do the flights fly in the frame that a mapping specifies? Refused, with why, if not.
 
 The checks of any campaign (`glider.campaign.checks.frame`) know axes, units and the
-direction of the fall. A mapping is a claim about signs too, so they are asked as well:
-the forces of the air must go with the pitch as mapped (fitted with either sign, and
-with other columns in its place), and the elevator must turn the glider, and follow its
-commands, the way that it says.
+direction of the fall. A mapping claims signs as well, so these are checked too: the
+forces of the air must agree with the pitch as mapped (fitted with either sign, and with
+other columns in its place), and the elevator must turn the glider, and follow its
+commands, in the direction that the mapping specifies.
 
 Measured: over 20 simulated campaigns and a measured one the wrong sign of the pitch
 raises the misfit by 1.57 to 12 from three flights on, the elevator's effect has its
@@ -14,14 +14,15 @@ sign by 16 standard errors or more, and its rate correlates with the commands by
 import numpy as np
 
 from glider.campaign.checks.clocks import check_clocks, follow_sign
-from glider.campaign.checks.frame import (
+from glider.campaign.checks.forces import (
     calc_heading,
-    check_frame,
     fit_forces,
+    huber_weights,
     join,
     usable_motion,
 )
-from glider.campaign.checks.masks import Masks, no_masks
+from glider.campaign.checks.frame import check_frame
+from glider.campaign.checks.masks import no_masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.logs import Campaign
@@ -29,20 +30,24 @@ from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
 CLEARLY = 1.2
-"""Ratio of misfits from which on the data contradict the mapping."""
+"""Ratio of misfits above which the data contradict the mapping."""
+SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect has a sign.
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
-SIGNIFICANT = 6.0  # Standard errors from which on the elevator's effect has a sign.
-_ASTRAY = 1.0  # Median roll or yaw from which on the body's axes are wrong [rad].
-_UNDECIDED = "the flights do not tell which sign the {} has: see that it is right"
+_ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
 _AHEAD = 0.4
 """Least mean cosine of the angle of attack: the nose within 66 degrees of the way."""
+_ITERATIONS = 5  # Of Huber's weights.
+_UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
+
+Motions = dict[str, Motion]
+"""Of flights, by name."""
 
 
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
-    """Returns what could not be decided; raises InputError where signs are wrong.
+    """Reports what could not be decided; raises InputError where signs are wrong.
 
     Args:
         campaign: as a mapping made it; its path is the mapping's.
@@ -61,46 +66,19 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     motion = join(list(motions.values()))
     if len(motion.time) < _MIN_ROWS:
         return ("too few rows to check the signs of the mapping",)
-    told = _check_pitch(campaign, motions, motion)
+    undecided = _check_pitch(campaign, motions, motion)
     if campaign.elevator == "servo":
         check_clocks(campaign, masks)
-        told += _check_elevator(campaign, motions, masks)
-    return told
-
-
-def _check_attitude(campaign: Campaign) -> None:
-    """Refuses a body that flies on its side, on its back or sideways throughout."""
-    attitudes = [f.attitude for f in campaign.flights if f.attitude is not None]
-    if not attitudes:
-        return
-    _, roll, yaw = np.abs(np.concatenate(attitudes)).T
-    for name, angle, fields in (("roll", roll, "top"), ("yaw", yaw, "nose")):
-        if np.median(angle) > _ASTRAY:
-            raise InputError(
-                f"{campaign.path}: frame: with these axes the {name} is "
-                f"{np.degrees(np.median(angle)):.0f}° in most rows; the right "
-                f"'{fields}' is needed (which axis of the body points there?), or the "
-                "right 'rotation', or 'up'."
-            )
-
-
-def _check_level(campaign: Campaign) -> None:
-    """Refuses flights that go up or down rather than along."""
-    ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
-    along, up = np.median(ways, axis=0)
-    if up > _STEEP * along:
-        raise InputError(
-            f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
-            f"{along:.3g} m along the throw; the right 'up' is needed."
-        )
+        follows = follow_sign(campaign.flights, masks)
+        undecided += _check_elevator(campaign, motions, follows)
+    return undecided
 
 
 def misfit_of(campaign: Campaign) -> float | None:
-    """Returns how badly forces fit the flights [m/s²]; None where they are no flights.
+    """Misfit of the forces [m/s²]; None where the campaign does not show flights.
 
     Gravity is given, and points down; the pitch is taken as it is.
     """
-    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
     try:
         _check_attitude(campaign)
         _check_level(campaign)
@@ -108,6 +86,7 @@ def misfit_of(campaign: Campaign) -> float | None:
         return None
     if max(np.ptp(flight.pose[:, 1]) for flight in campaign.flights) < _LEAST_HEIGHT:
         return None
+    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
     motion = join([usable_motion(f, masks) for f in campaign.flights])
     if len(motion.time) < _MIN_ROWS or calc_heading(motion, 1) < _AHEAD:
         return None
@@ -117,99 +96,8 @@ def misfit_of(campaign: Campaign) -> float | None:
     return fit_forces(motion, down, signs=(1,)).misfit
 
 
-def _check_pitch(
-    campaign: Campaign, motions: dict[str, Motion], motion: Motion
-) -> tuple[str, ...]:
-    """Refuses a pitch with the wrong sign, or another angle in its place."""
-    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
-    down = np.array([0.0, -gravity])
-    heading = calc_heading(motion, 1)
-    if heading < _AHEAD:
-        raise InputError(
-            f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
-            "the way that the flights go; pitch 0 must mean the nose along the throw "
-            "(frame: nose, pitch)."
-        )
-    many = len(campaign.flights) >= _MIN_FLIGHTS
-    best = fit_forces(motion, down).misfit
-    for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):
-        misfit = fit_forces(motion, gravity * np.array(toward)).misfit
-        if many and misfit * CLEARLY < best:
-            raise InputError(
-                f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "
-                f"its place the forces fit {best / misfit:.2g} times as well."
-            )
-    own = fit_forces(motion, down, signs=(1,)).misfit
-    turned = fit_forces(motion, down, signs=(-1,)).misfit
-    if turned * CLEARLY < own:
-        raise InputError(
-            f"{campaign.path}: frame: a positive pitch means the other way: with the "
-            f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
-            "nose_up or nose_down; with attitudes: nose, top or rotation)."
-        )
-    for name, other in _other_angles(campaign, motions).items():
-        misfit = fit_forces(_with_pitch(motion, other), down).misfit
-        if many and misfit * CLEARLY < own:
-            raise InputError(
-                f"{campaign.path}: columns: with '{name}' in its place the pitch fits "
-                f"the motion {own / misfit:.2g} times as well; are they exchanged?"
-            )
-    if own * CLEARLY > turned:
-        return (
-            "the flights do not tell which sign the pitch has: see that it is right",
-        )
-    return ()
-
-
-def _other_angles(
-    campaign: Campaign, motions: dict[str, Motion]
-) -> dict[str, np.ndarray]:
-    """Returns the other logged angles at the rows of the joined motions."""
-    angles: dict[str, list[np.ndarray]] = {}
-    for flight in campaign.flights:
-        columns = {}
-        if flight.attitude is not None:
-            columns = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
-        if flight.elevator is not None:
-            columns["elevator"] = flight.elevator
-        for name, values in columns.items():
-            at = np.interp(motions[flight.name].time, flight.time, values)
-            angles.setdefault(name, []).append(at)
-    return {name: np.concatenate(parts) for name, parts in angles.items()}
-
-
-def _with_pitch(motion: Motion, pitch: np.ndarray) -> Motion:
-    pose = motion.pose.copy()
-    pose[:, 2] = pitch
-    return motion._replace(pose=pose)
-
-
-def _check_elevator(
-    campaign: Campaign, motions: dict[str, Motion], masks: dict[str, Masks]
-) -> tuple[str, ...]:
-    """Refuses an elevator or commands of the wrong sign."""
-    effect = elevator_effect(campaign, motions)
-    follows = follow_sign(campaign.flights, masks)
-    if effect > SIGNIFICANT:
-        raise InputError(
-            f"{campaign.path}: frame: a positive elevator turns the nose down (by "
-            f"{effect:.0f} standard errors), so its trailing edge goes down; elevator: "
-            "the other of trailing_edge_up and trailing_edge_down is needed."
-        )
-    if follows < 0:
-        raise InputError(
-            f"{campaign.path}: frame: the elevator turns against its commands; "
-            "command: the other of trailing_edge_up and trailing_edge_down is needed."
-        )
-    if effect > -SIGNIFICANT:
-        return (
-            "the flights do not tell which sign the elevator has: see that it is right",
-        )
-    return ()
-
-
-def elevator_effect(campaign: Campaign, motions: dict[str, Motion]) -> float:
-    """Returns the elevator's effect on the pitch's acceleration in standard errors.
+def elevator_effect(campaign: Campaign, motions: Motions) -> float:
+    """The elevator's effect on the pitch's acceleration in standard errors.
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
@@ -230,11 +118,113 @@ def elevator_effect(campaign: Campaign, motions: dict[str, Motion]) -> float:
         targets.append(motion.acceleration[:, 2])
     design, target = np.concatenate(columns), np.concatenate(targets)
     weight = np.ones(len(target))
-    for _ in range(5):
+    for _ in range(_ITERATIONS):
         weighted = design * weight[:, None]
         solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
         rest = target - design @ solution
-        scale = 1.4826 * np.median(np.abs(rest)) + 1e-9
-        weight = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(rest), 1e-12)))
+        weight = huber_weights(rest)
     covariance = np.linalg.pinv(weighted.T @ weighted) * np.mean((weight * rest) ** 2)
     return float(solution[0] / max(np.sqrt(covariance[0, 0]), 1e-12))
+
+
+def _check_attitude(campaign: Campaign) -> None:
+    """Refuses a body that flies on its side, on its back or sideways throughout."""
+    attitudes = [f.attitude for f in campaign.flights if f.attitude is not None]
+    if not attitudes:
+        return
+    _, roll, yaw = np.median(np.abs(np.concatenate(attitudes)), axis=0)
+    for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
+        if angle > _ASTRAY:
+            raise InputError(
+                f"{campaign.path}: frame: with these axes the {name} is "
+                f"{np.degrees(angle):.0f}° in most rows; expected the right '{field}' "
+                "(the axis of the body that points there), 'rotation' or 'up'."
+            )
+
+
+def _check_level(campaign: Campaign) -> None:
+    """Refuses flights that go up or down rather than along."""
+    ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
+    along, up = np.median(ways, axis=0)
+    if up > _STEEP * along:
+        raise InputError(
+            f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
+            f"{along:.3g} m along the throw; expected the right 'up' (or the column "
+            "that is missing: y?)."
+        )
+
+
+def _check_pitch(
+    campaign: Campaign, motions: Motions, motion: Motion
+) -> tuple[str, ...]:
+    """Refuses a pitch with the wrong sign, or another angle in its place."""
+    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
+    down = np.array([0.0, -gravity])
+    heading = calc_heading(motion, 1)
+    if heading < _AHEAD:
+        raise InputError(
+            f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
+            "the way that the flights go; expected pitch 0 to mean the nose along the "
+            "throw (frame: nose, pitch)."
+        )
+    many = len(campaign.flights) >= _MIN_FLIGHTS
+    own = fit_forces(motion, down, signs=(1,)).misfit
+    turned = fit_forces(motion, down, signs=(-1,)).misfit
+    for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):
+        misfit = fit_forces(motion, gravity * np.array(toward)).misfit
+        if many and misfit * CLEARLY < min(own, turned):
+            raise InputError(
+                f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "
+                f"its place the forces fit {min(own, turned) / misfit:.2g} times as "
+                "well."
+            )
+    if turned * CLEARLY < own:
+        raise InputError(
+            f"{campaign.path}: frame: a positive pitch means the other way: with the "
+            f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
+            "nose_up or nose_down; with attitudes: nose, top or rotation)."
+        )
+    for name, other in _other_angles(campaign, motions).items():
+        pose = np.column_stack([motion.pose[:, :2], other])
+        misfit = fit_forces(motion._replace(pose=pose), down).misfit
+        if many and misfit * CLEARLY < own:
+            raise InputError(
+                f"{campaign.path}: columns: with '{name}' in its place the pitch fits "
+                f"the motion {own / misfit:.2g} times as well; are they exchanged?"
+            )
+    return (_UNDECIDED.format("pitch"),) if own * CLEARLY > turned else ()
+
+
+def _other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]:
+    """The other logged angles at the rows of the joined motions."""
+    angles: dict[str, list[np.ndarray]] = {}
+    for flight in campaign.flights:
+        columns = {}
+        if flight.attitude is not None:
+            columns = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
+        if flight.elevator is not None:
+            columns["elevator"] = flight.elevator
+        for name, values in columns.items():
+            at = np.interp(motions[flight.name].time, flight.time, values)
+            angles.setdefault(name, []).append(at)
+    return {name: np.concatenate(parts) for name, parts in angles.items()}
+
+
+def _check_elevator(
+    campaign: Campaign, motions: Motions, follows: int
+) -> tuple[str, ...]:
+    """Refuses an elevator or commands of the wrong sign."""
+    effect = elevator_effect(campaign, motions)
+    other = "expected the other of trailing_edge_up and trailing_edge_down"
+    if effect > SIGNIFICANT:
+        raise InputError(
+            f"{campaign.path}: frame: a positive elevator turns the nose down (by "
+            f"{effect:.0f} standard errors), so its trailing edge goes down; elevator: "
+            f"{other} (or 'clock' is wrong)."
+        )
+    if follows < 0:
+        raise InputError(
+            f"{campaign.path}: frame: the elevator turns against its commands; "
+            f"command: {other}."
+        )
+    return (_UNDECIDED.format("elevator"),) if effect > -SIGNIFICANT else ()

@@ -1,7 +1,7 @@
 """The frame step: a recording turned into the axes and signs of this project.
 
-With the axes that a mapping names, W has forward, left and up in the log's axes in its
-rows and B has nose, left and top in the body's axes. Then
+The rows of W are forward, left and up in the log's axes, those of B nose, left and top
+in the body's axes, as the mapping names them. Then
     p' = W p,   R' = W R Bᵀ,   p_cm = p' - R' r
 for a tracked point r ahead of and above the center of mass.
 """
@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from glider.campaign.importing.mapping import Frame
+from glider.campaign.importing.mapping import Frame, Mapping
 from glider.campaign.importing.selection import Stream, Streams
 from glider.errors import InputError
 
 _MAX_GAP = 0.1
-"""Time between two attitudes over which none is made up between them [s]."""
+"""Time between two attitudes above which none is interpolated [s]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -28,27 +28,23 @@ class Track:
     time: np.ndarray  # (n,) [s]
     position: np.ndarray  # (n, 3) [m]; y is zero where it is not logged.
     rotation: np.ndarray | None  # (n, 3, 3) from nose, left, top to the axes.
-    pitch: np.ndarray | None  # (n,) positive nose down [rad], where there is no more.
-    along_throw: bool  # Whether x is still to be turned along each flight.
+    pitch: np.ndarray | None  # (n,) positive nose down [rad], where no rotation is.
+    along_throw: bool  # Whether x has yet to be turned along each flight.
     clock: str
     elevator: Stream | None  # (k, 1) positive trailing edge up [rad].
     rate_command: Stream | None  # [rad/s]
     angle_command: Stream | None  # [rad]
 
 
-def make_track(streams: Streams, frame: Frame, source: str) -> Track:
-    """Returns a recording in the axes and signs of this project.
-
-    Args:
-        streams: in the log's own.
-        frame: which those are.
-        source: the file of the mapping, for messages.
+def make_track(streams: Streams, mapping: Mapping) -> Track:
+    """Turns a recording into the axes and signs of this project.
 
     Raises:
         InputError: axes are named that the log does not have.
     """
+    frame = mapping.frame
     planar = streams.position.values.shape[1] == 2
-    world, along_throw = _world_axes(frame, planar, source)
+    world, along_throw = _world_axes(frame, planar, mapping.source)
     position = streams.position.values
     if planar:
         position = np.insert(position, 1, 0.0, axis=1)
@@ -90,7 +86,7 @@ def make_track(streams: Streams, frame: Frame, source: str) -> Track:
 
 
 def take(track: Track, rows: np.ndarray | slice) -> Track:
-    """Returns some rows of a recording."""
+    """Some rows of a recording."""
     return dataclasses.replace(
         track,
         time=track.time[rows],
@@ -101,7 +97,7 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
 
 
 def turn_along(track: Track) -> Track:
-    """Returns a flight whose x is along its own way over the ground, y = 0 at first.
+    """Turns a flight so that x is along its way over the ground; y = 0 at first.
 
     The way is the line that fits the horizontal positions best.
     """
@@ -118,11 +114,11 @@ def turn_along(track: Track) -> Track:
 
 
 def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
-    """Returns the pitch (n,), and roll and yaw (n, 2) where they are known [rad].
+    """Pitch (n,), and roll and yaw (n, 2) where they are known [rad].
 
-    Of the two ways to turn by yaw, pitch and roll the one with less roll is taken at
-    first, and then the one that goes on from the row before: a glider that dives past
-    the vertical goes on pitching, and one that rolls over goes on rolling.
+    Of the two triples of yaw, pitch and roll for a rotation the one with less roll is
+    taken at first, then the one that continues the row before: a glider that dives past
+    the vertical continues to pitch, and one that rolls over continues to roll.
     """
     if track.rotation is None:
         assert track.pitch is not None
@@ -147,7 +143,7 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bool]:
-    """Returns W (3, 3), and whether x is still to be turned along each flight."""
+    """W (3, 3), and whether x has yet to be turned along each flight."""
     forward = frame.forward
     up = _unit(frame.up)
     if planar:
@@ -155,9 +151,9 @@ def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bo
         if frame.up[-1] != "z" or forward[-1] != "x":
             raise InputError(
                 f"{source}: frame: up is {frame.up} and forward is {forward}, but the "
-                "columns are x and z; up z or -z and forward x or -x are needed."
+                "columns are x and z; expected up z or -z and forward x or -x."
             )
-        # A plane has no hand: its y is whatever makes the axes right-handed.
+        # y is not logged: it is what makes the axes right-handed.
         return np.stack([_unit(forward), np.zeros(3), up]), False
     if forward is None or forward == "throw":
         rest = next(axis for axis in "xyz" if axis != frame.up[-1])
@@ -178,7 +174,7 @@ def _unit(axis: str) -> np.ndarray:
 
 
 def _rotations(stream: Stream, time: np.ndarray) -> np.ndarray:
-    """Returns rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
+    """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
     known, quaternion = _known_rows(stream)
     result = np.full((len(time), 3, 3), np.nan)
     if len(known) < 2:

@@ -38,7 +38,7 @@ def refusal(campaign):
 def rows_set_aside(campaign, edit):
     """Breaks one flight; returns its set-aside rows from 0 on, and the inspection."""
     found = inspect(b.change(campaign, edit, only=ODD))
-    assert {s.file for s in found.set_aside} <= {NAME}
+    assert {s.file for s in found.excluded} <= {NAME}
     return list(np.flatnonzero(found.masks[NAME].pose)), found
 
 
@@ -46,7 +46,7 @@ def rows_set_aside(campaign, edit):
 def test_a_good_campaign_is_left_as_it_is(name):
     campaign = load_campaign(campaign_path(name))
     found = inspect(campaign)
-    assert found.set_aside == ()
+    assert found.excluded == ()
     assert found.warnings == ()
     assert found.campaign == campaign
     assert not any(m.pose.any() or m.elevator.any() for m in found.masks.values())
@@ -158,7 +158,7 @@ def test_turned_angles_pass(campaign, signs):
 
     found = inspect(b.change(campaign, edit))
     assert found.warnings == ()
-    assert found.set_aside == ()
+    assert found.excluded == ()
 
 
 FAULTY_ROWS = {
@@ -187,12 +187,12 @@ def test_faulty_rows_are_set_aside_alone(campaign, kind):
     found, inspection = rows_set_aside(campaign, edit)
     assert set(rows) <= set(found)
     assert len(set(found) - set(rows)) <= 2
-    assert any(word in s.why for s in inspection.set_aside)
+    assert any(word in s.why for s in inspection.excluded)
 
 
 def test_rows_are_named_as_lines_of_the_file(campaign):
     _, found = rows_set_aside(campaign, b.freeze(40, 5))
-    [fault] = found.set_aside
+    [fault] = found.excluded
     assert (fault.file, fault.rows) == (NAME, "43-47")  # The header is line 1.
 
 
@@ -251,7 +251,7 @@ WHOLE_FLIGHTS = {
 def test_a_flight_that_stands_out_is_set_aside(campaign, kind):
     edit, why = WHOLE_FLIGHTS[kind]
     found = inspect(b.change(campaign, edit, only=ODD))
-    [fault] = [s for s in found.set_aside if s.rows == "all"]
+    [fault] = [s for s in found.excluded if s.rows == "all"]
     assert fault.file == NAME
     assert why in fault.why
     assert len(found.campaign.flights) == 11
@@ -261,7 +261,7 @@ def test_a_flight_that_stands_out_is_set_aside(campaign, kind):
 def test_a_copy_is_set_aside(campaign):
     again = dataclasses.replace(campaign.flights[2], name="flight_900.csv")
     found = inspect(dataclasses.replace(campaign, flights=(*campaign.flights, again)))
-    [fault] = found.set_aside
+    [fault] = found.excluded
     assert (fault.file, fault.why) == (
         "flight_900.csv",
         "the same rows as flight_002.csv",
@@ -295,4 +295,4 @@ def test_one_flight_alone_is_not_refused(name):
     campaign = load_campaign(campaign_path(name))
     for flight in campaign.flights[:3]:
         found = inspect(dataclasses.replace(campaign, flights=(flight,)))
-        assert (found.set_aside, found.warnings) == ((), ())
+        assert (found.excluded, found.warnings) == ((), ())

@@ -52,7 +52,7 @@ def fly(effects, seed=1, flights=8):
 @pytest.mark.parametrize(("kind", "values"), STRONG)
 def test_a_strong_effect_passes(kind, values):
     found = inspect(fly((KINDS[kind](**values),)))
-    assert found.set_aside == ()
+    assert found.excluded == ()
     assert found.warnings == ()
 
 
@@ -84,5 +84,5 @@ def test_logs_without_noise_pass():
         model, dataclasses.replace(plan, capture=quiet), np.random.default_rng(2)
     )
     found = inspect(campaign)
-    assert found.set_aside == ()
+    assert found.excluded == ()
     assert found.warnings == ()

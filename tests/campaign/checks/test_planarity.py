@@ -73,11 +73,11 @@ def test_a_throw_ends_where_its_wing_leaves_the_plane(campaign):
     found = inspect(rolled)
     left = np.flatnonzero(found.masks[campaign.flights[0].name].usable)
     assert left.max() == 60 + 7  # At a roll of 42°; the next is 48°.
-    told = [s for s in found.set_aside if "out of the plane" in s.why]
+    told = [s for s in found.excluded if "out of the plane" in s.why]
     assert [s.file for s in told] == [campaign.flights[0].name]
     assert told[0].rows == f"70-{len(campaign.flights[0].time) + 1}"
     upright = inspect(change(campaign, tilt(0.7, 0.1)))
-    assert not upright.set_aside
+    assert not upright.excluded
 
 
 def test_a_throw_that_begins_out_of_the_plane_is_set_aside(campaign):
@@ -86,7 +86,7 @@ def test_a_throw_that_begins_out_of_the_plane_is_set_aside(campaign):
     )
     found = inspect(rolled)
     assert len(found.campaign.flights) == 3
-    assert any(s.rows == ALL and "out of the plane" in s.why for s in found.set_aside)
+    assert any(s.rows == ALL and "out of the plane" in s.why for s in found.excluded)
     with pytest.raises(InputError, match="out of the plane of flight"):
         inspect(change(campaign, tilt(1.2)))
 

@@ -112,7 +112,7 @@ def test_frozen_rows_are_set_aside_and_not_taken_for_measured(campaign):
     pose[40:52] = pose[40]
     flights = (dataclasses.replace(first, pose=pose), *others)
     inspection = inspect(dataclasses.replace(campaign, flights=flights))
-    (aside,) = inspection.set_aside
+    (aside,) = inspection.excluded
     assert aside.file == first.name
     record = records_of(inspection.campaign, inspection.masks)[0]
     assert not record.seen[42:52, :3].any()

@@ -75,11 +75,6 @@ def fourth_differences(
     return np.einsum("ik,ikj->ij", weights, near), step
 
 
-def measure_noise(differences: np.ndarray) -> np.ndarray:
-    """Returns robust standard deviations (3,) of fourth differences (n, 3)."""
-    return 1.4826 * np.median(np.abs(differences), axis=0)
-
-
 def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
     """Finds the rows that stick out of a track, and those that are displaced.
 
