@@ -2,7 +2,7 @@
 
 from basis_dynamics import CHANNELS, BasisFit
 from basis_study import BasisFits, BasisStudy
-from glider.report.json_report import plain
+from glider.files.schema import to_builtins
 
 
 def key_figures(study: BasisStudy) -> dict[str, object]:
@@ -16,12 +16,13 @@ def key_figures(study: BasisStudy) -> dict[str, object]:
         },
         **{name: _subset(fit) for name, fit in subsets.items()},
         "cross_validation": {
-            signs: {name: plain(error) for name, error in errors.items()}
+            signs: {name: to_builtins(error) for name, error in errors.items()}
             for signs, errors in study.choice.items()
         },
         "signs": vars(study.signs),
         "traced": {
-            effect.kind: {"share": effect.share} for effect in study.traced.effects
+            effect.kind: {"share": effect.share_of_residual}
+            for effect in study.traced.effects
         },
         "rollout": {
             name: {when: vars(error) for when, error in errors.items()}
@@ -46,7 +47,7 @@ def _subset(fit: BasisFit) -> dict[str, object]:
 
 def _channels(fit: BasisFit) -> dict[str, dict]:
     return {
-        channel: {"rank": found.rank, "condition": plain(found.condition)}
+        channel: {"rank": found.rank, "condition": to_builtins(found.condition)}
         for channel, found in zip(CHANNELS, fit.regressions, strict=True)
     }
 

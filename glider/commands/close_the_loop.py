@@ -1,7 +1,6 @@
 """The command `close-the-loop`: find what the model lacks, from logs of flights."""
 
 import argparse
-import json
 from pathlib import Path
 
 from glider.commands.parsing import (
@@ -112,8 +111,8 @@ def run(args: argparse.Namespace) -> int:
             progress=lambda text: status.update(f"{text} ..."),
         )
     # Matplotlib takes half a second to import: not before the input is read.
+    from glider.files.schema import json_text
     from glider.report.folder import write_report
-    from glider.report.json_report import to_json
     from glider.report.terminal import print_summary
 
     try:
@@ -121,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
             write_report(result, folder)
     finally:  # What was found is told even where it cannot be kept.
         if args.json:
-            print(json.dumps(to_json(result), indent=2), flush=True)
+            print(json_text(result.report), flush=True)
         else:
             print_summary(result, Console())
     if not args.json:

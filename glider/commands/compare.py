@@ -1,7 +1,6 @@
 """The command `compare`: what changed between two campaigns, from their reports."""
 
 import argparse
-import json
 from pathlib import Path
 
 from glider.commands.parsing import Commands, add_command
@@ -58,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
     comparison = compare(first, second)
     folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
-    text = json.dumps(to_json(comparison), indent=2)
+    text = to_json(comparison)
     files = {
         "comparison.html": to_html(comparison).encode(),
         "comparison.json": f"{text}\n".encode(),

@@ -73,7 +73,7 @@ def floor_of(
 ) -> float:
     """Returns the held-out position error of a fit that knows the truth [m]."""
     whole, noise = task_of(campaign)
-    held_out = result.held_out_flights
+    held_out = result.flights.held_out
     task = whole.on([r for r in whole.records if r.name not in held_out])
     unseen = [r for r in whole.records if r.name in held_out]
     if isinstance(truth, FieldData):

@@ -2,23 +2,33 @@
 
 from typing import Any
 
-from glider.comparison.differences import Comparison, Difference
+from glider.comparison.differences import Comparison
 from glider.comparison.saved import SavedReport
 from glider.comparison.wording import headline
-from glider.report.json_report import plain
+from glider.files.schema import json_text, to_builtins
 from glider.sysid.result import Estimate
 
 
-def to_json(comparison: Comparison) -> dict[str, Any]:
-    """Returns a comparison as lists, dicts, strings, numbers, booleans and None."""
-    return plain(
+def to_json(comparison: Comparison) -> str:
+    """The text of comparison.json."""
+    return json_text(
         {
             "first": _report(comparison.first),
             "second": _report(comparison.second),
             "summary": headline(comparison),
             "z_significant": comparison.z_significant,
             "differences": [
-                _difference(d) | {"is_significant": comparison.is_significant(d)}
+                {
+                    "group": d.group,
+                    "name": d.label,
+                    "unit": d.unit,
+                    "first": _estimate(d.first),
+                    "second": _estimate(d.second),
+                    "change": _estimate(d.change),
+                    "z": d.z,
+                    "note": d.note,
+                    "is_significant": comparison.is_significant(d),
+                }
                 for d in comparison.differences
             ],
             "notes": comparison.notes,
@@ -36,24 +46,17 @@ def _report(report: SavedReport) -> dict[str, Any]:
             e.kind: {"evidence": e.evidence, "inclusion": e.inclusion}
             for e in report.effects
         },
-        "errors": report.errors,
-    }
-
-
-def _difference(d: Difference) -> dict[str, Any]:
-    return {
-        "group": d.group,
-        "name": d.label,
-        "unit": d.unit,
-        "first": _estimate(d.first),
-        "second": _estimate(d.second),
-        "change": _estimate(d.change),
-        "z": d.z,
-        "note": d.note,
+        "errors": {
+            model: {
+                f"{group}.{name}": error
+                for group, part in to_builtins(errors).items()
+                for name, error in part.items()
+            }
+            for model, errors in report.errors.items()
+            if errors is not None
+        },
     }
 
 
 def _estimate(estimate: Estimate | None) -> dict[str, float] | None:
-    if estimate is None:
-        return None
-    return {"value": estimate.value, "std": estimate.std}
+    return estimate and {"value": estimate.value, "std": estimate.std}

@@ -10,10 +10,10 @@ import math
 
 from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
-from glider.comparison.saved import SavedEffect, SavedReport
+from glider.comparison.saved import SavedReport
 from glider.physics.effects import KINDS
 from glider.report.wording import join
-from glider.sysid.result import Estimate, Spread
+from glider.sysid.result import Estimate, ReportedEffect, Spread
 
 FALSE_ALARM = 0.01
 """Probability that anything is told to differ between campaigns of one glider."""
@@ -114,9 +114,11 @@ def _effects(first: SavedReport, second: SavedReport) -> list[Difference]:
     return found
 
 
-def _absence(effect: SavedEffect, report: SavedReport) -> str:
+def _absence(effect: ReportedEffect, report: SavedReport) -> str:
     """Returns what may be said of an effect that only the other report has."""
-    instead = [e.kind for e in report.effects if e.kind in effect.rivals]
+    instead = [
+        e.kind for e in report.effects if e.kind in effect.indistinguishable_from
+    ]
     if instead:
         return f"may be its {join(instead, ' or ')}: the flights cannot tell them apart"
     return "" if effect.kind in report.candidates else "not tried there"
@@ -193,7 +195,7 @@ def _notes(first: SavedReport, second: SavedReport) -> list[str]:
             "The vehicle is known in one report only: coefficients are what a told "
             "glider lacks in the one, and a fitted one in the other."
         )
-    flights = set(first.fit_flights) & set(second.fit_flights)
+    flights = set(first.flights.fit) & set(second.flights.fit)
     if first.campaign == second.campaign and flights:
         notes.append(
             f"Both are of campaign {first.campaign}, with {len(flights)} fitted "

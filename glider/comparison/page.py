@@ -15,6 +15,7 @@ from glider.comparison.wording import (
     unit_of,
 )
 from glider.report.as_page import render_page
+from glider.report.error_table import ALONG, FREE, PITCH
 from glider.report.flight_errors import bounded
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
 from glider.report.plots.figure import Axis, Figure, Ground, Panel, Points
@@ -102,9 +103,9 @@ def errors_figure(comparison: Comparison) -> Figure | None:
         return None
     panels = []
     for error, title in (
-        ("rollout.position_rms_m", "position, free rollout"),
-        ("rollout_measured_pitch.position_rms_m", "position, along measured pitch"),
-        ("rollout.pitch_rms_rad", "pitch, free rollout"),
+        (FREE, "position, free rollout"),
+        (ALONG, "position, along measured pitch"),
+        (PITCH, "pitch, free rollout"),
     ):
         pairs = np.array([error_values(comparison, error, model) for model in models])
         unit = unit_of(comparison, error, *pairs.flat)

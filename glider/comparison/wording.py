@@ -5,6 +5,7 @@ import math
 
 from glider.comparison.differences import EFFECTS, Comparison, Difference, words_of_kind
 from glider.comparison.saved import SavedReport
+from glider.report.error_table import ALONG, END, FREE, PITCH, error_of
 from glider.report.numbers import (
     DEGREE,
     MISSING,
@@ -20,12 +21,12 @@ from glider.report.wording import counted, join
 from glider.sysid.result import Estimate
 
 _ERRORS = {
-    "rollout.position_rms_m": "free rollout, position",
-    "rollout.position_end_m": "free rollout, position at the end",
-    "rollout.pitch_rms_rad": "free rollout, pitch",
-    "rollout_measured_pitch.position_rms_m": "along measured pitch, position",
+    FREE: "free rollout, position",
+    END: "free rollout, position at the end",
+    PITCH: "free rollout, pitch",
+    ALONG: "along measured pitch, position",
 }
-"""Error of report.json to its name for people."""
+"""Field of `Errors` to its name for people."""
 
 
 def headline(comparison: Comparison) -> str:
@@ -125,16 +126,15 @@ class ErrorRow:
 
 
 def error_values(comparison: Comparison, error: str, model: str) -> tuple[float, float]:
-    """Returns an error of a model in both reports [SI]; NaN where it has none."""
-    reports = (comparison.first, comparison.second)
-    first, second = (r.errors.get(model, {}).get(error, math.nan) for r in reports)
-    return first, second
+    """An error of a model in both reports [SI]; NaN where it has none."""
+    first, second = comparison.first, comparison.second
+    return error_of(first, model, error), error_of(second, model, error)
 
 
 def models_of(comparison: Comparison) -> list[str]:
-    """Returns the models of which either report has errors."""
-    have = {*comparison.first.errors, *comparison.second.errors}
-    return [model for model in LABELS if model in have]
+    """Models of which either report has errors."""
+    reports = comparison.first, comparison.second
+    return [m for m in LABELS if any(r.errors.get(m) is not None for r in reports)]
 
 
 def error_rows(comparison: Comparison) -> list[ErrorRow]:
@@ -161,25 +161,25 @@ def unit_of(comparison: Comparison, error: str, *values: float) -> Unit:
     """Returns the unit in which an error of both reports reads best."""
     if error.endswith("_rad"):
         return DEGREE
-    noises = (comparison.first.noise_position_m, comparison.second.noise_position_m)
+    noises = (comparison.first.noise.position_m, comparison.second.noise.position_m)
     return length_unit(*(v for v in (*values, *noises) if math.isfinite(v)))
 
 
 def facts(report: SavedReport) -> list[tuple[str, str]]:
     """Returns what else a report tells, by name."""
     air = MISSING
-    if math.isfinite(report.air_std_m_s):
-        air = f"{report.air_std_m_s:.2g} m/s" if report.air_std_m_s else "still"
+    if math.isfinite(report.air.std_m_s):
+        air = f"{report.air.std_m_s:.2g} m/s" if report.air.std_m_s else "still"
     return [
         ("verdict", report.verdict.replace("_", " ")),
         (
             "flights",
-            f"{len(report.fit_flights)} + {len(report.held_out_flights)} held out",
+            f"{len(report.flights.fit)} + {len(report.flights.held_out)} held out",
         ),
         (
             "noise",
-            f"{format_length(report.noise_position_m)}, "
-            f"{format_angle(report.noise_pitch_rad)}",
+            f"{format_length(report.noise.position_m)}, "
+            f"{format_angle(report.noise.pitch_rad)}",
         ),
         ("moving air", air),
     ]
@@ -188,5 +188,5 @@ def facts(report: SavedReport) -> list[tuple[str, str]]:
 def title(comparison: Comparison) -> str:
     """Returns what is compared with what."""
     a, b = comparison.first, comparison.second
-    flights = [counted(r.fit_flights, "fitted flight") for r in (a, b)]
+    flights = [counted(r.flights.fit, "fitted flight") for r in (a, b)]
     return f"A: {a.campaign} ({flights[0]}); B: {b.campaign} ({flights[1]})"

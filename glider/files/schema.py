@@ -7,10 +7,11 @@ a file becomes one sentence: file, field, what was found, what was expected.
 import dataclasses
 import difflib
 import json
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -20,6 +21,14 @@ from msgspec import inspect
 from glider.errors import InputError, show
 
 T = TypeVar("T")
+
+if TYPE_CHECKING:
+    Number = float
+else:
+
+    class Number(float):
+        """A float of a schema for which a file may have null: NaN."""
+
 
 _WORDS = {
     "int": "a whole number",
@@ -163,10 +172,14 @@ _Dumper.add_multi_representer(float, lambda dumper, x: dumper.represent_float(fl
 def _encode(value: object) -> object:
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
-    return str(value)
+    return float(value) if isinstance(value, Number) else str(value)
 
 
 def _decode(kind: type, value: Any) -> object:
+    if kind is Number:
+        if isinstance(value, bool) or not isinstance(value, (int, float, type(None))):
+            raise ValueError("Expected a number")
+        return Number(math.nan if value is None else value)
     if kind is np.ndarray:
         try:
             return np.array(value, dtype=float)  # None becomes NaN.

@@ -2,14 +2,20 @@
 
 import dataclasses
 import math
+from operator import attrgetter
 
 import numpy as np
 
 from glider.report.numbers import DEGREE, Unit, format_gain, length_unit
-from glider.sysid.result import CALIBRATED, Result
+from glider.sysid.result import CALIBRATED, Report, Result
 
 COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""
+
+
+FREE, END = "rollout.position_rms_m", "rollout.position_end_m"
+PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
+"""Fields of `Errors`, as in report.json."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -33,27 +39,26 @@ class ErrorRow:
     gain: str
 
 
+_ROWS = (
+    ("Acceleration, RMS", "tangential", "equation.tangential", Unit(name="m/s²")),
+    ("Acceleration, RMS", "normal", "equation.normal", Unit(name="m/s²")),
+    ("Acceleration, RMS", "pitch", "equation.pitch", Unit(name="rad/s²")),
+    ("Free rollout", "position, RMS", FREE, None),
+    ("Free rollout", "position, end", END, None),
+    ("Free rollout", "pitch, RMS", PITCH, DEGREE),
+    ("Along measured pitch", "position, RMS", ALONG, None),
+)
+"""Group, name and field of `Errors`, and its unit where that is always the same."""
+
+
 def error_rows(result: Result) -> list[ErrorRow]:
-    """Returns the errors of each model, and how much smaller they got."""
-    errors = {m: e for m in columns_of(result) if (e := result.errors[m]) is not None}
+    """Errors of each model, and how much smaller they got."""
     rows = []
-    for group, name, field, unit in (
-        ("Acceleration, RMS", "tangential", "tangential", Unit(name="m/s²")),
-        ("Acceleration, RMS", "normal", "normal", Unit(name="m/s²")),
-        ("Acceleration, RMS", "pitch", "pitch", Unit(name="rad/s²")),
-        ("Free rollout", "position, RMS", "position_rms_m", None),
-        ("Free rollout", "position, end", "position_end_m", None),
-        ("Free rollout", "pitch, RMS", "pitch_rms_rad", DEGREE),
-        (
-            "Along measured pitch",
-            "position, RMS",
-            "measured_pitch_position_rms_m",
-            None,
-        ),
-    ):
-        values = {m: float(getattr(e, field)) for m, e in errors.items()}
+    for group, name, field, unit in _ROWS:
+        values = {m: error_of(result, m, field) for m in columns_of(result)}
         noise = noise_floor(result, field)
         of_row = unit or unit_beside_noise(result, *values.values())
+        before = values.get(baseline(result), math.nan)
         rows.append(
             ErrorRow(
                 group=group,
@@ -61,32 +66,35 @@ def error_rows(result: Result) -> list[ErrorRow]:
                 unit=of_row.name,
                 cells={m: of_row.digits(v) for m, v in values.items()},
                 noise=of_row.digits(noise),
-                gain=format_gain(
-                    values.get(baseline(result), math.nan),
-                    values.get("corrected", math.nan),
-                ),
+                gain=format_gain(before, values.get("corrected", math.nan)),
             )
         )
     return rows
 
 
+def error_of(report: Report, model: str, field: str) -> float:
+    """An error of a model by its field of `Errors`; NaN where it has none."""
+    errors = report.errors.get(model)
+    return math.nan if errors is None else float(attrgetter(field)(errors))
+
+
 def unit_beside_noise(result: Result, *lengths: float) -> Unit:
-    """Returns the one unit in which lengths [m] and the noise beside them read best."""
-    return length_unit(*lengths, noise_floor(result, "position_rms_m"))
+    """The one unit in which lengths [m] and the noise beside them read best."""
+    return length_unit(*lengths, noise_floor(result, FREE))
 
 
 def columns_of(result: Result) -> list[str]:
-    """Returns the models of which there are errors, as COLUMNS orders them."""
+    """Models of which there are errors, as COLUMNS orders them."""
     return [m for m in COLUMNS if result.errors.get(m) is not None]
 
 
 def baseline(result: Result) -> str:
-    """Returns the model that the correction is compared with."""
+    """Model that the correction is compared with."""
     return "nominal" if result.errors.get("nominal") is not None else "refitted"
 
 
 def noise_floor(result: Result, field: str) -> float:
-    """Returns an error that a perfect model would show, by noise of the poses alone.
+    """Error that a perfect model would show, by noise of the poses alone.
 
     A distance has two noisy coordinates: its RMS is √2 of the noise, its mean (at the
     end of a flight) √(π/2). That of an acceleration is what the smoothing lets
@@ -94,17 +102,18 @@ def noise_floor(result: Result, field: str) -> float:
     """
     if field in _ACCELERATIONS:
         table = result.residual_after
-        unseen = [n in result.held_out_flights for n in table.names]
+        unseen = [n in result.flights.held_out for n in table.names]
         std = table.noise[np.array(unseen, dtype=bool)[table.flight]]
         column = std[:, _ACCELERATIONS.index(field)]
         return float(np.sqrt(np.mean(column**2))) if column.size else math.nan
+    position, pitch = result.noise.position_m, result.noise.pitch_rad
     return {
-        "position_rms_m": math.sqrt(2.0) * result.noise_position_m,
-        "measured_pitch_position_rms_m": math.sqrt(2.0) * result.noise_position_m,
-        "position_end_m": math.sqrt(math.pi / 2.0) * result.noise_position_m,
-        "pitch_rms_rad": result.noise_pitch_rad,
-    }.get(field, math.nan)
+        FREE: math.sqrt(2.0) * position,
+        ALONG: math.sqrt(2.0) * position,
+        END: math.sqrt(math.pi / 2.0) * position,
+        PITCH: pitch,
+    }[field]
 
 
-_ACCELERATIONS = ("tangential", "normal", "pitch")
-"""Fields of `Errors` that are RMS of the columns of a residual."""
+_ACCELERATIONS = tuple(field for _, _, field, _ in _ROWS[:3])
+"""Fields that are RMS of the columns of a residual."""

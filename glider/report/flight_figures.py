@@ -1,10 +1,11 @@
 """Figures of flights: held-out ones beside the models, folds, per-flight values."""
 
 import math
+from operator import attrgetter
 
 import numpy as np
 
-from glider.report.error_table import COLUMNS, unit_beside_noise
+from glider.report.error_table import ALONG, COLUMNS, FREE, PITCH, unit_beside_noise
 from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
 from glider.report.numbers import DEGREE, Unit
 from glider.report.plots.binning import bounds
@@ -68,7 +69,7 @@ def held_out_figure(result: Result) -> Figure | None:
             Choice(
                 label=_stem(flight.name),
                 note=unit.text(error),
-                panels=flight_panels(flight, result.noise_position_m),
+                panels=flight_panels(flight, result.noise.position_m),
                 is_shown=flight.name in shown,
             )
             for flight, error in zip(flights, errors, strict=True)
@@ -172,9 +173,9 @@ def _distance_range(
 
 
 _FOLD_PANELS = {
-    "position, free rollout": "position_rms_m",
-    "position, along the measured pitch": "measured_pitch_position_rms_m",
-    "pitch, free rollout": "pitch_rms_rad",
+    "position, free rollout": FREE,
+    "position, along the measured pitch": ALONG,
+    "pitch, free rollout": PITCH,
 }
 
 
@@ -194,15 +195,13 @@ def _fold_panel(result: Result, title: str, field: str) -> Panel:
     pairs = bounded(
         np.array(
             [
-                [getattr(e, field) for e in (f.refitted, f.corrected)]
+                [attrgetter(field)(e) for e in (f.refitted, f.corrected)]
                 for f in result.folds
             ],
             dtype=float,
         )
     )
-    unit = (
-        DEGREE if field == "pitch_rms_rad" else unit_beside_noise(result, *pairs.flat)
-    )
+    unit = DEGREE if field == PITCH else unit_beside_noise(result, *pairs.flat)
     marks = []
     for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))

@@ -1,14 +1,13 @@
 """Writes the folder of a report, all of it or nothing."""
 
 import datetime
-import json
 import math
 from pathlib import Path
 
+from glider.files.schema import json_text
 from glider.files.writing import replace_files
 from glider.physics.model import Origin, model_text
 from glider.report.figures_of_result import FIGURES, make_figures
-from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.report.plots.as_file import to_png
 from glider.report.wording import notes_of
@@ -27,7 +26,6 @@ def write_report(result: Result, folder: Path) -> None:
         OSError: if it cannot be written.
     """
     figures = make_figures(result)
-    text = json.dumps(to_json(result), indent=2, ensure_ascii=False, allow_nan=False)
     # None: a figure of an earlier run.
     files: dict[str, bytes | None] = {f"figures/{name}.png": None for name in FIGURES}
     for name, figure in figures.items():
@@ -35,7 +33,7 @@ def write_report(result: Result, folder: Path) -> None:
     files["report.html"] = to_html(result, figures).encode()
     text_of_model = model_text(result.model, origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
-    files["report.json"] = f"{text}\n".encode()
+    files["report.json"] = f"{json_text(result.report)}\n".encode()
     replace_files(folder, files, last="report.json")
 
 

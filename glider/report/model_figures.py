@@ -7,7 +7,16 @@ import numpy as np
 
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData, gaussians, make_field
-from glider.report.error_table import baseline, columns_of, noise_floor
+from glider.report.error_table import (
+    ALONG,
+    END,
+    FREE,
+    PITCH,
+    baseline,
+    columns_of,
+    error_of,
+    noise_floor,
+)
 from glider.report.flight_errors import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots.binning import (
@@ -50,19 +59,15 @@ _ERROR_PANELS = (
     (
         "acceleration",
         Unit(name="m/s²"),
-        {"tangential": "along wing", "normal": "normal"},
+        {"equation.tangential": "along wing", "equation.normal": "normal"},
     ),
-    ("acceleration", Unit(name="rad/s²"), {"pitch": "in pitch"}),
+    ("acceleration", Unit(name="rad/s²"), {"equation.pitch": "in pitch"}),
     (
         "position",
         MILLIMETRE,
-        {
-            "position_rms_m": "RMS",
-            "position_end_m": "at the end",
-            "measured_pitch_position_rms_m": "measured\npitch, RMS",
-        },
+        {FREE: "RMS", END: "at the end", ALONG: "measured\npitch, RMS"},
     ),
-    ("pitch", DEGREE, {"pitch_rms_rad": "RMS"}),
+    ("pitch", DEGREE, {PITCH: "RMS"}),
 )
 """Title and unit of errors side by side, their fields and names."""
 
@@ -88,7 +93,7 @@ def _error_panel(
     places = np.arange(len(fields), dtype=float)
     floor = np.array([noise_floor(result, f) for f in fields]) / unit.size
     values = {
-        m: bounded(np.array([getattr(result.errors[m], f) for f in fields])) / unit.size
+        m: bounded(np.array([error_of(result, m, f) for f in fields])) / unit.size
         for m in models
     }
     every = np.concatenate([floor, *values.values()])

@@ -61,8 +61,8 @@ def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
         spreads=spread_rows(result),
         spread_values=spread_values(result),
         vehicle=vehicle_rows(result),
-        noise_position=format_length(result.noise_position_m),
-        noise_pitch=format_angle(result.noise_pitch_rad),
+        noise_position=format_length(result.noise.position_m),
+        noise_pitch=format_angle(result.noise.pitch_rad),
         versions=_versions(result),
         total=sum(s for s in result.seconds.values() if math.isfinite(s)),
     )

@@ -48,8 +48,8 @@ def print_summary(result: Result, console: Console) -> None:
     say()
     console.print(_errors_table(result, console))
     say()
-    noise = format_length(result.noise_position_m)
-    say(f"Noise: {noise}, {format_angle(result.noise_pitch_rad)}.")
+    noise = format_length(result.noise.position_m)
+    say(f"Noise: {noise}, {format_angle(result.noise.pitch_rad)}.")
     for warning in result.warnings:
         say(f"Warning: {warning}")
     for rows in result.set_aside[:_MOST_SET_ASIDE]:
@@ -89,7 +89,7 @@ def _errors_table(result: Result, console: Console) -> Table:
     models = columns_of(result)
     table = Table(
         box=box.SIMPLE_HEAD,
-        title=f"Errors on {counted(result.held_out_flights, 'held-out flight')}",
+        title=f"Errors on {counted(result.flights.held_out, 'held-out flight')}",
         title_justify="left",
         title_style="bold",
         show_edge=False,

@@ -15,7 +15,7 @@ from glider.report.numbers import (
     format_spread,
     in_degrees,
 )
-from glider.sysid.result import CALIBRATED, FoundEffect, Result
+from glider.sysid.result import CALIBRATED, LIBRARY_SHAPE, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
@@ -72,7 +72,7 @@ def remarks(result: Result) -> list[str]:
                 [words_of(k, result) for k in e.indistinguishable_from], " or "
             )
             said.append(f"From these flights, {e.words} could also be {others}.")
-        if not e.shape_fits:
+        if e.shape != LIBRARY_SHAPE:
             said.append(
                 f"Shape not the library's ({e.kind}): the model carries a curve "
                 "beside the formula."
@@ -131,7 +131,7 @@ def air_words(result: Result) -> str:
 
 def differences(result: Result) -> list[str]:
     """Returns what differs from flight to flight, where no effect tells it."""
-    told = {e.kind for e in result.effects if e.spread}
+    told = {e.kind for e in result.effects if e.spread_over_flights}
     return [
         f"{_name(n)} differs from flight to flight by {format_spread(s.std, s.unit)}"
         for n, s in result.spreads.items()
@@ -195,12 +195,12 @@ def effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
         "more": max(len(items) - _MOST_COEFFICIENTS, 0),
         "spread": [
             (_name(name), format_spread(s, units.get(name, "")))
-            for name, s in effect.spread.items()
+            for name, s in effect.spread_over_flights.items()
         ],
         "evidence": format_evidence(effect.evidence),
-        "share": format_share(effect.share),
+        "share": format_share(effect.share_of_residual),
         "inclusion": format_share(effect.inclusion),
-        "shape_fits": effect.shape_fits,
+        "shape_fits": effect.shape == LIBRARY_SHAPE,
         "confused": [
             f"{words_of(k, result)} ({k})" for k in effect.indistinguishable_from
         ],
@@ -217,7 +217,7 @@ def _in_line(effect):
     texts += [
         f"{_name(name)} differs by {format_spread(s, effect.coefficients[name].unit)} "
         "from flight to flight"
-        for name, s in effect.spread.items()
+        for name, s in effect.spread_over_flights.items()
         if name in effect.coefficients
     ]
     colon = ", with " if ":" in effect.words else ": "

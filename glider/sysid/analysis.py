@@ -56,10 +56,14 @@ from glider.sysid.replay.signs import Signs, turn_campaign
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
 from glider.sysid.result import (
+    CALIBRATED,
+    MODELS,
     MOST_COMBINATIONS,
     Air,
     Combination,
     Errors,
+    FlightNames,
+    MeasurementNoise,
     Residual,
     Result,
     Spread,
@@ -341,12 +345,15 @@ class Analysis:
         return Result(
             campaign=flights.logged.name,
             path=flights.logged.path,
-            fit_flights=split.fitted,
-            held_out_flights=tuple(f.name for f in evaluation.held_out),
+            flights=FlightNames(
+                fit=split.fitted, held_out=tuple(f.name for f in evaluation.held_out)
+            ),
             verdict=verdict,
             reason=reason,
             effects=effects,
-            errors={"nominal": None, **evaluation.errors},
+            errors={
+                model: evaluation.errors.get(model) for model in (*MODELS, CALIBRATED)
+            },
             outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
@@ -371,8 +378,7 @@ class Analysis:
             ),
             set_aside=_excluded(self.inspection, split.outlying),
             planarity=_planarity(flights.logged),
-            noise_position_m=noise.position,
-            noise_pitch_rad=noise.pitch,
+            noise=MeasurementNoise(position_m=noise.position, pitch_rad=noise.pitch),
             model=model_of(task, model, carried, signs, flights.campaign),
             covariance=covariance_of(task, model, known),
             held_out=evaluation.held_out,

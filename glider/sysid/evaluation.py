@@ -108,7 +108,7 @@ def evaluate(
     apart = None
     if outlying.names:
         apart = OutlyingFlights(
-            names=outlying.names,
+            flights=outlying.names,
             errors={
                 name: measure_errors(model, outlying.of(name))[0]
                 for name, model in models.items()

@@ -23,7 +23,15 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
-from glider.sysid.result import Curve, Estimate, FoundEffect, ResidualTable, Spread
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    OTHER_SHAPE,
+    Curve,
+    Estimate,
+    FoundEffect,
+    ResidualTable,
+    Spread,
+)
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import PRICE
 from glider.sysid.search.peaks import find_peaks
@@ -170,12 +178,12 @@ def effects_of(
                     )
                 },
                 evidence=float(evidence),
-                share=float(np.clip(evidence / gained, 0.0, 1.0)),
+                share_of_residual=float(np.clip(evidence / gained, 0.0, 1.0)),
                 indistinguishable_from=traced.weighed[name].rivals,
                 depends_on=kind.depends_on,
                 inclusion=traced.weighed[name].inclusion,
-                spread=spread,
-                shape_fits=not mine,
+                spread_over_flights=spread,
+                shape=OTHER_SHAPE if mine else LIBRARY_SHAPE,
             )
         )
     if traced.field is not None:
@@ -200,7 +208,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
             for name in ("pitch", "elevator", "command")
         },
         evidence=signs.evidence,
-        share=signs.share,
+        share_of_residual=signs.share,
         indistinguishable_from=(),
         depends_on=ANGLE_SIGN.depends_on,
     )
@@ -215,7 +223,7 @@ def _field_entry(field: FoundField, gained: float) -> FoundEffect:
         words=f"no effect of the library: {what} with {', '.join(field.depends_on)}",
         coefficients=find_peaks(extra, field.covariance),
         evidence=field.evidence,
-        share=float(np.clip(field.evidence / gained, 0.0, 1.0)),
+        share_of_residual=float(np.clip(field.evidence / gained, 0.0, 1.0)),
         indistinguishable_from=(),
         depends_on=field.depends_on,
     )
@@ -241,7 +249,7 @@ def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundE
         words=f"no effect of the library: {', '.join(terms)} change with alpha",
         coefficients=peaks,
         evidence=math.nan,
-        share=math.nan,
+        share_of_residual=math.nan,
         indistinguishable_from=(),
         depends_on=("alpha",),
     )
@@ -262,11 +270,11 @@ def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
             if c.name == first
         },
         evidence=math.nan,
-        share=math.nan,
+        share_of_residual=math.nan,
         indistinguishable_from=(),
         depends_on=kind.depends_on,
         inclusion=math.nan,
-        spread={first: spread.std},
+        spread_over_flights={first: spread.std},
     )
 
 

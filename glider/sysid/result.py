@@ -1,12 +1,19 @@
-"""The result of closing the loop: inert data, as the report and the caller read it."""
+"""The result of closing the loop: inert data, as the report and the caller read it.
+
+`Report` and what it is made of are report.json, key by key, and NaN is null there;
+`Result` adds what only the program itself needs: the model, and arrays of figures.
+"""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.errors import InputError, show
+from glider.files.schema import Number
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
@@ -28,61 +35,69 @@ CALIBRATED = "calibrated"
 """A further model: the refitted plate with a constant error of the pitch reading taken
 out. Calibration is not physics, so it has a line of its own."""
 
+LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
+"""Whether an effect's formula has the shape that the flights show."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Estimate:
     """A coefficient: value, standard error and unit."""
 
-    value: float
-    std: float
+    value: Number
+    std: Number
     unit: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FoundEffect:
+class ReportedEffect:
     """An effect that the flights show.
 
     Attributes:
         kind: in the library, of the caller's own, or "unexplained".
-        words: a short phrase for people.
         coefficients: by name.
         evidence: log-likelihood lost without it, all else refitted [nats]; NaN where
-            only a difference from flight to flight was found.
-        share: of all the evidence, 0 to 1.
-        indistinguishable_from: kinds that the data cannot tell from it.
-        depends_on: variables that it varies with.
+            only flight-to-flight variation was found.
+        share_of_residual: of all the evidence, 0 to 1.
         inclusion: share of resampled sets of flights in which it is chosen, 0 to 1.
-        spread: coefficient to how much it differs from flight to flight, one standard
-            deviation; only those that do.
-        shape_fits: whether the library's formula has the right shape; else the model
-            carries a curve beside it.
+        spread_over_flights: coefficient to its flight-to-flight standard deviation;
+            only those that vary.
+        shape: LIBRARY_SHAPE where the library's formula has the right shape; else the
+            model carries a curve beside it.
+        indistinguishable_from: kinds that the data cannot distinguish from it.
+        depends_on: variables that it varies with.
     """
 
     kind: str
-    words: str
     coefficients: dict[str, Estimate]
-    evidence: float
-    share: float
+    evidence: Number
+    share_of_residual: Number
+    inclusion: Number = 1.0
+    spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
+    shape: str = LIBRARY_SHAPE
     indistinguishable_from: tuple[str, ...]
     depends_on: tuple[str, ...]
-    inclusion: float = 1.0
-    spread: dict[str, float] = dataclasses.field(default_factory=dict)
-    shape_fits: bool = True
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FoundEffect(ReportedEffect):
+    """An effect with a short phrase for people."""
+
+    words: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Something that differs from flight to flight, about the model's own value.
+    """Flight-to-flight variation of something about the model's value.
 
     Attributes:
         std: standard deviation over flights.
         unit: of it.
-        values: name of each fitted flight to its own value.
+        values: name of each fitted flight to its value.
     """
 
-    std: float
+    std: Number
     unit: str
-    values: dict[str, float]
+    values: dict[str, Number]
 
 
 CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
@@ -91,14 +106,15 @@ CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """What a plate lacks in one term, over the angle of attack, with a band.
+    """A term that the plate lacks, over the angle of attack, with a band.
 
     Attributes:
         term: one of CURVE_TERMS.
         alpha: (n,) [rad].
-        lack: (n,) all that the plate lacks there: named effects and what is carried.
+        lack: (n,) all that the plate lacks there: identified effects and what is
+            carried.
         std: (n,) standard error of it.
-        named: (n,) the part that has a name.
+        named: (n,) the identified part.
     """
 
     term: str
@@ -113,6 +129,12 @@ class Curve:
                 f"field 'term' is {show(self.term)}; expected one of "
                 f"{', '.join(CURVE_TERMS)}."
             )
+        columns = (self.alpha, self.lack, self.std, self.named)
+        if len({np.shape(column) for column in columns}) != 1:
+            raise InputError(
+                f"curve {self.term} has columns of different lengths; expected alpha, "
+                "lack, std and named of one length."
+            )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -122,23 +144,97 @@ class Air:
     A model's own error looks like moving air too.
     """
 
-    std_m_s: float
-    correlation_s: float
+    std_m_s: Number
+    correlation_s: Number
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Residual:
-    """What the corrected model leaves of held-out flights.
+    """Error of the corrected model on held-out flights.
 
     Attributes:
         ratio_to_noise: RMS of the position's error over the measurement's noise.
         position_m: that RMS [m].
-        depends_on: variables that what is left varies with, most first.
+        depends_on: variables that the remaining error varies with, most first.
     """
 
-    ratio_to_noise: float
-    position_m: float
+    ratio_to_noise: Number
+    position_m: Number
     depends_on: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Combination:
+    """A set of effects that was fitted in full.
+
+    Attributes:
+        kinds: of its effects.
+        evidence: log-likelihood gained over the plate alone, less the penalty of the
+            effects [nats].
+    """
+
+    kinds: tuple[str, ...]
+    evidence: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EquationErrors:
+    """RMS of measured minus modelled acceleration.
+
+    Attributes:
+        tangential: along the wing [m/s²].
+        normal: normal to the wing [m/s²].
+        pitch: in pitch [rad/s²].
+    """
+
+    tangential: Number
+    normal: Number
+    pitch: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RolloutErrors:
+    """Errors of free rollouts, over whole flights; the mean distance at the end."""
+
+    position_rms_m: Number
+    position_end_m: Number
+    pitch_rms_rad: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PathErrors:
+    """Errors of the forces integrated along the measured pitch."""
+
+    position_rms_m: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Errors of one model on held-out flights; the properties are shorthands."""
+
+    equation: EquationErrors
+    rollout: RolloutErrors
+    rollout_measured_pitch: PathErrors
+
+    @property
+    def position_rms_m(self) -> float:
+        """RMS of the position of free rollouts [m]."""
+        return self.rollout.position_rms_m
+
+    @property
+    def position_end_m(self) -> float:
+        """Mean distance at the end of free rollouts [m]."""
+        return self.rollout.position_end_m
+
+    @property
+    def pitch_rms_rad(self) -> float:
+        """RMS of the pitch of free rollouts [rad]."""
+        return self.rollout.pitch_rms_rad
+
+    @property
+    def measured_pitch_position_rms_m(self) -> float:
+        """RMS of the position along the measured pitch [m]."""
+        return self.rollout_measured_pitch.position_rms_m
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -152,22 +248,24 @@ class Fold:
     """
 
     held_out: tuple[str, ...]
-    refitted: "Errors"
-    corrected: "Errors"
+    refitted: Errors
+    corrected: Errors
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Combination:
-    """A set of effects that was fitted in full.
+class FlightNames:
+    """Names of the flights used to fit, and of those that errors are measured on."""
 
-    Attributes:
-        kinds: of its effects.
-        evidence: log-likelihood gained over the plate alone, less the price of the
-            effects [nats].
-    """
+    fit: tuple[str, ...]
+    held_out: tuple[str, ...]
 
-    kinds: tuple[str, ...]
-    evidence: float
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MeasurementNoise:
+    """Standard deviations of the measured x and z, and of the measured pitch."""
+
+    position_m: Number
+    pitch_rad: Number
 
 
 MOST_COMBINATIONS = 12
@@ -185,34 +283,9 @@ class EvidenceThreshold:
             forces are known.
     """
 
-    effect: float
-    coefficient: float
-    uncommon: float = 0.0
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Errors:
-    """Errors of one model on held-out flights.
-
-    Attributes:
-        tangential: RMS of measured minus modelled acceleration along the wing
-            [m/s²].
-        normal: normal to the wing [m/s²].
-        pitch: in pitch [rad/s²].
-        position_rms_m: of free rollouts, over whole flights.
-        position_end_m: mean distance at the end.
-        pitch_rms_rad: of free rollouts.
-        measured_pitch_position_rms_m: of the forces integrated along the measured
-            pitch.
-    """
-
-    tangential: float
-    normal: float
-    pitch: float
-    position_rms_m: float
-    position_end_m: float
-    pitch_rms_rad: float
-    measured_pitch_position_rms_m: float
+    effect: Number
+    coefficient: Number
+    uncommon: Number = 0.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -220,11 +293,11 @@ class OutlyingFlights:
     """Held-out flights that no model explains with the others, scored apart.
 
     Attributes:
-        names: of their files.
+        flights: names of their files.
         errors: model name to its errors on them.
     """
 
-    names: tuple[str, ...]
+    flights: tuple[str, ...]
     errors: dict[str, Errors | None]
 
 
@@ -277,14 +350,12 @@ class ResidualTable:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Result:
-    """Result of `close_the_loop`.
+class Report:
+    """The part of a result that report.json holds, in its order.
 
     Attributes:
         campaign: its name.
-        path: of its folder.
-        fit_flights: names of the flights used to fit.
-        held_out_flights: names of the flights that errors are measured on.
+        flights: names of those used to fit and of those held out.
         verdict: one of VERDICTS.
         reason: a sentence that says why.
         effects: strongest first.
@@ -292,67 +363,101 @@ class Result:
             where the vehicle is not known.
         outlying: held-out flights that stand out from all others, whose errors are not
             in `errors`; None where there are none.
+        evidence_threshold: below which an effect is not taken.
         folds: errors over all flights, each held out once.
         left: what the corrected model leaves.
+        air: how it moves.
+        spreads: name to flight-to-flight variation, only where there is any.
+        correlations: "kind.coefficient" to the same to the correlation of their errors.
         candidates: evidence of each kind when tried alone [nats].
         combinations: sets of effects that were fitted, best first.
-        evidence_threshold: below which an effect is not taken.
-        correlations: "kind.coefficient" to the same to the correlation of their errors.
-        spreads: name to what differs from flight to flight, only what does.
-        air: how it moves.
         curves: what the plate lacks, over the angle of attack.
-        vehicle: name of a parameter that was not told to its estimate.
-        knows_forces: whether mass and areas are told: sets of effects are then judged
-            by the fitted flights, else by what they foretell of flights left out.
+        vehicle: name of a parameter that was not specified to its estimate.
         warnings: sentences about the campaign and the result.
-        set_aside: rows that were not used.
+        set_aside: rows that were excluded.
         planarity: name of a flight to a sentence, where the log has roll and yaw.
-        noise_position_m: standard deviation of the measured x and z.
-        noise_pitch_rad: of the measured pitch.
+        seed: of the split into fitted and held-out flights.
+        settings: seed, fraction and what else would repeat this run.
+        noise: of the measurement.
+        seconds: stage to wall-clock time.
+        version: of this package.
+    """
+
+    campaign: str
+    flights: FlightNames
+    verdict: str
+    reason: str
+    effects: Sequence[ReportedEffect]
+    errors: dict[str, Errors | None]
+    outlying: OutlyingFlights | None = None
+    evidence_threshold: EvidenceThreshold
+    folds: tuple[Fold, ...]
+    left: Residual
+    air: Air
+    spreads: dict[str, Spread]
+    correlations: dict[str, dict[str, Number]]
+    candidates: dict[str, Number]
+    combinations: tuple[Combination, ...]
+    curves: tuple[Curve, ...]
+    vehicle: dict[str, Estimate]
+    warnings: tuple[str, ...]
+    set_aside: tuple[ExcludedRows, ...]
+    planarity: dict[str, str]
+    seed: int | None
+    settings: dict[str, Any]
+    noise: MeasurementNoise
+    seconds: dict[str, Number]
+    version: str
+
+    def __post_init__(self) -> None:
+        known = (*MODELS, CALIBRATED)
+        if unknown := self.errors.keys() - set(known):
+            raise InputError(
+                f"field 'errors' has a model {show(min(unknown))}; expected "
+                f"{', '.join(known)}."
+            )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Result(Report):
+    """Result of `close_the_loop`.
+
+    Attributes:
+        effects: strongest first, with words for people.
+        path: of the campaign's folder.
+        knows_forces: whether mass and areas are specified: sets of effects are then
+            judged by the fitted flights, else by predictions of held-out flights.
         model: the corrected glider.
-        covariance: of the errors of its coefficients and of the vehicle's numbers that
-            nobody told, those that were fitted; None where none was.
+        covariance: of the errors of its coefficients and of the fitted parameters of
+            the vehicle; None where nothing was fitted.
         held_out: held-out flights, measured and flown.
         residual_before: of the nominal model (of the refitted plate where the vehicle
             is not known).
         residual_after: of the corrected model.
-        seconds: stage to wall-clock time.
-        version: of this package.
-        settings: seed, fraction and what else would repeat this run.
         own_effects: kinds of the caller's that were tried beside the library.
     """
 
-    campaign: str
+    effects: Sequence[FoundEffect]
     path: Path
-    fit_flights: tuple[str, ...]
-    held_out_flights: tuple[str, ...]
-    verdict: str
-    reason: str
-    effects: tuple[FoundEffect, ...]
-    errors: dict[str, Errors | None]
-    folds: tuple[Fold, ...]
-    left: Residual
-    candidates: dict[str, float]
-    combinations: tuple[Combination, ...]
-    evidence_threshold: EvidenceThreshold
-    correlations: dict[str, dict[str, float]]
-    spreads: dict[str, Spread]
-    air: Air
-    curves: tuple[Curve, ...]
-    vehicle: dict[str, Estimate]
     knows_forces: bool
-    warnings: tuple[str, ...]
-    set_aside: tuple[ExcludedRows, ...]
-    planarity: dict[str, str]
-    noise_position_m: float
-    noise_pitch_rad: float
     model: GliderModel
     held_out: tuple[HeldOutFlight, ...]
     residual_before: ResidualTable
     residual_after: ResidualTable
-    seconds: dict[str, float]
-    version: str
-    settings: dict[str, object]
     own_effects: tuple[EffectKind, ...] = ()
     covariance: Covariance | None = None
-    outlying: OutlyingFlights | None = None
+
+    @property
+    def report(self) -> Report:
+        """The part that report.json holds."""
+        effects = tuple(_only(ReportedEffect, effect) for effect in self.effects)
+        return _only(Report, dataclasses.replace(self, effects=effects))
+
+
+T = TypeVar("T")
+
+
+def _only(kind: type[T], value: T) -> T:
+    """The part of a value that a parent of its class has."""
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    return kind(**{field.name: getattr(value, field.name) for field in fields})

@@ -9,7 +9,7 @@ from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
 from glider.sysid.replay.vehicle import OWN_KINDS
-from glider.sysid.result import Errors, FoundEffect, Residual
+from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.traced import SearchResult
 
 AllErrors = Mapping[str, Errors | None]
@@ -65,7 +65,7 @@ def judge(
         return "partly_explained", (
             "Effects of the library explain part of what the flat plate lacks."
         )
-    if any(not e.shape_fits for e in effects):
+    if any(e.shape != LIBRARY_SHAPE for e in effects):
         return "effect_found", (
             "The effects are identified; where a formula has not the right shape, the "
             "model carries a curve beside it."

@@ -128,7 +128,7 @@ def oracle_error(campaign: Campaign, truth: Truth, result: Result) -> float:
     squares = [
         np.sum((foretold[f.name] - f.pose)[:, :2] ** 2, axis=1)
         for f in campaign.flights
-        if f.name in result.held_out_flights
+        if f.name in result.flights.held_out
     ]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

@@ -17,7 +17,7 @@ from glider.comparison.saved import load_report
 from glider.comparison.terminal import print_comparison
 from glider.comparison.wording import headline
 from glider.errors import InputError
-from glider.report.json_report import to_json as report_json
+from glider.files.schema import json_text
 from glider.sysid.result import Estimate
 from tests.helpers.browser import open_browser, visit, why_not
 from tests.report.results import VARIANTS, WIND, make_result
@@ -26,8 +26,7 @@ from tests.report.test_report import Page
 
 def save(folder, result):
     folder.mkdir(parents=True, exist_ok=True)
-    data = report_json(result)
-    (folder / "report.json").write_text(json.dumps(data), encoding="utf-8")
+    (folder / "report.json").write_text(json_text(result.report), encoding="utf-8")
     return folder
 
 
@@ -142,26 +141,31 @@ def test_any_two_reports_can_be_compared(tmp_path, name, encoding):
         )
         for word in ("nan", "inf", "None"):
             assert f" {word} " not in f"{text} {page.text}"
-        json.dumps(to_json(comparison), allow_nan=False)
+        json.loads(to_json(comparison), parse_constant=pytest.fail)
 
 
 @pytest.mark.parametrize(
     "change, message",
     [
-        (lambda d: d.pop("effects"), "'effects' is missing"),
+        (lambda d: d.pop("effects"), "'effects' is missing .run close-the-loop again"),
         (lambda d: d["effects"][0].pop("kind"), r"'effects\[0\].kind' is missing"),
-        (lambda d: d.update(vehicle=[]), r"'vehicle' is \[\]; an object is needed"),
+        (lambda d: d.update(vehicle=[]), r"'vehicle' is \[\]; expected a mapping"),
         (
             lambda d: d["effects"][0]["coefficients"]["x"].update(value="much"),
-            r"coefficients.x.value' is \"much\"; a number is needed",
+            r"'effects\[0\].coefficients.*.value' is .*'much'.*; expected a number",
+        ),
+        (lambda d: d["errors"].update(mine=None), "a model 'mine'; expected nominal"),
+        (
+            lambda d: d["errors"].update(as_drawn=None),
+            "written by an older version .*: run close-the-loop again",
         ),
         (
             lambda d: d["curves"][0]["std"].pop(),
-            r"'curves\[0\]' has columns of different lengths",
+            "curve c_normal has columns of different lengths",
         ),
         (
             lambda d: d["curves"][0].update(term="<img src=x onerror=alert(1)>"),
-            r"'curves\[0\]'.* 'term' is .*img.*; expected one of c_normal",
+            r"'term' is .*img.*; expected one of c_normal",
         ),
     ],
 )
@@ -178,7 +182,7 @@ def test_what_is_no_report_is_told(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         load_report(tmp_path)
     (tmp_path / "report.json").write_text("no")
-    with pytest.raises(InputError, match="is no JSON"):
+    with pytest.raises(InputError, match="not readable as JSON"):
         load_report(tmp_path)
 
 

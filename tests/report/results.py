@@ -13,18 +13,24 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid.result import (
     CALIBRATED,
+    OTHER_SHAPE,
     Air,
     Combination,
     Curve,
+    EquationErrors,
     Errors,
     Estimate,
     EvidenceThreshold,
+    FlightNames,
     Fold,
     FoundEffect,
     HeldOutFlight,
+    MeasurementNoise,
+    PathErrors,
     Residual,
     ResidualTable,
     Result,
+    RolloutErrors,
     Spread,
 )
 
@@ -36,18 +42,18 @@ WIND = FoundEffect(
         "z": Estimate(value=0.0502, std=0.0009, unit="m/s"),
     },
     evidence=21345.6,
-    share=0.93,
+    share_of_residual=0.93,
     indistinguishable_from=("frame_tilt",),
     depends_on=("V", "alpha"),
     inclusion=0.97,
-    spread={"x": 0.0512},
+    spread_over_flights={"x": 0.0512},
 )
 UNEXPLAINED = FoundEffect(
     kind="unexplained",
     words="no effect of the library: the air moves with x",
     coefficients={"wind_z_peak": Estimate(value=0.98, std=0.0, unit="m/s")},
     evidence=5000.0,
-    share=0.99,
+    share_of_residual=0.99,
     indistinguishable_from=(),
     depends_on=("x",),
 )
@@ -62,11 +68,24 @@ VENT = FieldData(
 )
 
 
+def errors_of(tangential, normal, pitch, rms, end, pitch_rms, along):
+    return Errors(
+        equation=EquationErrors(tangential=tangential, normal=normal, pitch=pitch),
+        rollout=RolloutErrors(
+            position_rms_m=rms, position_end_m=end, pitch_rms_rad=pitch_rms
+        ),
+        rollout_measured_pitch=PathErrors(position_rms_m=along),
+    )
+
+
 def make_errors(scale):
     """Returns errors of a few decimetres, times the scale."""
     values = (0.8, 1.9, 14.0, 0.413, 0.9, 0.2, 0.22)
-    fields = (f.name for f in dataclasses.fields(Errors))
-    return Errors(**{n: scale * v for n, v in zip(fields, values, strict=True)})
+    return errors_of(*(scale * value for value in values))
+
+
+def all_errors(value):
+    return errors_of(*[value] * 7)
 
 
 def make_flight(name, miss):
@@ -129,8 +148,10 @@ def make_result(**changes):
     result = Result(
         campaign="head_wind",
         path=Path("campaigns/head_wind"),
-        fit_flights=("flight_001.csv", "flight_002.csv"),
-        held_out_flights=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        flights=FlightNames(
+            fit=("flight_001.csv", "flight_002.csv"),
+            held_out=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
+        ),
         verdict="effect_found",
         reason="With the wind the held-out flights are flown to the noise.",
         effects=(WIND,),
@@ -144,7 +165,6 @@ def make_result(**changes):
             make_fold(("flight_002.csv",)),
             make_fold(("flight_101.csv",), better=False),
         ),
-        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
         left=Residual(ratio_to_noise=13.25, position_m=5.3e-3, depends_on=("alpha",)),
         candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
         combinations=(
@@ -175,8 +195,9 @@ def make_result(**changes):
             ),
         ),
         planarity={"flight_105.csv": "not planar: roll up to 31°"},
-        noise_position_m=4e-4,
-        noise_pitch_rad=2.5e-3,
+        noise=MeasurementNoise(position_m=4e-4, pitch_rad=2.5e-3),
+        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
+        seed=0,
         model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
         held_out=tuple(
             make_flight(f"flight_1{i:02d}.csv", 0.001 * i) for i in range(6)
@@ -201,12 +222,11 @@ def diverged():
     table = make_result().residual_before
     residual = table.residual.copy()
     residual[:3] = [[np.nan] * 3, [np.inf] * 3, [1e200] * 3]
-    fields = [f.name for f in dataclasses.fields(Errors)]
     return make_result(
         errors={
-            "nominal": Errors(**dict.fromkeys(fields, math.inf)),
-            "refitted": Errors(**dict.fromkeys(fields, 1e300)),
-            "corrected": dataclasses.replace(make_errors(1e-3), pitch=math.nan),
+            "nominal": all_errors(math.inf),
+            "refitted": all_errors(1e300),
+            "corrected": errors_of(8e-4, 1.9e-3, math.nan, 4.13e-4, 9e-4, 2e-4, 2.2e-4),
         },
         effects=(
             dataclasses.replace(
@@ -216,13 +236,12 @@ def diverged():
             ),
         ),
         candidates={"wind": math.inf, "mass": math.nan},
-        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
         left=Residual(ratio_to_noise=math.inf, position_m=math.nan, depends_on=()),
         folds=(
             Fold(
                 held_out=("flight_100.csv",),
-                refitted=Errors(**dict.fromkeys(fields, math.inf)),
-                corrected=Errors(**dict.fromkeys(fields, math.nan)),
+                refitted=all_errors(math.inf),
+                corrected=all_errors(math.nan),
             ),
         ),
         correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
@@ -235,7 +254,7 @@ def diverged():
         },
         curves=(dataclasses.replace(make_curve("c_axial"), std=np.full(40, np.nan)),),
         vehicle={"wing_area": Estimate(value=math.nan, std=math.inf, unit="m²")},
-        noise_pitch_rad=math.nan,
+        noise=MeasurementNoise(position_m=4e-4, pitch_rad=math.nan),
         held_out=(dataclasses.replace(flight, flown=flown),),
         residual_before=dataclasses.replace(table, residual=residual),
     )
@@ -252,7 +271,7 @@ VARIANTS = {
     ),
     "partly explained": make_result(
         verdict="partly_explained",
-        effects=(dataclasses.replace(WIND, shape_fits=False),),
+        effects=(dataclasses.replace(WIND, shape=OTHER_SHAPE),),
     ),
     "not trusted": make_result(
         verdict="not_trusted",

@@ -9,7 +9,7 @@ import pytest
 
 from glider.files.schema import json_text
 from glider.report.as_page import page_data, rounded
-from glider.report.error_table import noise_floor
+from glider.report.error_table import END, FREE, noise_floor
 from glider.report.figures_of_result import FIGURES, make_figures
 from glider.report.flight_errors import distance
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
@@ -19,6 +19,8 @@ from glider.report.plots.binning import binned_quantiles, symlog
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
 from glider.report.plots.style import INKS
 from tests.report.results import VARIANTS, make_curve, make_flight, make_result
+
+NORMAL = "equation.normal"
 
 
 def of_kind(panel, kind, key=None):
@@ -67,7 +69,7 @@ def test_bars_are_the_errors_and_their_noise():
     np.testing.assert_allclose(bars.values, [413.0, 900.0, 220.0])
     assert bars.texts == ["413", "900", "220"]
     (noise,) = of_kind(place, Line, "noise")
-    floor = [noise_floor(result, f) for f in ("position_rms_m", "position_end_m")]
+    floor = [noise_floor(result, f) for f in (FREE, END)]
     np.testing.assert_allclose(noise.y[[0, 4]], np.array(floor) * 1e3)
     assert [p.title for p in FIGURES["errors"](result).panels][2:] == [
         *("position [mm]", "pitch [°]")
@@ -77,16 +79,20 @@ def test_bars_are_the_errors_and_their_noise():
 def test_noise_of_accelerations_is_that_of_held_out_flights():
     result = make_result()
     table = result.residual_after
-    assert noise_floor(result, "normal") == pytest.approx(0.002)
+    assert noise_floor(result, NORMAL) == pytest.approx(0.002)
     noise = table.noise.copy()
     noise[table.flight == 0] = 5.0
     louder = dataclasses.replace(table, noise=noise)
     unseen = make_result(
-        residual_after=louder, held_out_flights=result.held_out_flights[1:]
+        residual_after=louder,
+        flights=dataclasses.replace(
+            result.flights, held_out=result.flights.held_out[1:]
+        ),
     )
-    assert noise_floor(unseen, "normal") == pytest.approx(0.002)
-    assert noise_floor(make_result(residual_after=louder), "normal") > 1.0
-    assert math.isnan(noise_floor(make_result(held_out_flights=()), "normal"))
+    assert noise_floor(unseen, NORMAL) == pytest.approx(0.002)
+    assert noise_floor(make_result(residual_after=louder), NORMAL) > 1.0
+    nothing = dataclasses.replace(result.flights, held_out=())
+    assert math.isnan(noise_floor(make_result(flights=nothing), NORMAL))
 
 
 def test_held_out_flights_are_drawn_as_they_are():

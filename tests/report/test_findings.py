@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.report.error_table import COLUMNS, error_rows, noise_floor
+from glider.report.error_table import (
+    ALONG,
+    COLUMNS,
+    END,
+    FREE,
+    PITCH,
+    error_rows,
+    noise_floor,
+)
 from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
 from glider.report.numbers import length_unit
 from glider.report.page import to_html
@@ -34,6 +42,7 @@ from glider.sysid.result import (
     Air,
     Estimate,
     EvidenceThreshold,
+    MeasurementNoise,
     OutlyingFlights,
     Residual,
     Spread,
@@ -95,14 +104,14 @@ def test_every_cell_of_a_row_is_in_its_unit():
 def test_noise_floor_is_that_of_noisy_poses():
     """A perfect model's errors are noise: seen in what such noise does."""
     rng = np.random.default_rng(3)
-    result = make_result(noise_position_m=0.02, noise_pitch_rad=0.03)
+    result = make_result(noise=MeasurementNoise(position_m=0.02, pitch_rad=0.03))
     distance = np.hypot(*rng.normal(scale=0.02, size=(2, 100_000)))
     rms = math.sqrt(np.mean(distance**2))
-    for name in ("position_rms_m", "measured_pitch_position_rms_m"):
+    for name in (FREE, ALONG):
         assert noise_floor(result, name) == pytest.approx(rms, rel=0.01)
-    end = noise_floor(result, "position_end_m")
+    end = noise_floor(result, END)
     assert end == pytest.approx(np.mean(distance), rel=0.01)
-    assert noise_floor(result, "pitch_rms_rad") == 0.03
+    assert noise_floor(result, PITCH) == 0.03
 
 
 def test_every_error_of_a_pose_has_its_noise_beside_it():
@@ -334,7 +343,7 @@ def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
 def test_held_out_flights_that_stand_out_are_scored_apart():
     assert "scored apart" not in Page(to_html(make_result())).text
     outlying = OutlyingFlights(
-        names=("flight_013.csv",),
+        flights=("flight_013.csv",),
         errors={"refitted": make_errors(2.0), "corrected": make_errors(1.5)},
     )
     result = make_result(outlying=outlying)

@@ -76,7 +76,7 @@ def test_names_of_files_are_no_html(browser, tmp_path):
     evil = "flight_<img src=x onerror=window.broken=1>.csv"
     path = tmp_path / "report.html"
     flights = (make_flight(evil, 0.1), *make_result().held_out[:2])
-    result = make_result(held_out=flights, held_out_flights=(evil,))
+    result = make_result(held_out=flights)
     path.write_text(to_html(result), encoding="utf-8")
     with visit(browser, path.as_uri()) as seen:
         titles = seen.page.locator("#held_out .panel h4").all_inner_texts()

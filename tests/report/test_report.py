@@ -18,22 +18,23 @@ import yaml
 from rich.console import Console
 
 from glider.errors import InputError
+from glider.files.schema import json_text, to_builtins
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import load_covariance, load_model
 from glider.report.as_page import STATIC
 from glider.report.figures_of_result import make_figures
 from glider.report.folder import write_report
-from glider.report.json_report import to_json
 from glider.report.page import to_html
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks
-from glider.sysid.result import CALIBRATED, Errors, Estimate, OutlyingFlights
+from glider.sysid.result import CALIBRATED, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
     VARIANTS,
     WIND,
+    all_errors,
     errors_json,
     make_curve,
     make_errors,
@@ -129,6 +130,10 @@ def drawn(result):
     return {name for name in FIGURES if needs.get(name, True)}
 
 
+def to_json(result):
+    return to_builtins(result.report)
+
+
 def leaves(data):
     if isinstance(data, dict):
         return [leaf for value in data.values() for leaf in leaves(value)]
@@ -166,6 +171,8 @@ def test_json_has_the_schema_and_si_numbers():
             name: errors_json(scale)
             for name, scale in (("nominal", 1), ("refitted", 0.5), ("corrected", 1e-3))
         },
+        "outlying": None,
+        "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
         "folds": [
             {
                 "held_out": names,
@@ -191,8 +198,6 @@ def test_json_has_the_schema_and_si_numbers():
                 "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             }
         },
-        "outlying": None,
-        "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
         "correlations": {
             "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
             "wind.z": {"wind.x": -0.84},
@@ -279,13 +284,13 @@ def test_json_tells_a_shape_that_is_not_the_librarys():
 
 
 def test_numpy_numbers_become_plain_ones():
-    fields = [f.name for f in dataclasses.fields(Errors)]
-    errors = Errors(**dict.fromkeys(fields, np.float32(0.5)))
+    errors = all_errors(np.float32(0.5))
     result = make_result(
         errors={"nominal": None, "refitted": errors, "corrected": errors},
+        seed=7,
         settings={"seed": np.int64(7), "flag": np.bool_(True), "path": Path("a/b")},
     )
-    data = json.loads(json.dumps(to_json(result)))
+    data = json.loads(json_text(result.report))
     assert data["seed"] == 7
     assert data["settings"] == {"seed": 7, "flag": True, "path": "a/b"}
     assert data["errors"]["nominal"] is None
@@ -505,7 +510,7 @@ def test_coefficients_have_the_digits_that_their_errors_allow(value, std, unit, 
 
 def test_held_out_flights_that_stand_out_have_errors_of_their_own():
     outlying = OutlyingFlights(
-        names=("flight_013.csv",), errors={"corrected": make_errors(1.5)}
+        flights=("flight_013.csv",), errors={"corrected": make_errors(1.5)}
     )
     assert to_json(make_result(outlying=outlying))["outlying"] == {
         "flights": ["flight_013.csv"],

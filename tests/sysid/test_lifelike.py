@@ -93,10 +93,10 @@ def test_what_differs_from_flight_to_flight_is_told(name):
     result = closed(name)
     spread = result.spreads[kind]
     assert spread.std == pytest.approx(truth, rel=0.3)
-    assert set(spread.values) == set(result.fit_flights)
+    assert set(spread.values) == set(result.flights.fit)
     assert np.std(list(spread.values.values())) == pytest.approx(truth, rel=0.35)
     (effect,) = (e for e in result.effects if e.kind == kind)
-    assert effect.spread == {coefficient: spread.std}
+    assert effect.spread_over_flights == {coefficient: spread.std}
     assert set(result.spreads) == {kind}
 
 

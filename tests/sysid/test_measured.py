@@ -37,7 +37,7 @@ def test_camber_drag_and_lift_by_pitch_rate_are_found(throws):
 
 def test_each_throw_has_its_trim(throws):
     assert "elevator_trim" in throws.spreads
-    assert set(throws.spreads["elevator_trim"].values) == set(throws.fit_flights)
+    assert set(throws.spreads["elevator_trim"].values) == set(throws.flights.fit)
 
 
 def test_forces_predict_unseen_throws_better(throws):

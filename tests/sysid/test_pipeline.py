@@ -48,8 +48,8 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     (effect,) = few.effects
     assert effect.evidence > 100.0
     assert effect.inclusion == 1.0
-    assert effect.share > 0.9
-    assert effect.shape_fits and effect.spread == {}
+    assert effect.share_of_residual > 0.9
+    assert effect.shape == "library" and effect.spread_over_flights == {}
     assert few.spreads == {}
 
 
@@ -70,10 +70,10 @@ def test_errors_fall_on_held_out_flights(few):
     assert errors_fall(few)
     nominal, corrected = few.errors["nominal"], few.errors["corrected"]
     assert corrected.normal < nominal.normal
-    assert not set(few.fit_flights) & set(few.held_out_flights)
-    assert [flight.name for flight in few.held_out] == list(few.held_out_flights)
+    assert not set(few.flights.fit) & set(few.flights.held_out)
+    assert [flight.name for flight in few.held_out] == list(few.flights.held_out)
     names = sorted(name for fold in few.folds for name in fold.held_out)
-    assert names == sorted({*few.fit_flights, *few.held_out_flights})
+    assert names == sorted({*few.flights.fit, *few.flights.held_out})
 
 
 def test_what_is_left_is_no_more_than_noise(few):

@@ -1,6 +1,5 @@
 """The verdict: what is claimed, and what is not."""
 
-import dataclasses
 import types
 
 import pytest
@@ -8,7 +7,17 @@ import pytest
 from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
-from glider.sysid.result import VERDICTS, Errors, FoundEffect, Residual
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    OTHER_SHAPE,
+    VERDICTS,
+    EquationErrors,
+    Errors,
+    FoundEffect,
+    PathErrors,
+    Residual,
+    RolloutErrors,
+)
 from glider.sysid.verdict import FLOWN, is_of_the_plate, judge
 
 RIGHT = Signs()
@@ -21,17 +30,21 @@ def entry(kind, shape_fits=True):
         words="",
         coefficients={},
         evidence=1.0,
-        share=1.0,
+        share_of_residual=1.0,
         indistinguishable_from=(),
         depends_on=(),
-        shape_fits=shape_fits,
+        shape=LIBRARY_SHAPE if shape_fits else OTHER_SHAPE,
     )
 
 
 def errors_with(free, along):
-    numbers = dict.fromkeys([f.name for f in dataclasses.fields(Errors)], 1.0)
-    numbers |= {"position_rms_m": free, "measured_pitch_position_rms_m": along}
-    return Errors(**numbers)
+    return Errors(
+        equation=EquationErrors(tangential=1.0, normal=1.0, pitch=1.0),
+        rollout=RolloutErrors(
+            position_rms_m=free, position_end_m=1.0, pitch_rms_rad=1.0
+        ),
+        rollout_measured_pitch=PathErrors(position_rms_m=along),
+    )
 
 
 LEAST_T = 2.1

@@ -26,7 +26,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.signals import pose_signals, trimmed
 from glider.sysid.replay.theta import OFFSET
-from glider.sysid.result import Errors
+from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
 BEGINNING = 0.2
 """Share of a flight on which its launch state is fitted."""
@@ -216,14 +216,15 @@ def errors_of(
         translated.append(np.sum(along**2, axis=1))
     with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
         rms = np.sqrt(np.mean(table.residual**2, axis=0))
+    tangential, normal, in_pitch = map(float, rms)
     return Errors(
-        tangential=float(rms[0]),
-        normal=float(rms[1]),
-        pitch=float(rms[2]),
-        position_rms_m=_rms(position),
-        position_end_m=float(np.mean(end)),
-        pitch_rms_rad=_rms(pitch),
-        measured_pitch_position_rms_m=_rms(translated),
+        equation=EquationErrors(tangential=tangential, normal=normal, pitch=in_pitch),
+        rollout=RolloutErrors(
+            position_rms_m=_rms(position),
+            position_end_m=float(np.mean(end)),
+            pitch_rms_rad=_rms(pitch),
+        ),
+        rollout_measured_pitch=PathErrors(position_rms_m=_rms(translated)),
     )
 
 

@@ -56,8 +56,8 @@ def test_the_best_subsets_of_the_same_features_leave_next_to_nothing(study, told
 def test_the_tracer_names_the_sign_fault_and_nothing_else(study, told):
     [effect] = study.traced.effects
     assert effect.kind == "angle_sign"
-    assert effect.share > 0.99
-    assert told.figures["traced"] == {"angle_sign": {"share": effect.share}}
+    assert effect.share_of_residual > 0.99
+    assert told.figures["traced"] == {"angle_sign": {"share": effect.share_of_residual}}
 
 
 def test_the_exercises_own_numbers_show_the_fault(study, told):
