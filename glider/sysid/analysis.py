@@ -387,6 +387,7 @@ class Analysis:
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
             own_effects=vehicle.layout.own,
+            seed=int(str(settings["seed"])),
             settings={**settings, "notes": list(vehicle.notes)},
         )
 
