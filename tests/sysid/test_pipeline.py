@@ -69,7 +69,7 @@ def test_the_covariance_is_of_the_standard_errors_and_their_correlations(few):
 def test_errors_fall_on_held_out_flights(few):
     assert errors_fall(few)
     nominal, corrected = few.errors["nominal"], few.errors["corrected"]
-    assert corrected.normal < nominal.normal
+    assert corrected.equation.normal < nominal.equation.normal
     assert not set(few.flights.fit) & set(few.flights.held_out)
     assert [flight.name for flight in few.held_out] == list(few.flights.held_out)
     names = sorted(name for fold in few.folds for name in fold.held_out)

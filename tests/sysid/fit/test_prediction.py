@@ -67,7 +67,7 @@ def test_errors_tell_the_truth_from_the_plate(windy):
     assert (
         right.measured_pitch_position_rms_m < 0.2 * wrong.measured_pitch_position_rms_m
     )
-    assert right.tangential < wrong.tangential
+    assert right.equation.tangential < wrong.equation.tangential
 
 
 def test_errors_are_of_the_rows_that_were_seen(windy):
