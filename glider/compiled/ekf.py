@@ -14,7 +14,6 @@ from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import put
 from glider.physics.chain import NUM_INPUTS, derivatives_of, measure, theta_of
-from glider.physics.model import GliderModel
 
 
 def ekf_advance(t, z, estimated, step, count, field, value, slopes):
@@ -307,86 +306,3 @@ class SampleClock(NamedTuple):
 
     steps: int
     """Number of them to a sample."""
-
-
-def predict_estimate(
-    model: GliderModel,
-    t: float,
-    z: np.ndarray,
-    estimated: EstimatedFlight,
-    clock: SampleClock,
-    differentiate: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns x̄ (N,) after `clock.steps` steps, and its derivative (N, N) or (0, 0).
-
-    Args:
-        model: the glider.
-        t: now [s].
-        z: all numbers now, as in `derivatives_of`.
-        estimated: what is.
-        clock: of the prediction.
-        differentiate: whether to return the derivative by x̄ now.
-    """
-    size = len(estimated.places)
-    value = np.empty(size)
-    slopes = np.empty((size, size) if differentiate else (0, 0))
-    LOOPS.over(model.kinds, model.has_field).ekf_advance(
-        t, z, estimated, clock.step, clock.steps, model.residual_field, value, slopes
-    )
-    return value, slopes
-
-
-def filter_flights(
-    model: GliderModel,
-    t: float,
-    z: np.ndarray,
-    estimated: EstimatedFlight,
-    clock: SampleClock,
-    process: np.ndarray,
-    noise: np.ndarray,
-    flown: tuple[np.ndarray, np.ndarray],
-    prior: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Runs an extended Kalman filter along flights, see `ekf_run`.
-
-    Args:
-        model: the glider.
-        t: at the start [s].
-        z: constants in their places, as in `derivatives_of`.
-        estimated: what is.
-        clock: of a sample.
-        process: (N,) variances that a prediction adds.
-        noise: (M, M) covariance of a measurement.
-        flown: inputs (B, K, r) and measurements (B, K, M).
-        prior: mean (N,) and covariance (N, N) of x̄ at the start.
-
-    Returns:
-        means (B, K + 1, N), covariances (B, K + 1, N, N), innovations (B, K, M), their
-        covariances (B, K, M, M) and squares νᵀ S⁻¹ ν (B, K).
-    """
-    inputs, measured = flown
-    (batch, samples, rows), size = measured.shape, len(estimated.places)
-    belief = (
-        np.empty((batch, samples + 1, size)),
-        np.empty((batch, samples + 1, size, size)),
-    )
-    belief[0][:, 0], belief[1][:, 0] = prior
-    seen = (
-        np.empty((batch, samples, rows)),
-        np.empty((batch, samples, rows, rows)),
-        np.empty((batch, samples)),
-    )
-    LOOPS.over(model.kinds, model.has_field).ekf_run(
-        t,
-        z.copy(),
-        estimated,
-        clock,
-        model.residual_field,
-        process,
-        noise,
-        inputs,
-        measured,
-        belief,
-        seen,
-    )
-    return *belief, *seen

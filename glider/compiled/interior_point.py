@@ -146,9 +146,8 @@ def optimize(
         UncompilableError: a formula is not of what numba compiles.
     """
     at = Optimum(*(part.copy() for part in guess))
-    knots = len(guess.multipliers) + 1
-    dynamics = PathDynamics(model, knots)
-    path, scratch = dynamics.path, make_scratch(program, knots)
+    dynamics = PathDynamics(model, len(guess.multipliers) + 1)
+    path, scratch = dynamics.path, make_scratch(program, len(dynamics.path.defects) + 1)
     penalty = limits.penalty if program.is_held else 0.0
     enter(program, barrier, scratch, at.w, at.forces)
     missed = _missed(program, dynamics, at.w)

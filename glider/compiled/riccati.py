@@ -3,10 +3,9 @@
 import numpy as np
 
 from glider.compiled import jacobian
-from glider.compiled.jacobian import directional, stacked
+from glider.compiled.jacobian import directional
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import advance, put
-from glider.physics.model import GliderModel
 
 
 def slope_of_cost(t, node, flat, data, rate):
@@ -106,44 +105,3 @@ def riccati(times, states, slopes, inputs, q, r, s, z, field, gain, offset, cost
 
 
 LOOPS = Family((slope_of_cost, riccati), (riccati,), uses=(jacobian.LOOPS,))
-
-
-def solve_riccati(
-    model: GliderModel,
-    times: np.ndarray,
-    nominal: tuple[np.ndarray, np.ndarray, np.ndarray],
-    state_weight: np.ndarray,
-    rate_weight: float,
-    final_weight: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns gains, corrections and cost-to-go along a nominal path, see `riccati`.
-
-    Args:
-        model: the glider.
-        times: (2 M + 1,) uniform [s].
-        nominal: states (2 M + 1, n), their slopes, inputs (2 M + 1,) at the times.
-        state_weight: (n, n) Q.
-        rate_weight: R.
-        final_weight: (n, n) S at the end.
-
-    Returns:
-        K (M + 1, n), k₀ (M + 1,) [rad/s], and S with s as its last column
-        (M + 1, n, n + 1), at every other time.
-    """
-    n, count = model.num_states, len(times) // 2
-    gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
-    cost = np.empty((count + 1, n, n + 1))
-    theta = model.numbers
-    LOOPS.over(model.kinds, model.has_field).riccati(
-        times,
-        *nominal,
-        state_weight,
-        rate_weight,
-        final_weight,
-        stacked(n, theta),
-        theta.field,
-        gains,
-        corrections,
-        cost,
-    )
-    return gains, corrections, cost

@@ -9,9 +9,7 @@ from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import rollouts
 from glider.compiled.runge_kutta import put
-from glider.physics.model import GliderModel
-from glider.physics.servo import Servo, rate_bounds
-from glider.physics.stiffness import count_laps
+from glider.physics.servo import rate_bounds
 
 
 def cost_to_go(states, command, nominal, penalty, step, cost, to_go):
@@ -116,54 +114,3 @@ class FlightCost(NamedTuple):
 
     free_end: bool
     """Whether the flight may end before its last step."""
-
-
-def cost_sequences(
-    model: GliderModel,
-    start: np.ndarray,
-    commands: np.ndarray,
-    step: float,
-    cost: FlightCost,
-    servo: Servo,
-    *,
-    order: int,
-    nominal: np.ndarray | None = None,
-    penalty: float = 0.0,
-    keep_states: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the costs-to-go of command sequences, and their flights.
-
-    Args:
-        model: the glider.
-        start: (n,) state at launch.
-        commands: (B, N) [rad/s], each held for a step.
-        step: [s].
-        cost: of a flight.
-        servo: limits that the commands are kept within.
-        order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
-            where the effects' own states ask for it.
-        nominal: (N,) that the likelihood ratio is taken about [rad/s].
-        penalty: its weight.
-        keep_states: whether to return the flights.
-
-    Returns:
-        costs-to-go (B, N + 1), and states (B, N + 1, n) or (0, N + 1, n).
-    """
-    batch, steps = commands.shape
-    to_go = np.empty((batch, steps + 1))
-    states = np.empty((batch if keep_states else 0, steps + 1, len(start)))
-    LOOPS.over(model.kinds, model.has_field).sampled_costs(
-        start,
-        commands,
-        np.zeros(steps) if nominal is None else nominal,
-        penalty,
-        step,
-        order,
-        count_laps(model, step, order),
-        servo,
-        cost,
-        model.numbers,
-        to_go,
-        states,
-    )
-    return to_go, states

@@ -9,7 +9,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
 from glider.control.mppi import COMMAND_RATE
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
@@ -38,7 +38,7 @@ TOLERANCE = 1e-4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReplanResult:
-    """What a controller goes by: its last plan, and how planning went so far."""
+    """State of the controller: its last plan, and statistics of planning."""
 
     flight: CollocatedFlight
     """The plan that was made last; one that failed is none."""
@@ -71,7 +71,7 @@ class ReplanResult:
 
 
 class ModelPredictiveController(LeafSystem):
-    """Plans anew from each measured state and gives the first command of the plan.
+    """Plans again from each measured state and applies the plan's first command.
 
     state -> [ ModelPredictiveController ] -> elevator_rate, timing
 
@@ -81,14 +81,15 @@ class ModelPredictiveController(LeafSystem):
     to it, so that there is a plan from everywhere. Where a solve fails the last plan
     goes on, and so does the rest of a plan that is all but over.
 
-    The abstract state is a `ReplanResult`, so that a context says all of what comes.
+    The abstract state is a `ReplanResult`, so that a context determines
+    all future commands.
 
     Args:
-        model: the glider that is believed in; its effects' own states are fed back.
+        model: the glider that is planned with; its effects' own states are fed back.
         problem: whose launch, goal, weights and limits; its rate_cost is replaced
             where it is zero, because a plan of no cost is not unique.
         command_rate: of updates [Hz].
-        watch: told after each plan what it came to.
+        watch: called with the state after each plan.
 
     Output ports:
         elevator_rate: the command [rad/s].
@@ -107,11 +108,9 @@ class ModelPredictiveController(LeafSystem):
     ) -> None:
         """Plans once from the launch; declares ports, state and periodic update."""
         super().__init__()
-        if not (np.isfinite(command_rate) and command_rate > 0.0):
-            raise InputError(
-                f"ModelPredictiveController: the command rate is {show(command_rate)} "
-                "Hz; a positive number is needed."
-            )
+        good = np.isfinite(command_rate) and command_rate > 0.0
+        what = "ModelPredictiveController: the command rate"
+        expect(good, what, command_rate, "a positive number of Hz")
         check_plannable(model, problem)
         self.set_name("mpc")
         self._model, self._period, self._watch = model, 1.0 / command_rate, watch
@@ -131,11 +130,8 @@ class ModelPredictiveController(LeafSystem):
         flight = solve_structured(
             self._model, self._problem, knots, line, arrive=False, name="the first plan"
         )
-        if not flight.solved:
-            raise InputError(
-                "ModelPredictiveController: from the problem's launch there is no "
-                f"first plan: {flight.status}."
-            )
+        what = "ModelPredictiveController: the first plan's status"
+        expect(flight.solved, what, flight.status, "a launch with a plan")
         return flight
 
     def _update(self, context: Context, state: State) -> None:
@@ -146,10 +142,10 @@ class ModelPredictiveController(LeafSystem):
     def plan_again(
         self, known: ReplanResult, now: float, state: np.ndarray
     ) -> ReplanResult:
-        """Returns what the controller goes by from now on.
+        """Returns the controller's next state.
 
         Args:
-            known: what it went by.
+            known: its state so far.
             now: [s].
             state: (n,) measured.
         """

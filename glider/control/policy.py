@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
@@ -33,19 +33,14 @@ class TrackingWeights:
 
     def __post_init__(self):
         """Raises InputError where Riccati's equation would have no solution."""
+        needed = f"{NUM_STATES} finite numbers, none negative"
         for name in ("state", "final"):
             values = np.asarray(getattr(self, name), dtype=float)
-            bad = values.shape != (NUM_STATES,) or not np.all(np.isfinite(values))
-            if bad or np.any(values < 0.0):
-                raise InputError(
-                    f"TrackingWeights: '{name}' is {show(getattr(self, name))}; "
-                    f"{NUM_STATES} finite numbers, none negative, are needed."
-                )
-        if not (math.isfinite(self.rate) and self.rate > 0.0):
-            raise InputError(
-                f"TrackingWeights: 'rate' is {show(self.rate)}; a positive number is "
-                "needed."
-            )
+            good = values.shape == (NUM_STATES,)
+            good = good and bool(np.all(np.isfinite(values) & (values >= 0.0)))
+            expect(good, f"TrackingWeights: '{name}'", values, needed)
+        good = math.isfinite(self.rate) and self.rate > 0.0
+        expect(good, "TrackingWeights: 'rate'", self.rate, "a positive number")
 
 
 def weight_matrix(diagonal: tuple[float, ...], num_states: int) -> np.ndarray:
@@ -120,7 +115,7 @@ class TrackingPolicy:
 class HeldPolicy:
     """The feedback of a plan with held commands, u_k = inputs[k] + gains[k] x̃_k.
 
-    The rigid body's states are fed back; the effects' own, which nobody measures, are
+    The rigid body's states are fed back; the effects' own, which are not measured, are
     taken to be as planned. After the plan the elevator stands still.
     """
 
@@ -161,11 +156,8 @@ class HeldPolicy:
 
 def check_plan(model: GliderModel, plan: Plan) -> None:
     """Raises InputError unless the plan has the states of the glider."""
-    if tuple(plan.state_names) != model.state_names:
-        raise InputError(
-            f"The plan has the states {', '.join(plan.state_names)}; those of the "
-            f"glider, {', '.join(model.state_names)}, are needed."
-        )
+    mine, needed = tuple(plan.state_names), f"those of the glider, {model.state_names}"
+    expect(mine == model.state_names, "the plan's states", mine, needed)
 
 
 def sample_plan(
@@ -187,7 +179,7 @@ def aligned_count(plan: Plan, step: float) -> int:
     A whole number for each interval between equally spaced knots, because the
     plan has kinks there.
     """
-    if not (math.isfinite(step) and step > 0.0):
-        raise InputError(f"The step is {show(step)} s; a positive number is needed.")
+    good = math.isfinite(step) and step > 0.0
+    expect(good, "the step", step, "a positive number of seconds")
     intervals = len(plan.times) - 1
     return intervals * math.ceil(plan.duration / (intervals * step) - 1e-9)

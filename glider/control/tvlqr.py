@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from glider.compiled.riccati import solve_riccati
+from glider.compiled.jacobian import stacked
+from glider.compiled.riccati import LOOPS
 from glider.control.policy import (
     TrackingPolicy,
     TrackingWeights,
@@ -45,14 +46,20 @@ def compiled_policy(
     # The cost-to-go settles at twice the rate of a state.
     step = min(step, 0.5 * longest_step(model))
     n, count = model.num_states, aligned_count(plan, step)
-    times = np.linspace(0.0, plan.duration, 2 * count + 1)
-    gains, corrections, cost = solve_riccati(
-        model,
+    times, theta = np.linspace(0.0, plan.duration, 2 * count + 1), model.numbers
+    gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)
+    cost = np.empty((count + 1, n, n + 1))  # S and, as its last column, s.
+    LOOPS.over(model.kinds, model.has_field).riccati(
         times,
-        sample_plan(plan, times),
+        *sample_plan(plan, times),
         weight_matrix(weights.state, n),
         weights.rate,
         weight_matrix(weights.final, n),
+        stacked(n, theta),
+        theta.field,
+        gains,
+        corrections,
+        cost,
     )
     return TrackingPolicy(
         plan=plan,

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from glider.compiled.ekf import EstimatedFlight, SampleClock
 from glider.compiled.jacobian import stacked
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
@@ -109,7 +109,7 @@ def make_ekf(
     """Makes a filter.
 
     Args:
-        model: the glider that the filter believes in.
+        model: the filter's glider.
         rate: of the samples [Hz].
         process: variance that each state gains per second, (7,), or (n,) with the
             effects' own states.
@@ -126,37 +126,16 @@ def make_ekf(
         InputError: what is given does not fit together.
     """
     for name, value in (("rate", rate), ("step", step)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(
-                f"make_ekf: '{name}' is {show(value)}; a positive number is needed."
-            )
-    n = model.num_states
-    process = _checked_process(process, n)
-    noise = _checked_noise(noise, n)
-    places = _places(model)
-    for name in (*(s.name for s in slow), *known):
-        if name not in places:
-            raise InputError(
-                f"make_ekf: there is no '{name}' in this glider; it has "
-                f"{', '.join(places)}."
-            )
-    names = (*(s.name for s in slow), *known)
-    if len(set(names)) != len(names):
-        raise InputError(
-            f"make_ekf: {', '.join(names)} are slow states and known inputs; each "
-            "can be one of them only, and once."
-        )
+        good = math.isfinite(value) and value > 0.0
+        expect(good, f"make_ekf: '{name}'", value, "a positive number")
+    n, places = model.num_states, _places(model)
+    process, noise = _checked_process(process, n), _checked_noise(noise, n)
+    _check_names((*(s.name for s in slow), *known), tuple(places))
     for s in slow:
         numbers = (s.std, s.walk, s.decay, 0.0 if s.mean is None else s.mean)
-        if not all(map(math.isfinite, numbers)) or min(numbers[:2]) < 0.0:
-            raise InputError(
-                f"make_ekf: slow state '{s.name}' has std {show(s.std)}, walk "
-                f"{show(s.walk)}, "
-                f"decay {show(s.decay)}, mean {show(s.mean)}; finite numbers are "
-                "needed, and "
-                "none of the first two negative."
-            )
-
+        good = all(map(math.isfinite, numbers)) and min(numbers[:2]) >= 0.0
+        what = f"make_ekf: slow state '{s.name}' (std, walk, decay, mean)"
+        expect(good, what, numbers, "finite numbers, std and walk not negative")
     z = stacked(n, model.numbers)
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
     acting, seen = _depend(model, z, taken)
@@ -185,7 +164,7 @@ def make_ekf(
 
 
 def _places(model: GliderModel) -> dict[str, int]:
-    """Returns where each number that may be slow or known stands in z."""
+    """Indices in z of all that may be a slow state or a known input."""
     names = [*WIND_NAMES, *PARAMETER_NAMES]
     names += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
     return {name: model.num_states + 1 + i for i, name in enumerate(names)}
@@ -211,8 +190,16 @@ def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
     return np.array(acting), np.array(seen)
 
 
+def _check_names(names: tuple[str, ...], places: tuple[str, ...]) -> None:
+    for name in names:
+        known = f"one of {', '.join(places)}"
+        expect(name in places, "make_ekf: a slow state or known input", name, known)
+    what, needed = "make_ekf: the list of slow and known", "each name only once"
+    expect(len(set(names)) == len(names), what, names, needed)
+
+
 def _numbers(values: ArrayLike) -> np.ndarray:
-    """Returns an array; of what is none, as of rows of different lengths, NaN."""
+    """Converts values to an array; NaN if that fails, as for rows of two lengths."""
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -222,12 +209,9 @@ def _numbers(values: ArrayLike) -> np.ndarray:
 def _checked_process(process: ArrayLike, n: int) -> np.ndarray:
     values = _numbers(process)
     good = values.ndim == 1 and len(values) in (NUM_STATES, n)
-    if not good or not np.all(np.isfinite(values) & (values >= 0.0)):
-        raise InputError(
-            f"make_ekf: 'process' is {show(process)}; {n} finite numbers, none "
-            "negative, "
-            "are needed."
-        )
+    good = good and bool(np.all(np.isfinite(values) & (values >= 0.0)))
+    needed = f"{n} finite numbers, none negative"
+    expect(good, "make_ekf: 'process'", process, needed)
     return np.append(values, np.zeros(n - len(values)))
 
 
@@ -235,16 +219,9 @@ def _checked_noise(noise: ArrayLike, n: int) -> np.ndarray:
     values = _numbers(noise)
     values = np.diag(values) if values.ndim == 1 else values
     rows = len(values) if values.ndim else 0
-    fits = values.shape == (rows, rows) and len(POSE_NAMES) <= rows <= n
-    positive = (
-        fits
-        and np.all(np.isfinite(values))
-        and np.allclose(values, values.T)
-        and np.min(np.linalg.eigvalsh(values)) > 0.0
-    )
-    if not positive:
-        raise InputError(
-            f"make_ekf: 'noise' is {show(noise)}; variances (M,) or a symmetric "
-            f"covariance (M, M), positive, with M from 3 to {n} are needed."
-        )
+    good = values.shape == (rows, rows) and len(POSE_NAMES) <= rows <= n
+    good = good and bool(np.isfinite(values).all()) and np.allclose(values, values.T)
+    good = good and bool(np.min(np.linalg.eigvalsh(values)) > 0.0)
+    needed = f"positive variances (M,) or a covariance (M, M) with M from 3 to {n}"
+    expect(good, "make_ekf: 'noise'", noise, needed)
     return values

@@ -1,4 +1,4 @@
-"""A filter along flights: what it believes before, and what it makes of them."""
+"""A filter along flights: prior beliefs and estimates."""
 
 import dataclasses
 import math
@@ -6,21 +6,21 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.ekf import SampleClock, filter_flights, predict_estimate
-from glider.errors import InputError, show
+from glider.compiled.ekf import LOOPS
+from glider.errors import expect
 from glider.estimation.ekf import Ekf
 from glider.physics.state import NUM_STATES
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
-    """A normal distribution of x̄."""
+    """A normal distribution of x̄, or one for each of B flights."""
 
     mean: np.ndarray
-    """(N,)."""
+    """(N,) or (B, N)."""
 
     covariance: np.ndarray
-    """(N, N)."""
+    """(N, N) or (B, N, N)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,26 +55,18 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
     Raises:
         InputError: what is given does not fit the filter, or is no number.
     """
-    full = ekf.model.initial_state(state)
-    if full.shape != (ekf.num_states,) or not np.all(np.isfinite(full)):
-        raise InputError(
-            f"make_prior: the state is {full}; ({NUM_STATES},) or "
-            f"({ekf.num_states},) finite numbers are needed."
-        )
+    n, full = ekf.num_states, ekf.model.initial_state(state)
+    sizes = f"({NUM_STATES},) or ({n},)"
+    finite = full.shape == (n,) and np.all(np.isfinite(full))
+    expect(finite, "make_prior: the state", full, f"{sizes} finite numbers")
     given = np.asarray(std, dtype=float)
+    fits = given.shape in ((NUM_STATES,), (n,))
+    expect(fits, "make_prior: the shape of the deviations", given.shape, sizes)
     spread = np.zeros(len(ekf.names))
-    if given.shape not in ((NUM_STATES,), (ekf.num_states,)):
-        raise InputError(
-            f"make_prior: the deviations have shape {given.shape}; ({NUM_STATES},) "
-            f"or ({ekf.num_states},) is needed."
-        )
     spread[: len(given)] = given
-    spread[ekf.num_states :] = [s.std for s in ekf.slow]
-    if not np.all(np.isfinite(spread) & (spread >= 0.0)):
-        raise InputError(
-            f"make_prior: the standard deviations are {show(spread)}; finite numbers, "
-            "none negative, are needed."
-        )
+    spread[n:] = [s.std for s in ekf.slow]
+    good = np.all(np.isfinite(spread) & (spread >= 0.0))
+    expect(good, "make_prior: the deviations", spread, "finite numbers, none negative")
     places = ekf.estimated.places[ekf.num_states :]
     means = [
         ekf.z[place] if s.mean is None else s.mean
@@ -85,12 +77,13 @@ def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
 
 def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
     """Raises InputError where a belief is of another filter's x̄."""
-    shapes, size = (np.shape(prior.mean), np.shape(prior.covariance)), len(ekf.names)
-    if shapes != ((size,), (size, size)):
-        raise InputError(
-            f"{source}: the prior's mean and covariance have shapes {shapes[0]} and "
-            f"{shapes[1]}; ({size},) and ({size}, {size}) are needed."
-        )
+    size, shapes = len(ekf.names), (prior.mean.shape, prior.covariance.shape)
+    good = (shapes[0][-1:], shapes[1][-2:]) == ((size,), (size, size))
+    what, needed = (
+        "the shape of the prior's mean and covariance",
+        f"({size},) and ({size}, {size})",
+    )
+    expect(good, f"{source}: {what}", shapes, needed)
 
 
 def run_ekf(
@@ -100,10 +93,10 @@ def run_ekf(
 
     Args:
         ekf: the filter.
-        prior: before the first sample, of all flights.
+        prior: before the first sample, of all flights or of each.
         inputs: (B, K, 1 + known) mean of the elevator's rate, then the known inputs,
             between a sample and the one before it.
-        measured: (B, K, M) at the samples; with a NaN in it, it is left out.
+        measured: (B, K, M) at the samples; one with a NaN is omitted.
         time: of the prior [s].
 
     Raises:
@@ -111,34 +104,36 @@ def run_ekf(
     """
     inputs = np.ascontiguousarray(inputs, dtype=float)
     measured = np.ascontiguousarray(measured, dtype=float)
-    rows = len(ekf.noise)
-    shapes = (inputs.shape[-1:], measured.shape[-1:], measured.ndim)
-    if shapes != ((ekf.num_inputs,), (rows,), 3) or (
-        inputs.shape[:2] != measured.shape[:2]
-    ):
-        raise InputError(
-            f"run_ekf: the inputs have shape {inputs.shape}, the measurements "
-            f"{measured.shape}; (B, K, {ekf.num_inputs}) and (B, K, {rows}) are needed."
-        )
+    rows, size, model = len(ekf.noise), len(ekf.names), ekf.model
+    good = measured.ndim == 3 and inputs.shape[:-1] == measured.shape[:-1]
+    good = good and (inputs.shape[2], measured.shape[2]) == (ekf.num_inputs, rows)
+    needed = f"(B, K, {ekf.num_inputs}) and (B, K, {rows})"
+    shapes = inputs.shape, measured.shape
+    expect(good, "run_ekf: the shape of inputs and measurements", shapes, needed)
     check_belief(ekf, prior, "run_ekf")
-    means, covariances, innovations, spreads, squares = filter_flights(
-        ekf.model,
+    batch, samples, _ = measured.shape
+    found = Estimates(
+        means=np.empty((batch, samples + 1, size)),
+        covariances=np.empty((batch, samples + 1, size, size)),
+        innovations=np.empty((batch, samples, rows)),
+        innovation_covariances=np.empty((batch, samples, rows, rows)),
+        nis=np.empty((batch, samples)),
+    )
+    found.means[:, 0], found.covariances[:, 0] = prior.mean, prior.covariance
+    LOOPS.over(model.kinds, model.has_field).ekf_run(
         time,
-        ekf.z,
+        ekf.z.copy(),
         ekf.estimated,
         ekf.clock,
+        model.residual_field,
         ekf.process * ekf.period,
         ekf.noise,
-        (inputs, measured),
-        (prior.mean, prior.covariance),
+        inputs,
+        measured,
+        (found.means, found.covariances),
+        (found.innovations, found.innovation_covariances, found.nis),
     )
-    return Estimates(
-        means=means,
-        covariances=covariances,
-        innovations=innovations,
-        innovation_covariances=spreads,
-        nis=squares,
-    )
+    return found
 
 
 def predict_mean(
@@ -167,13 +162,22 @@ def predict_mean(
         InputError: what is given does not fit the filter.
     """
     shapes, size = (np.shape(mean), np.shape(inputs)), len(ekf.names)
-    if shapes != ((size,), (ekf.num_inputs,)):
-        raise InputError(
-            f"predict_mean: the mean and the inputs have shapes {shapes[0]} and "
-            f"{shapes[1]}; ({size},) and ({ekf.num_inputs},) are needed."
-        )
-    z = ekf.z.copy()
+    good, needed = ((size,), (ekf.num_inputs,)), f"({size},) and ({ekf.num_inputs},)"
+    what = "predict_mean: the shape of mean and inputs"
+    expect(shapes == good, what, shapes, needed)
+    z, model = ekf.z.copy(), ekf.model
     z[ekf.estimated.places], z[ekf.estimated.entry] = mean, inputs
-    count = max(math.ceil(duration / ekf.clock.step - 1e-9), 1)
-    clock = SampleClock(step=duration / count, steps=count)
-    return predict_estimate(ekf.model, time, z, ekf.estimated, clock, differentiate)
+    steps = max(math.ceil(duration / ekf.clock.step - 1e-9), 1)
+    value = np.empty(size)
+    slopes = np.empty((size, size) if differentiate else (0, 0))
+    LOOPS.over(model.kinds, model.has_field).ekf_advance(
+        time,
+        z,
+        ekf.estimated,
+        duration / steps,
+        steps,
+        model.residual_field,
+        value,
+        slopes,
+    )
+    return value, slopes

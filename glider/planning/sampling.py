@@ -12,11 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.compiled.sequence_costs import FlightCost, cost_sequences
+from glider.compiled.sequence_costs import LOOPS, FlightCost
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, rate_bounds
 from glider.physics.state import ELEVATOR
+from glider.physics.stiffness import count_laps
 from glider.planning.plan import Plan, held_plan
 from glider.planning.problem import PerchingProblem
 
@@ -185,21 +186,27 @@ class SequenceCost:
         start = np.ascontiguousarray(start, dtype=float)
         commands = np.ascontiguousarray(commands, dtype=float)
         good = start.shape == (self.num_states,) and commands.shape[1:] == (self.steps,)
-        what, shapes = "SequenceCost: the shapes", (start.shape, commands.shape)
+        what, shapes = "SequenceCost: the pair of shapes", (start.shape, commands.shape)
         needed = f"a start ({self.num_states},) and commands (B, {self.steps})"
         expect(good, what, shapes, needed)
-        return cost_sequences(
-            self.model,
+        model, batch = self.model, len(commands)
+        to_go = np.empty((batch, self.steps + 1))
+        states = np.empty((batch if keep else 0, self.steps + 1, self.num_states))
+        LOOPS.over(model.kinds, model.has_field).sampled_costs(
             start,
             commands,
+            np.zeros(self.steps) if nominal is None else nominal,
+            penalty,
             self.step,
-            self._cost,
+            self._order,
+            count_laps(model, self.step, self._order),
             self._servo,
-            order=self._order,
-            nominal=nominal,
-            penalty=penalty,
-            keep_states=keep,
+            self._cost,
+            model.numbers,
+            to_go,
+            states,
         )
+        return to_go, states
 
 
 def cem_update(

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
@@ -25,7 +25,7 @@ passes the wire later. The plan ends at 0.9 m/s forward and 2 m/s down."""
 
 
 class Policy(Protocol):
-    """Law that tells the elevator's rate from the time and the state."""
+    """Law of the elevator's rate as a function of time and state."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -76,8 +76,8 @@ def make_clock(
         after: how long the flight goes on after the plan [s].
     """
     duration = policy.duration
-    if not (math.isfinite(after) and after >= 0.0):
-        raise InputError(f"'after' is {after} s; a number not negative is needed.")
+    good = math.isfinite(after) and after >= 0.0
+    expect(good, "'after'", after, "a number of seconds that is not negative")
     count = policy.count(step)
     if command_rate is None:
         step = duration / count
@@ -90,10 +90,8 @@ def make_clock(
 
 def check_command_rate(rate: float) -> None:
     """Raises InputError unless commands can be given at a rate [Hz]."""
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(
-            f"The command rate is {show(rate)} Hz; a positive number is needed."
-        )
+    good = math.isfinite(rate) and rate > 0.0
+    expect(good, "the command rate", rate, "a positive number of Hz")
 
 
 def fly(
@@ -114,7 +112,7 @@ def fly(
 
     Args:
         model: the glider that is flown, or the path of its file; it may have effects
-            that the policy does not know, in still air beyond its own.
+            that the policy does not model; the air is still but for these.
         policy: fed with the first states of the glider. A policy whose planner's
             effects have states that the glider lacks needs the observer of
             `diagrams.closed_loop`.
@@ -126,32 +124,27 @@ def fly(
             m states and `make_clock(...).commands` commands.
         step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
-        keep_paths: whether to return all states, and what the servo made of held
+        keep_paths: whether to return all states, and the servo's rates for held
             commands.
 
     Raises:
         InputError: what is given does not fit together.
     """
     model = as_model(model)
-    known = policy.state_names
-    if model.state_names[: len(known)] != tuple(known):
-        raise InputError(
-            f"The policy feeds back {', '.join(known)}, but the glider has the states "
-            f"{', '.join(model.state_names)}; diagrams.closed_loop with its observer "
-            "is needed."
-        )
+    known = tuple(policy.state_names)
+    fed_back, needed = model.state_names[: len(known)], f"{', '.join(known)} first"
+    needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
+    expect(fed_back == known, "the glider's states", model.state_names, needed)
     clock = make_clock(policy, command_rate, step, after)
     laps = count_laps(model, clock.step)
     starts = full_starts(model, starts)
-    shape = (len(starts), clock.commands, len(known))
-    noise = np.empty((len(starts), 0, len(known))) if noise is None else noise
-    noise = np.asarray(noise, dtype=float)
-    is_none = noise.ndim == 3 and noise.shape[1] == 0
-    if not is_none and (clock.hold == 0 or noise.shape != shape):
-        raise InputError(
-            f"The noise has shape {noise.shape}; "
-            + ("a command rate is needed." if clock.hold == 0 else f"{shape} needed.")
-        )
+    if noise is None:
+        noise = np.empty((len(starts), 0, len(known)))
+    elif np.shape(noise)[1:2] != (0,):
+        expect(clock.hold, "the command rate", None, "a number, as there is noise")
+        shape = (len(starts), clock.commands, len(known))
+        fits = np.shape(noise) == shape
+        expect(fits, "the noise's shape", np.shape(noise), str(shape))
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
     else:
@@ -163,7 +156,7 @@ def fly(
         starts,
         clock.steps * laps,
         clock.step / laps,
-        Feedback(offset=offset, gain=gain, hold=clock.hold * laps, noise=noise),
+        Feedback(offset, gain, clock.hold * laps, np.asarray(noise, dtype=float)),
         wire=(problem.wire[0], problem.wire[1]),
         keep_paths=keep_paths,
     )
@@ -189,9 +182,6 @@ def fly(
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:
     """Returns launch states (B, n); given (B, 7), the effects' own are at rest."""
     starts = np.array(starts, dtype=float)
-    if starts.ndim != 2 or not len(starts) or not np.all(np.isfinite(starts)):
-        raise InputError(
-            f"The launches have shape {starts.shape}; (B, {NUM_STATES}) finite "
-            "numbers are needed."
-        )
+    good = starts.ndim == 2 and len(starts) and np.all(np.isfinite(starts))
+    expect(good, "the launches", starts, f"(B, {NUM_STATES}) finite numbers")
     return np.ascontiguousarray(model.initial_state(starts.T).T)

@@ -1,7 +1,7 @@
 """Monte-Carlo over launches: how often does a glider perch?
 
-A sweep runs through joblib: whoever calls it chooses the workers, up to a
-cluster. With Dask (the extra `cluster`):
+A sweep runs through joblib: the caller chooses the workers, up to a cluster. With Dask
+(the extra `cluster`):
 
     with Client(address), joblib.parallel_config(backend="dask"):
         results = sweep(cases, flights=100_000, seed=0)
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import joblib
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
@@ -29,7 +29,7 @@ _Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LaunchSpread:
-    """One standard deviation of what a launcher gets wrong; normal distributions."""
+    """Standard deviations of normally distributed launch errors."""
 
     height: float = 0.04
     """Deviation of the height [m]."""
@@ -41,13 +41,10 @@ class LaunchSpread:
     """Deviation of the pitch [rad]."""
 
     def __post_init__(self):
-        """Raises InputError where a deviation cannot be."""
+        """Raises InputError where a deviation is negative or not finite."""
         for name, value in dataclasses.asdict(self).items():
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(
-                    f"LaunchSpread: '{name}' is {show(value)}; a finite number, not "
-                    "negative, is needed."
-                )
+            good = math.isfinite(value) and value >= 0.0
+            expect(good, f"LaunchSpread: '{name}'", value, "a number not negative")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,7 +52,7 @@ class Case:
     """One row of a sweep: a glider, its feedback and how it is launched."""
 
     name: str
-    """Name to tell it from the others by."""
+    """Name, different from the other cases'."""
 
     model: GliderModel
     """The glider that is flown."""
@@ -86,8 +83,7 @@ def draw_launches(
     problem: PerchingProblem, spread: LaunchSpread, count: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Draws launch states, shape (count, 7)."""
-    if count < 1:
-        raise InputError(f"draw_launches: {count} launches; at least 1 is needed.")
+    expect(count >= 1, "draw_launches: 'count'", count, "at least 1")
     errors = rng.normal(size=(count, 3)) * [spread.height, spread.speed, spread.pitch]
     starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
     velocity = starts[:, VELOCITY]
@@ -108,10 +104,8 @@ def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
         noise = np.zeros((flights, clock.commands, states))
         drawn = rng.normal(size=(flights, clock.commands, NUM_STATES))
         noise[:, :, :NUM_STATES] = drawn * case.feedback_noise
-        if clock.hold == 0:
-            raise InputError(
-                f"Case '{case.name}': feedback noise needs a command rate."
-            )
+        what = f"case '{case.name}': the command rate"
+        expect(clock.hold, what, None, "a number, as there is feedback noise")
     return fly(
         case.model,
         case.policy,
@@ -128,7 +122,7 @@ def sweep(cases: Sequence[Case], flights: int, seed: int) -> list[Flights]:
     """Flies many launches of each case, in chunks that workers share.
 
     The result depends on the seed alone, not on the workers. All cases get the
-    same launches, so that their differences are not those of luck.
+    same launches, so that chance does not add to their differences.
 
     Args:
         cases: what to fly.
@@ -138,8 +132,7 @@ def sweep(cases: Sequence[Case], flights: int, seed: int) -> list[Flights]:
     Returns:
         The flights of each case, without paths.
     """
-    if flights < 1:
-        raise InputError(f"sweep: {flights} flights; at least one is needed.")
+    expect(flights >= 1, "sweep: 'flights'", flights, "at least 1")
     counts = [min(CHUNK, flights - first) for first in range(0, flights, CHUNK)]
     seeds = np.random.SeedSequence(seed).spawn(len(counts))
     tasks = [

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 
 COLUMNS = ("time", "elevator_rate_command")
 """Columns of a file of commands, in s and rad/s. Each command is held until the next
@@ -35,37 +35,28 @@ def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
         times (k,) [s] and commands (k,) [rad/s]; the last command is where it ends.
 
     Raises:
-        InputError: it is none; the sentence names the line.
+        InputError: it is no tape; the sentence names the line.
     """
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}).") from None
-    if not lines or tuple(lines[0]) != COLUMNS:
-        raise InputError(
-            f"{path}: line 1 is {','.join(lines[0]) if lines else 'missing'}; "
-            f"{','.join(COLUMNS)} is needed."
-        )
+    head, needed = ",".join(lines[0]) if lines else "", ",".join(COLUMNS)
+    expect(head == needed, f"{path}: line 1", head, needed)
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(lines[1:], start=2):
         try:
             time, command = map(float, line)
         except ValueError:
             time = command = math.nan
-        if not (math.isfinite(time) and math.isfinite(command)):
-            raise InputError(
-                f"{path}: line {number} is {','.join(line)}; a time and a rate, finite "
-                "numbers, are needed."
-            )
-        if rows and time <= rows[-1][0]:
-            raise InputError(
-                f"{path}: line {number} has the time {time:g} s after {rows[-1][0]:g} "
-                "s; increasing times are needed."
-            )
+        what = f"{path}: line {number}"
+        good = math.isfinite(time) and math.isfinite(command)
+        expect(good, what, ",".join(line), "a time and a rate, both finite")
+        rises = not rows or time > rows[-1][0]
+        expect(rises, what, ",".join(line), "a time after that of the line before")
         rows.append((time, command))
-    if len(rows) < 2:
-        raise InputError(f"{path}: has {len(rows)} rows; at least 2 are needed.")
+    expect(len(rows) >= 2, f"{path}: the number of rows", len(rows), "at least 2")
     times, commands = np.array(rows).T
     return times, commands
 

@@ -7,7 +7,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from glider.errors import InputError, show
+from glider.errors import expect
 
 
 @TemplateSystem.define("SampledNoise_", T_list=[float, AutoDiffXd])
@@ -17,10 +17,10 @@ def SampledNoise_(T):
 
         signal -> [ SampledNoise ] -> measured = signal + tape[k]
 
-        Who samples is who comes behind (a hold, a periodic log), at the times
-        k / rate. The noise changes halfway between these, so that it never
-        matters which event of one time comes first, and is constant between
-        events, as an integrator wants it. After the tape's end its last row stays.
+        A hold or a periodic log behind it samples at the times k / rate. The noise
+        changes halfway between these, so that the order of simultaneous events does
+        not matter, and is constant between events, as integrators require. After the
+        tape's end its last row stays.
 
         Numeric parameter 0 holds the tape (rows * size,), zero by default; each
         flight sets its own (`set_tape`).
@@ -33,11 +33,9 @@ def SampledNoise_(T):
 
         def _construct(self, size=1, rate=1.0, rows=1, converter=None):
             LeafSystem_[T].__init__(self, converter)
-            if not (math.isfinite(rate) and rate > 0.0) or rows < 1:
-                raise InputError(
-                    f"SampledNoise: rate is {show(rate)} Hz and rows is {rows}; a "
-                    "positive rate and at least one row are needed."
-                )
+            good = math.isfinite(rate) and rate > 0.0
+            expect(good, "SampledNoise: 'rate'", rate, "a positive number of Hz")
+            expect(rows >= 1, "SampledNoise: 'rows'", rows, "at least 1")
             self.size, self.rate, self.rows = size, float(rate), rows
             self._signal = self.DeclareVectorInputPort("signal", size)
             self.DeclareNumericParameter(BasicVector_[T](np.zeros(rows * size)))
@@ -63,12 +61,10 @@ def SampledNoise_(T):
         def set_tape(self, context, tape):
             """Sets the noise of a flight, (rows or fewer, size); zero beyond."""
             tape = np.asarray(tape, dtype=float)
-            fits = tape.ndim == 2 and tape.shape[1] == self.size
-            if not fits or len(tape) > self.rows:
-                raise InputError(
-                    f"{self.get_name()}: the noise has shape {tape.shape}; at most "
-                    f"({self.rows}, {self.size}) is needed."
-                )
+            good = tape.ndim == 2 and tape.shape[1] == self.size
+            good = good and len(tape) <= self.rows
+            needed = f"at most ({self.rows}, {self.size})"
+            expect(good, f"{self.get_name()}: the noise's shape", tape.shape, needed)
             full = np.zeros((self.rows, self.size))
             full[: len(tape)] = tape
             context.get_mutable_numeric_parameter(0).SetFromVector(full.ravel())

@@ -1,6 +1,21 @@
-"""The glider as a Drake System: a shell of ports and context round the dynamics."""
+"""The glider as a Drake System: a shell of ports and context round the dynamics.
+
+Input ports:
+    elevator_rate: commanded rate of the elevator [rad/s].
+    wind: velocity of the air, world (x, z) [m/s]; may be left open.
+
+Output ports:
+    state: STATE_NAMES, then the effects' own states (`state_names`).
+    forces: FORCE_NAMES, directly from state, elevator_rate and wind.
+    pose: what the sensors show, POSE_NAMES.
+
+Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES
+and numeric parameter 1 the effects' coefficients, one effect after the
+other, so that a caller can change them or differentiate by them.
+"""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue
@@ -46,20 +61,9 @@ def GliderPlant_(T):
             fast: whether the AutoDiffXd twin takes value and Jacobian from
                 compiled code (about a quarter of the time; the first call
                 compiles, later sessions read it from disk). Where a formula
-                does not compile, it goes the plain way.
+                does not compile, it takes the plain way.
 
-        Input ports:
-            elevator_rate: commanded rate of the elevator [rad/s].
-            wind: velocity of the air, world (x, z) [m/s]; may be left open.
-
-        Output ports:
-            state: STATE_NAMES, then the effects' own states (`state_names`).
-            forces: FORCE_NAMES, directly from state, elevator_rate and wind.
-            pose: what the sensors show, POSE_NAMES.
-
-        Numeric parameter 0 holds the parameters in the order of PARAMETER_NAMES
-        and numeric parameter 1 the effects' coefficients, one effect after the
-        other, so that a caller can change them or differentiate by them.
+        Its ports and numeric parameters are those of the module's docstring.
         """
 
         def _construct(self, model=None, fast=True, converter=None):
@@ -87,7 +91,9 @@ def GliderPlant_(T):
             )
             self._numbers = self.DeclareCacheEntry(
                 "parameters and coefficients as floats",
-                ValueProducer(allocate=Value[object], calc=self._calc_numbers),
+                ValueProducer(
+                    allocate=Value[object], calc=partial(_calc_numbers, self)
+                ),
                 {self.all_parameters_ticket()},
             )
 
@@ -95,7 +101,7 @@ def GliderPlant_(T):
             Impl._construct(self, other.model, other.fast, converter=converter)
 
         def DoCalcTimeDerivatives(self, context, derivatives):
-            rates = self._fast_rates(context) if self._is_fast(context) else None
+            rates = _fast_rates(self, context) if self._is_fast(context) else None
             if rates is None:
                 rates = self._chain.derivatives(*self._arguments(context))
             vector = derivatives.get_mutable_vector()
@@ -139,51 +145,8 @@ def GliderPlant_(T):
         def _is_fast(self, context):
             if T is not AutoDiffXd or not self.fast:
                 return False
-            # Nobody differentiates by time; if so, the plain way knows how.
+            # Derivatives by time are rare; the plain way has them.
             return not (self.model.has_field and context.get_time().derivatives().size)
-
-        def _calc_numbers(self, context, value):
-            theta = self._theta(context)
-            both = np.array([*theta.p, *theta.c])
-            gradient = ExtractGradient(both)
-            value.set_value(
-                _Numbers(
-                    np.append(
-                        np.zeros(len(self.state_names) + NUM_INPUTS), ExtractValue(both)
-                    ),
-                    gradient if gradient.any() else None,
-                )
-            )
-
-        def _fast_rates(self, context):
-            """Returns the derivatives by one chain rule, None if that cannot be."""
-            inputs, n = self._scalars(context), len(self.state_names)
-            own = self._numbers.Eval(context)
-            z = own.z.copy()
-            z[: len(inputs)] = [scalar.value() for scalar in inputs]
-            gradient = ExtractGradient(np.array(inputs, dtype=object))
-            if own.gradient is not None:
-                gradient = _joined(gradient, n + NUM_INPUTS, own.gradient)
-            time = context.get_time().value()
-            try:
-                value, slopes = differentiate(self.model, time, z, gradient)
-            except UncompilableError:
-                self.fast = False
-                return None
-            return map(AutoDiffXd, value.tolist(), slopes)
-
-        def _scalars(self, context):
-            """Returns state, rate and, if given, wind; arrays of them take longer."""
-            state = context.get_continuous_state_vector()
-            scalars = [state.GetAtIndex(i) for i in range(len(self.state_names))]
-            rate = self.EvalVectorInput(context, self._elevator_rate.get_index())
-            if rate is None:
-                self._elevator_rate.Eval(context)  # Raises, and says which port.
-            scalars.append(rate.GetAtIndex(0))
-            wind = self.EvalVectorInput(context, self._wind.get_index())
-            if wind is not None:
-                scalars += [wind.GetAtIndex(0), wind.GetAtIndex(1)]
-            return scalars
 
     return Impl
 
@@ -198,3 +161,50 @@ def _joined(gradient, rows, below):
     joined[: len(gradient), : gradient.shape[1]] = gradient
     joined[rows:, : below.shape[1]] = below
     return joined
+
+
+def _calc_numbers(plant, context, value):
+    """Writes the _Numbers of a context into a cache value."""
+    theta = plant._theta(context)
+    both = np.array([*theta.p, *theta.c])
+    gradient = ExtractGradient(both)
+    value.set_value(
+        _Numbers(
+            np.append(
+                np.zeros(len(plant.state_names) + NUM_INPUTS), ExtractValue(both)
+            ),
+            gradient if gradient.any() else None,
+        )
+    )
+
+
+def _fast_rates(plant, context):
+    """Returns the derivatives by one chain rule, None if that cannot be."""
+    inputs, n = _scalars(plant, context), len(plant.state_names)
+    own = plant._numbers.Eval(context)
+    z = own.z.copy()
+    z[: len(inputs)] = [scalar.value() for scalar in inputs]
+    gradient = ExtractGradient(np.array(inputs, dtype=object))
+    if own.gradient is not None:
+        gradient = _joined(gradient, n + NUM_INPUTS, own.gradient)
+    time = context.get_time().value()
+    try:
+        value, slopes = differentiate(plant.model, time, z, gradient)
+    except UncompilableError:
+        plant.fast = False
+        return None
+    return map(AutoDiffXd, value.tolist(), slopes)
+
+
+def _scalars(plant, context):
+    """Returns state, rate and, if given, wind; arrays of them take longer."""
+    state = context.get_continuous_state_vector()
+    scalars = [state.GetAtIndex(i) for i in range(len(plant.state_names))]
+    rate = plant.EvalVectorInput(context, plant._elevator_rate.get_index())
+    if rate is None:
+        plant._elevator_rate.Eval(context)  # Raises, and says which port.
+    scalars.append(rate.GetAtIndex(0))
+    wind = plant.EvalVectorInput(context, plant._wind.get_index())
+    if wind is not None:
+        scalars += [wind.GetAtIndex(0), wind.GetAtIndex(1)]
+    return scalars

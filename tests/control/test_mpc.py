@@ -130,5 +130,5 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     monkeypatch.setattr(
         mpc, "solve_structured", lambda *a, **k: whole(*a, **(k | {"iterations": 2}))
     )
-    with pytest.raises(InputError, match="no first plan: out of steps"):
+    with pytest.raises(InputError, match="status is 'out of steps"):
         controller()

@@ -308,7 +308,7 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
     ("options", "message"),
     [
         ({"feedback_noise": True}, "a rate is needed"),
-        ({"command_rate": -1.0}, "-1.0 Hz"),
+        ({"command_rate": -1.0}, "rate is -1.0"),
         ({"planned": NOMINAL}, "wants 8"),
         ({}, "`planned`"),
         ({"truth": STALLING}, "`planned`"),  # As many states, but others.
@@ -419,13 +419,13 @@ def test_each_sample_gets_its_row_of_noise():
 @pytest.mark.parametrize("shape", [(4, 2), (3, 1), (6,)])
 def test_a_tape_that_does_not_fit_is_refused(shape):
     system = SampledNoise(2, 10.0, 3)
-    with pytest.raises(InputError, match="the noise has shape"):
+    with pytest.raises(InputError, match="the noise's shape"):
         system.set_tape(system.CreateDefaultContext(), np.zeros(shape))
 
 
 @pytest.mark.parametrize(("rate", "rows"), [(0.0, 1), (np.inf, 1), (10.0, 0)])
 def test_a_sampler_that_cannot_be_is_refused(rate, rows):
-    with pytest.raises(InputError, match="rate"):
+    with pytest.raises(InputError, match="SampledNoise: 'r"):
         SampledNoise(1, rate, rows)
 
 

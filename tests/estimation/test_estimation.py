@@ -497,9 +497,9 @@ def test_the_pose_alone_is_enough_to_perch():
         ({"noise": [1e-6, 1e-6]}, "M from 3 to 7"),
         ({"noise": [1e-6, 1e-6, 0.0]}, "positive"),
         ({"noise": [[1.0, 2.0], [2.0, 1.0]]}, "M from 3 to 7"),
-        ({"known": ("gust",)}, "no 'gust'"),
-        ({"known": ("wing_offset",), "slow": UNCERTAIN}, "only, and once"),
-        ({"slow": (SlowState(name="mass", std=-1.0),)}, "'mass' has std -1.0"),
+        ({"known": ("gust",)}, "input is 'gust'; expected one of"),
+        ({"known": ("wing_offset",), "slow": UNCERTAIN}, "each name only once"),
+        ({"slow": (SlowState(name="mass", std=-1.0),)}, r"'mass' .* is \[-1.0, "),
     ],
 )
 def test_a_filter_that_makes_no_sense_is_refused(options, message):
@@ -523,7 +523,7 @@ def test_what_does_not_fit_the_filter_is_refused():
     with pytest.raises(InputError, match=r"\(B, 9\)"):
         fly_watched(ekf, np.zeros((1, 7)), np.zeros((5, 1)))
     other = Belief(mean=np.zeros(7), covariance=np.eye(7))
-    with pytest.raises(InputError, match=r"run_ekf: .* \(7,\) and \(7, 7\)"):
+    with pytest.raises(InputError, match=r"run_ekf: .* \[\[7\], \[7, 7\]\]"):
         run_ekf(ekf, other, np.zeros((1, 4, 1)), np.zeros((1, 4, 4)))
     with pytest.raises(InputError, match=r"\(9,\) and \(1,\)"):
         predict_mean(ekf, prior.mean, [0.0, 1.0], 0.1)
@@ -533,9 +533,9 @@ def test_what_does_not_fit_the_filter_is_refused():
         make_prior(ekf, [np.nan, *LAUNCH[1:]], [0.1] * 7)
     with pytest.raises(InputError, match="none negative"):
         make_prior(ekf, LAUNCH, [-1.0] * 7)
-    with pytest.raises(InputError, match=r"\(3,\)"):
+    with pytest.raises(InputError, match=r"\[3\]; expected"):
         make_prior(ekf, LAUNCH, [1.0] * 3)
-    with pytest.raises(InputError, match=r"shapes \(7,\)"):
+    with pytest.raises(InputError, match=r"mean and covariance is \[\[7\]"):
         ExtendedKalmanFilter(ekf, Belief(mean=np.zeros(7), covariance=np.eye(7)))
     full = make_ekf(NOMINAL, rate=120.0, process=PROCESS, noise=[1e-4] * 7)
     gain = MatrixGain(np.zeros((1, 7)))

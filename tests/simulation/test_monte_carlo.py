@@ -156,7 +156,7 @@ def test_a_short_flight_does_not_reach_the_wire():
 
 def test_a_policy_with_states_of_its_own_needs_the_observer():
     lagging = compiled_policy(LAGGING, plan_of(lagging=True))
-    with pytest.raises(InputError, match=r"observer is needed"):
+    with pytest.raises(InputError, match=r"diagrams.closed_loop's observer"):
         fly(NOMINAL, lagging, launches(2))
     assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
 
@@ -164,12 +164,12 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"noise": np.zeros((2, 3, 7))}, "a command rate"),
+        ({"noise": np.zeros((2, 3, 7))}, "the command rate is None"),
         ({"noise": np.zeros((2, 3, 7)), "command_rate": 50.0}, r"\(2, 49, 7\)"),
         ({"command_rate": 0.0}, "command rate is 0.0"),
         ({"step": 0.0}, "step is 0.0"),
         ({"after": -1.0}, "'after' is -1.0"),
-        ({"starts": np.zeros(7)}, r"shape \(7,\)"),
+        ({"starts": np.zeros(7)}, r"expected \(B, 7\)"),
         ({"starts": np.full((1, 7), np.nan)}, "finite"),
         ({"starts": np.zeros((1, 6))}, "is 6; expected 7"),
     ],
@@ -232,7 +232,7 @@ def test_launches_spread_as_they_should():
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_no_launches_are_refused(count):
-    with pytest.raises(InputError, match=f"{count} launches; at least 1"):
+    with pytest.raises(InputError, match=f"'count' is {count}; expected at least 1"):
         launches(count)
 
 
@@ -321,10 +321,10 @@ def test_noise_without_a_command_rate_is_refused():
         problem=PROBLEM,
         feedback_noise=(0.1,) * 7,
     )
-    with pytest.raises(InputError, match="'noisy': feedback noise"):
+    with pytest.raises(InputError, match="'noisy': the command rate is None"):
         sweep([case], 10, seed=0)
 
 
 def test_a_sweep_without_flights_is_refused():
-    with pytest.raises(InputError, match="0 flights"):
+    with pytest.raises(InputError, match="'flights' is 0"):
         sweep(cases(), 0, seed=0)

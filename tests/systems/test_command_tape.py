@@ -41,12 +41,12 @@ def test_the_source_holds_each_command_and_then_stands_still(path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "line 1 is missing"),
-        ("time,rate\n", "line 1 is time,rate"),
-        ("time,elevator_rate_command\n0,1\n", "1 rows"),
+        ("", "line 1 is ''; expected time,"),
+        ("time,rate\n", "line 1 is 'time,rate'; expected"),
+        ("time,elevator_rate_command\n0,1\n", "the number of rows is 1"),
         ("time,elevator_rate_command\n0,1\n0.02,nan\n", "line 3"),
         ("time,elevator_rate_command\n0,1\n0.02\n", "line 3"),
-        ("time,elevator_rate_command\n0.1,1\n0.05,1\n", "line 3 has the time"),
+        ("time,elevator_rate_command\n0.1,1\n0.05,1\n", "'0.05,1'; expected a time"),
     ],
 )
 def test_what_is_no_tape_is_told_by_its_line(tmp_path, text, words):

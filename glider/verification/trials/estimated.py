@@ -13,11 +13,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from glider.compiled.ekf import filter_flights
 from glider.errors import InputError, show
 from glider.estimation.ekf import Ekf, make_ekf
 from glider.estimation.noisy_flights import fly_watched
 from glider.estimation.perching import CAPTURE, PROCESS
+from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
@@ -202,15 +202,6 @@ def _filter(
     measured: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Advances B beliefs, (B, n) and (B, n, n), by one prediction and its sample."""
-    means, covariances, *_ = filter_flights(
-        ekf.model,
-        time,
-        ekf.z,
-        ekf.estimated,
-        ekf.clock,
-        ekf.process * ekf.period,
-        ekf.noise,
-        (rates[:, None, None], measured),
-        (mean, covariance),
-    )
-    return means[:, 1], covariances[:, 1]
+    prior = Belief(mean=mean, covariance=covariance)
+    found = run_ekf(ekf, prior, rates[:, None, None], measured, time)
+    return found.means[:, 1], found.covariances[:, 1]
