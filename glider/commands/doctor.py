@@ -81,13 +81,13 @@ def check_libraries() -> Iterator[Finding]:
         group = extra[1] if extra else ""
         if group in _GROUPS and name != _PACKAGE:
             requirements.setdefault(group, {})[name] = _version(name)
-    for extra, versions in sorted(requirements.items()):
-        title = f"extra [{extra}]" if extra else "libraries"
+    for group, versions in sorted(requirements.items()):
+        title = f"extra [{group}]" if group else "libraries"
         advice = (
-            f"pip install '{_PACKAGE}[{extra}]', if needed" if extra else _REINSTALL
+            f"pip install '{_PACKAGE}[{group}]', if needed" if group else _REINSTALL
         )
         if missing := [name for name, version in versions.items() if version is None]:
-            yield Finding(title, f"without {', '.join(missing)}", advice, not extra)
+            yield Finding(title, f"without {', '.join(missing)}", advice, not group)
         else:
             yield Finding(title, ", ".join(f"{n} {v}" for n, v in versions.items()))
 

@@ -299,5 +299,6 @@ def _draw_by_explanation(
     ax: Axes, throw: int, lines: Sequence[Any], label: str | None = None
 ) -> None:
     for e, (x, y) in enumerate(lines):
-        style = {"color": _COLORS[throw % len(_COLORS)], "ls": _LINES[e % len(_LINES)]}
-        ax.plot(x, y, lw=1.7, label=label if e == 0 else None, **style)
+        color, dashes = _COLORS[throw % len(_COLORS)], _LINES[e % len(_LINES)]
+        shown = label if e == 0 else None
+        ax.plot(x, y, lw=1.7, color=color, ls=dashes, label=shown)

@@ -1,7 +1,7 @@
 """A logged flight flown again by models, as motions to look at."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,12 @@ from glider.sysid.fit.prediction import (
     rollout_scales,
 )
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scales import Scales, fit_scales, start_scales
+from glider.sysid.likelihood.scales import (
+    Scales,
+    fit_scales,
+    start_scales,
+    typical_flights,
+)
 from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import flow_along
@@ -140,12 +145,8 @@ def _rows_before_it_blows_up(poses: np.ndarray) -> int:
     return int(np.argmax(far)) if far.any() else len(poses)
 
 
-_ASKED = 12
-"""Flights that are asked how much differs between flights."""
-
-
 def _records(
-    campaign: Campaign, flights: tuple[Flight, ...], model: GliderModel
+    campaign: Campaign, flights: Sequence[Flight], model: GliderModel
 ) -> tuple[list[Record], Noise]:
     """Returns flights and the campaign's noise, angles as a model knows them."""
     signs = signs_of(model)
@@ -155,13 +156,9 @@ def _records(
     return prepare(flights, turned, noise, layout_for(model)), noise
 
 
-def _some(campaign: Campaign) -> tuple[Flight, ...]:
-    return campaign.flights[:: max(1, len(campaign.flights) // _ASKED)]
-
-
 def _scales(campaign: Campaign, model: GliderModel) -> Scales:
     """Returns the noise of a campaign's flights, and what differs between them."""
-    records, noise = _records(campaign, _some(campaign), model)
+    records, noise = _records(campaign, typical_flights(campaign.flights), model)
     start, theta = start_scales(noise), theta_of(model)
     flights = [linearize(r, theta, model.residual_field) for r in records]
     scales, cost = fit_scales(flights, start)
@@ -179,7 +176,8 @@ def _predicted(
         model: that flies it.
         scales: of the best model that there is.
     """
-    ((record, *others), _) = _records(campaign, (flight, *_some(campaign)), model)
+    flights = (flight, *typical_flights(campaign.flights))
+    ((record, *others), _) = _records(campaign, flights, model)
     flown = RolloutModel(
         theta=theta_of(model),
         field=model.residual_field,

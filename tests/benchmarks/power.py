@@ -33,7 +33,7 @@ from glider.sysid.likelihood.directions import (
 )
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
-from glider.sysid.likelihood.scales import Scales, fit_scales
+from glider.sysid.likelihood.scales import Scales, fit_scales, typical_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.search.weighing import RIVAL_GAP
 
@@ -107,7 +107,7 @@ def limits_of(
         correlations=std[:, None] * known[np.ix_(shows, shows)] * std,
         kinds=np.array([candidates[j].kind for j in shows]),
     )
-    strengths = _Strengths(flights[:: max(1, len(flights) // _ASKED)], model.scales)
+    strengths = _Strengths(typical_flights(flights), model.scales)
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
@@ -207,8 +207,6 @@ class _Strengths:
 _LEAST_TOLD = 1e-9
 """Information on a coefficient of its usual scale below which it shows in no flight."""
 
-_ASKED = 12
-"""Flights that are asked for what is lost where scales are not known."""
 
 _ITERATIONS, _ROUNDS, _CLOSE, _LEAST_SHARE = 20, 10, 0.03, 0.01
 """Of a fit of the scales, of the search for a size; how close it need be; and what is

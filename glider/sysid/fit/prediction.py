@@ -20,6 +20,7 @@ from glider.sysid.likelihood.scales import (
     fit_scales,
     negative_log_likelihood,
     smoothed_start,
+    typical_flights,
 )
 from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
@@ -99,16 +100,13 @@ def rollout_scales(
         scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
     )
     flights = []
-    for record in records[:: max(1, len(records) // _ASKED)]:
+    for record in typical_flights(records):
         rows = beginning_rows(record, model.own_trims)
         flights.append(linearize(record.first(rows), model.theta, model.field))
     costs = negative_log_likelihood([f.error_only() for f in flights], still)
     flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
     return fit_scales(flown, still, _OF_ROLLOUTS, iterations=20)[0]
 
-
-_ASKED = 12
-"""Flights whose beginnings are asked for the errors of rollouts."""
 
 _OF_ROLLOUTS = ("position", "pitch")
 

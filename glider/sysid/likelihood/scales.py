@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
 from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.theta import OFFSET
+
+Flight = TypeVar("Flight")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -265,6 +268,11 @@ def negative_log_likelihood(
         return whiten(flight, scales).cost
 
     return np.array(in_parallel(one, flights))
+
+
+def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
+    """About a dozen of many flights, evenly picked: enough for scales of noise."""
+    return flights[:: max(1, len(flights) // 12)]
 
 
 def fit_scales(
