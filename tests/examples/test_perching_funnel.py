@@ -17,7 +17,7 @@ from glider.verification.trials.estimated import study_estimates
 from tests.helpers.examples import tell
 
 PROVEN = models_path("funnels", "proven")
-OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=100")
+OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=200")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def found():
         patch.setattr(perching_funnel, "study_estimates", few)
         return perching_funnel.run(
             load_truth("head_wind"),
-            FunnelTrials(samples=80, every=100, prove=True),
+            FunnelTrials(samples=80, every=200, prove=True),
             load=(PROVEN / "drawn.npz", PROVEN / "head_wind.npz"),
             estimate=1,
         )
@@ -130,7 +130,7 @@ def test_funnels_are_saved(told, found, folder):
 def test_the_options_reach_the_story(told):
     truth, trials, seed = told.asked.call_args.args
     assert truth == load_truth("head_wind")
-    assert trials == FunnelTrials(samples=80, every=100, prove=True)
+    assert trials == FunnelTrials(samples=80, every=200, prove=True)
     assert seed == 0
     options = told.asked.call_args.kwargs
     assert options["load"] == (PROVEN / "drawn.npz", PROVEN / "head_wind.npz")
