@@ -5,8 +5,8 @@ import numpy as np
 from diagrams.studies.funnel_estimate import describe_estimates, estimate_figures
 from diagrams.studies.funnel_study import WORDS, FunnelComparison, FunnelStudy
 from glider.physics.state import STATE_NAMES
+from glider.verification.check_report import describe_proof, remainder_status
 from glider.verification.dynamics.confidence import describe_set
-from glider.verification.proof.words import describe_proof, remainder_status
 
 
 def key_figures(found: FunnelComparison) -> dict[str, object]:

@@ -154,12 +154,16 @@ def run(args: argparse.Namespace) -> int:
     from glider.files.schema import json_text
     from glider.physics.model import load_glider
     from glider.planning.problem import PerchingProblem, load_problem
+    from glider.verification.check_report import (
+        check_report,
+        describe_check,
+        describe_trial,
+        trial_report,
+    )
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
-    from glider.verification.proof.words import check_report, describe_check
     from glider.verification.trials.falsify import falsify_set
-    from glider.verification.trials.words import describe_trial, trial_report
 
     funnel = funnel_of(file, args.funnel)
     model = load_glider(args.model) if args.model else None

@@ -92,30 +92,36 @@ def _scaled(arrays, notes):
 
 
 REVIEWED = {
-    "a set 3 % wider": (_scaled, "The Gram matrix proves nothing"),
+    "a set 3 % wider": (_scaled, "The Gram matrix does not prove that V falls"),
     "half of the remainder": (_times("beta", 0.5), "The remainder is 1."),
     "a goal ten times as large": (_widened_goal, "from the wire; the hook reaches"),
     "a flight 1 m from the wire": (_shifted, "the problem's launch has"),
     "a flight cut in the middle": (_cut, "from the wire; the hook reaches"),
-    "a nominal that drifts": (_drifting, "The nominal is no flight"),
+    "a nominal that drifts": (_drifting, "The nominal is not a flight"),
     "a heavier glider": (_model("mass: 0.08", "mass: 0.0801"), "another glider"),
-    "gains 2 % higher": (_times("gains", 1.02), "The Gram matrix proves nothing"),
-    "a slower clock": (_times("times", 1.003), "The nominal is no flight"),
+    "gains 2 % higher": (
+        _times("gains", 1.02),
+        "The Gram matrix does not prove that V falls",
+    ),
+    "a slower clock": (_times("times", 1.003), "The nominal is not a flight"),
     "a servo of any rate": (
         _model("elevator_rate_limit: 13.0", "elevator_rate_limit: 1300.0"),
-        "'elevator_rate_limit: 1300.0' where the one that is meant has",
+        "'elevator_rate_limit: 1300.0'; expected",
     ),
-    "heavier weights": (_heavier_weights, "The Gram matrix proves nothing"),
+    "heavier weights": (
+        _heavier_weights,
+        "The Gram matrix does not prove that V falls",
+    ),
     "skew slopes": (_skew, "'slopes' is not symmetric"),
     "complex bounds": (_complex, "'beta' is of type complex128"),
     "bounds that wrap": (_wrapping, "'beta' is of type uint8"),
     "states of other names": (_names, "its states are a, a"),
-    "every fourth time": (_every_fourth, "The nominal is no flight"),
+    "every fourth time": (_every_fourth, "The nominal is not a flight"),
     "a mass that is no number": (
         _model("mass: 0.08", "mass: .nan"),
         "its glider: field 'mass' is nan",
     ),
-    "no Gram matrices": (_no_grams, "The Gram matrix proves nothing"),
+    "no Gram matrices": (_no_grams, "The Gram matrix does not prove that V falls"),
 }
 """Forged files of a review: the change and words of the sentence that refuses it."""
 
@@ -228,7 +234,7 @@ INVENTED = {
     "a launch in mid-flight": (_late_launch, "the problem's launch has"),
     "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
     "1 cm beside the wire": (_beside_the_wire_at_the_end, "from the wire"),
-    "a nominal that trembles": (_trembling, "The nominal is no flight"),
+    "a nominal that trembles": (_trembling, "The nominal is not a flight"),
     "times that start at 1 s": (_moved_time, "'times' must increase from 0"),
     "no number at one time": (_no_number_between, "'beta' is infinite or NaN"),
     "a set of two triangles": (_one_sided, "'S' is not symmetric"),
@@ -236,13 +242,13 @@ INVENTED = {
     "a goal of any pitch": (_turned_goal, "The goal has pitches from"),
     "a goal in words": (_worded_goal, "field 'settings.goal[0]' is '0.05"),
     "swapped names": (_swapped_names, "its states are z, x"),
-    "a remainder of 1e200": (_huge, "The Gram matrix proves nothing"),
-    "a set that is flat": (_flat, "The Gram matrix proves nothing"),
+    "a remainder of 1e200": (_huge, "The Gram matrix does not prove that V falls"),
+    "a set that is flat": (_flat, "The Gram matrix does not prove that V falls"),
     "wild slopes between": (_wild_slope, "Between the times"),
     "slopes as of a saw": (_sawtooth, "Between the times"),
     "a servo of wider travel": (
         _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
-        "'elevator_limits: [-1.5, 1.5]' where",
+        "'elevator_limits: [-1.5, 1.5]'; expected",
     ),
     "a wind nobody asked for": (
         _model(

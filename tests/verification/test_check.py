@@ -101,21 +101,30 @@ def weaker(funnel):
 
 
 CORRUPTIONS = {
-    "a wider set": (lambda f: {"S": 0.9 * f.S}, "proves nothing"),
-    "a narrower set": (lambda f: {"slopes": 1.2 * f.slopes}, "proves nothing"),
+    "a wider set": (lambda f: {"S": 0.9 * f.S}, "does not prove that V falls"),
+    "a narrower set": (
+        lambda f: {"slopes": 1.2 * f.slopes},
+        "does not prove that V falls",
+    ),
     "random Gram matrices": (
         lambda f: {"grams": f.grams[:, ::-1].copy()},
-        "proves nothing",
+        "does not prove that V falls",
     ),
     "a larger disturbance": (
         lambda f: {"beta": f.beta + 0.5, "weights": f.weights + 0.5},
-        "proves nothing",
+        "does not prove that V falls",
     ),
-    "weights that divide by zero": (lambda f: {"beta": f.beta + 0.5}, "proves nothing"),
-    "no ellipsoid": (lambda f: {"S": -f.S}, "no ellipsoid"),
+    "weights that divide by zero": (
+        lambda f: {"beta": f.beta + 0.5},
+        "does not prove that V falls",
+    ),
+    "not an ellipsoid": (lambda f: {"S": -f.S}, "not an ellipsoid"),
     "a larger goal set": (lambda f: {"S": f.S / 1.01}, "goal"),
     "a servo of less travel": (lambda f: {"nominal": weaker(f)}, "servo"),
-    "another glider": (lambda f: {"nominal": lighter(f)}, "proves nothing"),
+    "another glider": (
+        lambda f: {"nominal": lighter(f)},
+        "does not prove that V falls",
+    ),
 }
 
 
@@ -142,7 +151,10 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
 def test_the_nominals_defect_is_counted_in_whole_numbers(funnel):
     assert exact_faults(funnel, [100], NO_DEFECT)[0] == []
     assert exact_faults(funnel, [100], NO_DEFECT + 0.001)[0] == []
-    assert "proves nothing" in exact_faults(funnel, [100], NO_DEFECT + 1.0)[0][0]
+    assert (
+        "does not prove that V falls"
+        in exact_faults(funnel, [100], NO_DEFECT + 1.0)[0][0]
+    )
     two = exact_faults(funnel, [50, 100], NO_DEFECT + np.inf)[0]
     times = funnel.nominal.times[[50, 100]]
     words = f"nothing at 2 times, from {times[0]:.4f} to {times[1]:.4f} s."

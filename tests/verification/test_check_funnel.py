@@ -28,7 +28,7 @@ def test_the_command_line_checks_a_file(funnel, tmp_path, capsys):
     assert json.loads(out.out)["remainder"] == "none"
     save_funnel(path, dataclasses.replace(funnel, S=-funnel.S))
     assert main(["check-funnel", str(path), "--every", "1000", "--prove"]) == 1
-    assert "no ellipsoid" in capsys.readouterr().out
+    assert "not an ellipsoid" in capsys.readouterr().out
     path.write_text("no")
     assert main(["check-funnel", str(path)]) == 2
     assert "not a funnel" in capsys.readouterr().err
@@ -57,12 +57,12 @@ def test_the_command_line_proves_that_no_flight_leaves(tmp_path, capsys, monkeyp
     words = capsys.readouterr().out
     assert "Proven: no flight leaves the funnel in 2 of its 21 intervals" in words
     assert "2 of the intervals were read from the file" in words
-    fails = IntervalProof(fault="the remainder is 2 times as large as it bears")
+    fails = IntervalProof(fault="the remainder is 2 times its bound")
     monkeypatch.setattr(flight_proof, "prove_interval", lambda piece, budget: fails)
     assert main(few) == 1
     words = capsys.readouterr().out
     assert "The certificate holds" in words
-    assert "Not proven from 0.0000 to 0.0044 s: the remainder is 2 times as" in words
+    assert "Not proven from 0.0000 to 0.0044 s: the remainder is 2 times its" in words
     save_funnel(path, dataclasses.replace(part, seconds=0.0))
     assert main([*few, "--resume", str(noted)]) == 2
     assert "another funnel" in capsys.readouterr().err
@@ -74,13 +74,13 @@ def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
     few = ["--every", "1000", "--hook"]
     held = str(models_path("funnels", "head_wind_hook.npz"))
     assert main(["check-funnel", held, *few]) == 0
-    assert "at most 2.80 m/s: the hook takes all of it." in capsys.readouterr().out
+    assert "at most 2.80 m/s: the hook accepts all of it." in capsys.readouterr().out
     other = str(models_path("funnels", "proven", "head_wind.npz"))
     assert main(["check-funnel", other, *few[:2], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["hook_takes_all"] is False
     assert main(["check-funnel", other, *few]) == 1
     words = capsys.readouterr().out
-    assert "pitches from -85.9° to -28.6°; the hook takes -67.0° to -20.1°." in words
+    assert "pitches from -85.9° to -28.6°; the hook accepts -67.0° to -20.1°." in words
     assert "The certificate does not hold: 3 faults." in words
 
 
@@ -91,9 +91,12 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
     command = ["check-funnel", *few, "--confidence"]
     assert main(command) == 0
     words = capsys.readouterr().out
-    assert "It was made for more gliders, a 95 % ellipsoid of wind.x ± 0.0008" in words
+    assert (
+        "It was made for a set of gliders, the 95 % ellipsoid of wind.x ± 0.0008"
+        in words
+    )
     assert "V about its own center: 0 of " in words
-    assert "The funnel was made for these; by flights nothing is proven." in words
+    assert "The funnel was made for these; flights prove nothing." in words
     assert main([*command, "0.99", "--box", "--seed", "3", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["made_for"]["level"] == 0.95

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from glider.errors import InputError
+from glider.verification.check_report import describe_proof, remainder_status
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.counterexample import worst_candidate
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
-from glider.verification.proof.words import describe_proof, remainder_status
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +57,10 @@ def test_every_flight_is_only_said_of_every_interval(proven, fake):
     words = describe_proof(proven, proof)
     assert "every flight" not in words
     assert "3 of its 200 intervals" in words
-    assert "of the others nothing is proven" in words
+    assert "nothing is proven of the others" in words
     assert remainder_status(proven, proof).endswith("in 3 of 200 intervals")
     bare = dataclasses.replace(proven, beta=0.0 * proven.beta)
-    assert "bears no remainder" in describe_proof(bare, proof)
+    assert "accounts for no remainder" in describe_proof(bare, proof)
 
 
 def test_the_first_interval_that_fails_is_told_with_a_state(proven, fake):
@@ -190,9 +190,9 @@ def moved(nominal, by):
 
 
 CHANGES = {
-    "no remainder": (lambda p: {"beta": 0.0 * p.beta}, "bears no remainder"),
+    "no remainder": (lambda p: {"beta": 0.0 * p.beta}, "accounts for no remainder"),
     "weights of zero": (lambda p: {"weights": 0.0 * p.weights}, "a weight"),
-    "no ellipsoid": (lambda p: {"S": -p.S}, "no ellipsoid"),
+    "not an ellipsoid": (lambda p: {"S": -p.S}, "not an ellipsoid"),
     "half of the remainder": (lambda p: {"beta": 0.5 * p.beta}, "the remainder is"),
     "sets that widen": (
         lambda p: {"slopes": p.slopes + 3.0 * p.S},

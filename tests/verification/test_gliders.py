@@ -10,6 +10,7 @@ from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.verification.check_report import describe_check, describe_proof
 from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.deviations import glider_at
 from glider.verification.dynamics.error_dynamics import expand
@@ -22,7 +23,6 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel, gliders_faults
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.interval_proof import IntervalProof
-from glider.verification.proof.words import describe_check, describe_proof
 from glider.verification.trials.falsify import falsify_set
 from glider.verification.trials.funnel_flights import fly_from
 
@@ -96,7 +96,7 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
     assert verdict.holds, verdict.faults
     words = describe_check(made, verdict, None, PerchingProblem(), None)
     assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
-    assert "of them only --prove proves anything" in words
+    assert "only --prove proves anything about them" in words
     trial = falsify_set(made, allowed_by(), 400, np.random.default_rng(0))
     assert trial.samples > 800
     assert trial.escapes == 0

@@ -28,25 +28,22 @@ class Nominal:
     """A flight of a glider under u = u₀ - K (x - x₀), at some times.
 
     The names of the arrays are keys in a funnel's file.
+
+    Attributes:
+        model: glider that flies.
+        state_names: names of the n states: STATE_NAMES, then the effects' own.
+        times: times (T,) from 0 [s].
+        states: states x₀ (T, n).
+        inputs: elevator rates u₀ (T,) [rad/s].
+        gains: gains K (T, n).
     """
 
     model: GliderModel
-    """Glider that flies."""
-
     state_names: tuple[str, ...]
-    """Names of the n states: STATE_NAMES, then the effects' own."""
-
     times: np.ndarray
-    """Times (T,) from 0 [s]."""
-
     states: np.ndarray
-    """States x₀ (T, n)."""
-
     inputs: np.ndarray
-    """Elevator rates u₀ (T,) [rad/s]."""
-
     gains: np.ndarray
-    """Gains K (T, n)."""
 
 
 ARRAYS = ("times", "states", "inputs", "gains")

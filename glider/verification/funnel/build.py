@@ -159,19 +159,19 @@ def _shape(flow: ShapeFlow, progress: Callable[[float], None]) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Sets:
-    """Sets along a flight, with all that makes V̇ on their boundaries."""
+    """Sets along a flight, with all that makes V̇ on their boundaries.
+
+    Attributes:
+        slopes: ṡ (T, n, n) of the cubic spline through S [1/s].
+        beta: bounds β (T, n) of the remainder [m/s², rad/s²].
+        weights: weights λ (T, n) of the remainder.
+        forms: V̇/V on the boundaries.
+    """
 
     slopes: np.ndarray
-    """Ṡ (T, n, n) of the cubic spline through S [1/s]."""
-
     beta: np.ndarray
-    """Bounds β (T, n) of the remainder [m/s², rad/s²]."""
-
     weights: np.ndarray
-    """Weights λ (T, n) of the remainder."""
-
     forms: BoundaryForms
-    """V̇/V on the boundaries."""
 
 
 class _Gauge:

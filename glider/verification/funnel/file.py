@@ -55,19 +55,19 @@ _FAULTS = (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GlidersNote:
-    """The set of gliders that a funnel was made for, see `dynamics.confidence`."""
+    """The set of gliders that a funnel was made for, see `dynamics.confidence`.
+
+    Attributes:
+        names: names of the numbers that deviate.
+        matrix: their covariance.
+        level: probability with which the true numbers are in the set.
+        shape: one of `dynamics.confidence.SHAPES`.
+    """
 
     names: tuple[str, ...]
-    """Names of the numbers that deviate."""
-
     matrix: list[list[float]]
-    """Their covariance."""
-
     level: float
-    """Probability with which the true numbers are in the set."""
-
     shape: str
-    """One of `dynamics.confidence.SHAPES`."""
 
     def __post_init__(self):
         """Raises InputError where no number deviates."""
@@ -103,16 +103,17 @@ class Notes:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FunnelFile:
-    """The content of a file."""
+    """The content of a file.
+
+    Attributes:
+        notes: its notes.
+        arrays: name to finite doubles, of the shapes in `_shapes`.
+        sha256: hash of the file, in hexadecimal.
+    """
 
     notes: Notes
-    """Its notes."""
-
     arrays: dict[str, np.ndarray]
-    """Name to finite doubles, of the shapes in `_shapes`."""
-
     sha256: str
-    """Hash of the file, in hexadecimal."""
 
 
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:

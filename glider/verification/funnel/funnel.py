@@ -30,41 +30,33 @@ class Funnel:
 
     S is the cubic Hermite polynomial through its values and slopes. The names of the
     arrays are keys in the file.
+
+    Attributes:
+        nominal: nominal flight x₀, and the feedback that keeps the glider inside.
+        settings: settings that it was made with; the goal is there.
+        S: matrices S (T, n, n).
+        slopes: slopes Ṡ (T, n, n) [1/s].
+        beta: bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²].
+        weights: weights λ (T, n) of `glider.verification.funnel.remainder`.
+        grams: gram matrices (T, E), one a time: the certificate.
+        solver: name of the solver that was tried first.
+        seconds: duration of the computation [s].
+        sha256: hash of the file that it was loaded from, in hexadecimal.
+        gliders: set of gliders that it was made for, each with its own center; None
+            where it is of the model's own alone.
     """
 
     nominal: Nominal
-    """Nominal flight x₀, and the feedback that keeps the glider inside."""
-
     settings: FunnelSettings
-    """Settings that it was made with; the goal is there."""
-
     S: np.ndarray
-    """Matrices S (T, n, n)."""
-
     slopes: np.ndarray
-    """Slopes Ṡ (T, n, n) [1/s]."""
-
     beta: np.ndarray
-    """Bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²]."""
-
     weights: np.ndarray
-    """Weights λ (T, n) of `glider.verification.funnel.remainder`."""
-
     grams: np.ndarray
-    """Gram matrices (T, E), one a time: the certificate."""
-
     solver: str
-    """Name of the solver that was tried first."""
-
     seconds: float
-    """Duration of the computation [s]."""
-
     sha256: str = ""
-    """Hash of the file that it was loaded from, in hexadecimal."""
-
     gliders: MovingCenter | None = None
-    """Set of gliders that it was made for, each with its own center; None where it is
-    of the model's own alone."""
 
     @property
     def num_states(self) -> int:

@@ -26,16 +26,17 @@ NEIGHBORS = 2
 
 
 class BoundaryForms(NamedTuple):
-    """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times."""
+    """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times.
+
+    Attributes:
+        quadratic: matrices N (T, n, n) [1/s].
+        cubic: coefficients of c₃ (T, C₃) [1/s].
+        quartic: coefficients of c₄ (T, C₄) [1/s].
+    """
 
     quadratic: np.ndarray
-    """Matrices N (T, n, n) [1/s]."""
-
     cubic: np.ndarray
-    """Coefficients of c₃ (T, C₃) [1/s]."""
-
     quartic: np.ndarray
-    """Coefficients of c₄ (T, C₄) [1/s]."""
 
 
 def boundary_forms(

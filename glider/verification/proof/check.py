@@ -51,34 +51,33 @@ quadratic part."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The outcome of a funnel's check; its fields are keys of `check-funnel --json`."""
+    """The outcome of a funnel's check; its fields are keys of `check-funnel --json`.
+
+    Attributes:
+        times: number of times that were checked exactly.
+        of_times: number of times that the funnel has.
+        faults: faults of the certificate, a sentence each; empty where it holds. Where
+            the funnel is not the one that is meant, or no flight, nothing else is
+            looked at.
+        slack: slack of V̇ <= -slack V, which is proven at these times [1/s].
+        defect: largest V̇/V that the nominal's defect may make, which is counted [1/s].
+        rounding: largest change of an eigenvalue by what rounding and solver left over
+            [1/s].
+        remainder_seen: largest |R_k| / β_k seen at these times, in floating point;
+            infinite where β_k is zero and R_k is not; zero where the certificate
+            accounts for no remainder at all.
+        between: largest V̇/V found between the times, in floating point [1/s]; infinite
+            where something else is wrong already.
+    """
 
     times: int
-    """Number of times that were checked exactly."""
-
     of_times: int
-    """Number of times that the funnel has."""
-
     faults: tuple[str, ...]
-    """Faults of the certificate, a sentence each; empty where it holds. Where the
-    funnel is not the one that is meant, or no flight, nothing else is looked at."""
-
     slack: float
-    """Slack of V̇ <= -slack V, which is proven at these times [1/s]."""
-
     defect: float
-    """Largest V̇/V that the nominal's defect may make, which is counted [1/s]."""
-
     rounding: float
-    """Largest change of an eigenvalue by what rounding and solver left over [1/s]."""
-
     remainder_seen: float
-    """Largest |R_k| / β_k seen at these times, in floating point; infinite where β_k is
-    zero and R_k is not; zero where the certificate bears no remainder at all."""
-
     between: float
-    """Largest V̇/V found between the times, in floating point [1/s]; infinite where
-    something else is wrong already."""
 
     @property
     def holds(self) -> bool:
@@ -125,7 +124,7 @@ def check_funnel(
     if not faults and funnel.beta.any():
         seen = remainder_seen(funnel, at)
         if not seen <= 1.0:
-            faults.append(f"The remainder is {seen:.3g} times as large as it bears.")
+            faults.append(f"The remainder is {seen:.3g} times its bound.")
     if not faults:
         between = largest_between(funnel, growth, every)
         if not between < 0.0:
@@ -148,9 +147,9 @@ def _defect_faults(funnel, growth):
     if growth[worst] <= funnel.settings.margin:
         return []
     return [
-        "The nominal is no flight: what it lacks makes V̇/V as large as "
-        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s, where "
-        f"{funnel.settings.margin:.2g} 1/s is the margin."
+        "The nominal is not a flight: its defect makes V̇/V as large as "
+        f"{growth[worst]:.2g} 1/s at {funnel.nominal.times[worst]:.4f} s; the margin "
+        f"is {funnel.settings.margin:.2g} 1/s."
     ]
 
 
@@ -239,7 +238,7 @@ def gliders_faults(funnel: Funnel) -> list[str]:
         )[-1]
         end = math.sqrt(largest) + goal_reach(axes, funnel.gliders)
     except (np.linalg.LinAlgError, ValueError):
-        return ["The set is no ellipsoid somewhere."]
+        return ["The set is not an ellipsoid somewhere."]
     if not end <= 1.0 + GOAL_ROUNDING:
         faults.append(
             "The last set is not within the goal about every glider's center: it "

@@ -26,16 +26,17 @@ STARTS = 200
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A state on the boundary where V rises most, or falls least."""
+    """A state on the boundary where V rises most, or falls least.
+
+    Attributes:
+        time: time [s].
+        state: state (n,).
+        growth: V̇/V of the full dynamics there [1/s].
+    """
 
     time: float
-    """Time [s]."""
-
     state: tuple[float, ...]
-    """State (n,)."""
-
     growth: float
-    """V̇/V of the full dynamics there [1/s]."""
 
 
 def worst_candidate(piece: Funnel) -> Candidate:

@@ -87,12 +87,12 @@ def exact_faults(
         if not np.all(np.isfinite(coefficients[k])):
             faults = ["The glider's dynamics have no Taylor polynomial"]
         elif not is_positive_definite(exact(funnel.S[k])):
-            faults = ["The set is no ellipsoid"]
+            faults = ["The set is not an ellipsoid"]
         else:
             if not _keeps_bounds(funnel.S[k], directions[k], bounds[k]):
                 faults = ["The servo would meet its limits"]
             holds, change = check_time(funnel, coefficients[k], k, slack + defect[k])
-            faults += [] if holds else ["The Gram matrix proves nothing"]
+            faults += [] if holds else ["The Gram matrix does not prove that V falls"]
         rounding = max(rounding, change)
         for fault in faults:
             found.setdefault(fault, []).append(nominal.times[k])

@@ -27,22 +27,21 @@ _FORMAT = "drake-glider funnel proof 1"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightProof:
-    """The outcome of a proof, up to the first interval that is not proven."""
+    """The outcome of a proof, up to the first interval that is not proven.
+
+    Attributes:
+        times: the funnel's times (T,) [s].
+        intervals: indices of those that were tried, in order.
+        outcomes: outcome of each; one at most is no proof.
+        from_file: number of them that were read from a file.
+        candidate: where flights may leave, in an interval that is not proven.
+    """
 
     times: np.ndarray
-    """The funnel's times (T,) [s]."""
-
     intervals: tuple[int, ...]
-    """Indices of those that were tried, in order."""
-
     outcomes: tuple[IntervalProof, ...]
-    """Outcome of each; one at most is no proof."""
-
     from_file: int
-    """Number of them that were read from a file."""
-
     candidate: Candidate | None
-    """Where flights may leave, in an interval that is not proven."""
 
     @property
     def of_intervals(self) -> int:

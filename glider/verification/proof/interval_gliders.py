@@ -18,22 +18,21 @@ from glider.verification.sos.exact_time import InTime, hermite
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GlidersPath:
-    """Where the gliders of a set fly in an interval, in powers of s, lowest first."""
+    """Where the gliders of a set fly in an interval, in powers of s, lowest first.
+
+    Attributes:
+        names: names of the numbers that deviate.
+        factor: matrix A (m, r).
+        is_round: whether the set is in the unit ball of v, not only in its cube.
+        inputs: x A of the states, and -K X A of the command, (n + 1, r, 5).
+        slopes: ẋ A (n, r, 3) [1/s].
+    """
 
     names: tuple[str, ...]
-    """Names of the numbers that deviate."""
-
     factor: np.ndarray
-    """Matrix A (m, r)."""
-
     is_round: bool
-    """Whether the set is in the unit ball of v, not only in its cube."""
-
     inputs: np.ndarray
-    """X A of the states, and -K X A of the command, (n + 1, r, 5)."""
-
     slopes: np.ndarray
-    """Ẋ A (n, r, 3) [1/s]."""
 
     @property
     def dimension(self) -> int:

@@ -26,19 +26,19 @@ from glider.verification.sos.sphere import sphere
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IntervalProof:
-    """The outcome of a proof on one interval; its fields are keys in a file."""
+    """The outcome of a proof on one interval; its fields are keys in a file.
+
+    Attributes:
+        fault: reason why nothing is proven, a clause; empty where all is.
+        boxes: number of boxes on which the remainder was bounded.
+        parts: number of parts of the interval in which V was proven to fall.
+        ratio: largest |R| / β that was seen.
+    """
 
     fault: str = ""
-    """Reason why nothing is proven, a clause; empty where all is."""
-
     boxes: int = 0
-    """Number of boxes on which the remainder was bounded."""
-
     parts: int = 0
-    """Number of parts of the interval in which V was proven to fall."""
-
     ratio: float = 0.0
-    """Largest |R| / β that was seen."""
 
     @property
     def proven(self) -> bool:
@@ -63,14 +63,14 @@ def prove_interval(piece: Funnel, budget: int = BUDGET) -> IntervalProof:
 
 def _prove(piece, budget):
     if not piece.beta.any():
-        return IntervalProof(fault="the certificate bears no remainder")
+        return IntervalProof(fault="the certificate accounts for no remainder")
     if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
         return IntervalProof(fault="a weight of the remainder is zero")
     if unproven_numbers(piece):
-        return IntervalProof(fault="numbers deviate on which linear rates depend")
+        return IntervalProof(fault="a linear rate depends on a number that deviates")
     interval = make_interval(piece)
     if not stays_definite(interval.S):
-        return IntervalProof(fault="a set is no ellipsoid")
+        return IntervalProof(fault="a set is not an ellipsoid")
     if not keeps_servo(interval):
         return IntervalProof(fault="the servo would meet its limits")
     defect = linear_defect(piece, interval)
@@ -80,7 +80,7 @@ def _prove(piece, budget):
     found = IntervalProof(boxes=remainder.boxes, ratio=remainder.ratio)
     if not remainder.proven:
         fault = (
-            f"the remainder is {remainder.ratio:.4g} times as large as it bears"
+            f"the remainder is {remainder.ratio:.4g} times its bound"
             if remainder.ratio > 1.0
             else f"the remainder was not bounded on {remainder.boxes:,} boxes"
         )

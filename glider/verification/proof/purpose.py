@@ -1,4 +1,4 @@
-"""A funnel is the one that is meant: its glider, and the problem that it solves.
+"""A funnel is the intended one: its glider, and the problem that it solves.
 
 A certificate is about whatever its file says. That this is the caller's glider, and a
 flight from the caller's launch to the caller's wire, is compared here. The last set
@@ -18,31 +18,30 @@ from glider.verification.funnel.funnel import Funnel
 
 PLAN_TOLERANCE = 1e-4
 """Amount by which a nominal may exceed the limits of its plan [m, rad, m/s]: planners
-keep them up to a tolerance, and the nominal flies on from there. The shipped funnels
-exceed them by up to 2e-6."""
+keep them up to a tolerance. The shipped funnels exceed them by up to 2e-6."""
 
 PLACE_TOLERANCE = 1e-6
-"""Amount by which launch and wire may be off [m, rad, m/s, rad/s]. In the shipped
-funnels they are by 6e-8."""
+"""Amount by which launch and wire may be off [m, rad, m/s, rad/s]; in the shipped
+funnels it is 6e-8."""
 
 _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """What a funnel's goal holds, and with it the last set."""
+    """Bounds of the funnel's goal, and so of its last set.
+
+    Attributes:
+        time: of the end [s].
+        miss: largest distance from the wire [m].
+        speed: largest speed [m/s].
+        pitch: least and largest pitch [rad].
+    """
 
     time: float
-    """Time of the end [s]."""
-
     miss: float
-    """Largest distance from the wire [m]."""
-
     speed: float
-    """Largest speed [m/s]."""
-
     pitch: tuple[float, float]
-    """Least and largest pitch [rad]."""
 
 
 def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:
@@ -63,35 +62,34 @@ def model_hash(model: GliderModel) -> str:
 
 
 def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
-    """Returns the first thing in which a funnel's glider is not a model's, if any."""
+    """Returns the first difference of a funnel's glider from a model, if any."""
     texts = (model_text(m).splitlines() for m in (funnel.nominal.model, model))
-    for own, meant in zip_longest(*texts, fillvalue="nothing more"):
-        if own != meant:
+    for own, expected in zip_longest(*texts, fillvalue="nothing more"):
+        if own != expected:
             return [
                 "The funnel is of another glider: its model has "
-                f"'{own.strip()}' where the one that is meant has '{meant.strip()}'."
+                f"'{own.strip()}'; expected '{expected.strip()}'."
             ]
     return []
 
 
 def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
-    """Returns why a funnel is none of a problem, launch to wire, a sentence each."""
+    """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
     nominal, reached = funnel.nominal, arrival(funnel, problem)
-    first, last = nominal.states[0], nominal.states[-1]
-    faults = []
-    for off, name, value, meant in _differences(
-        first, nominal.model.initial_state(problem.launch), nominal.state_names
-    ):
-        if not off <= PLACE_TOLERANCE:
-            faults.append(
-                f"The flight starts with {name} = {value:.6g}; the problem's launch "
-                f"has {meant:.6g}."
-            )
-    reach = problem.hook.reach
-    if not reached.miss <= reach + PLACE_TOLERANCE:
+    states, last, speed = nominal.states, nominal.states[-1], problem.final_speed_limit
+    launch = nominal.model.initial_state(problem.launch)
+    faults = [
+        f"The flight starts with {name} = {value:.6g}; the problem's launch has "
+        f"{expected:.6g}."
+        for name, value, expected in zip(
+            nominal.state_names, states[0], launch, strict=True
+        )
+        if not abs(value - expected) <= PLACE_TOLERANCE
+    ]
+    if not reached.miss <= problem.hook.reach + PLACE_TOLERANCE:
         faults.append(
             f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "
-            f"{reach:.4g} m."
+            f"{problem.hook.reach:.4g} m."
         )
     low, high = problem.duration_limits
     if not low <= reached.time <= high:
@@ -99,13 +97,12 @@ def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
             f"The flight ends at {reached.time:.4f} s; the problem's duration_limits "
             f"are {low:.4g} to {high:.4g} s."
         )
-    speed = problem.final_speed_limit
     bounds = [
         ("ends with a pitch", last[_PITCH], problem.final_pitch_limits),
         *(("ends with a speed", v, [-speed, speed]) for v in last[VELOCITY]),
-        ("passes an x", nominal.states[:, _X], problem.x_limits),
-        ("passes a z", nominal.states[:, _Z], problem.z_limits),
-        ("passes a pitch", nominal.states[:, _PITCH], problem.pitch_limits),
+        ("passes an x", states[:, _X], problem.x_limits),
+        ("passes a z", states[:, _Z], problem.z_limits),
+        ("passes a pitch", states[:, _PITCH], problem.pitch_limits),
     ]
     for what, values, (least, most) in bounds:
         beyond = np.maximum(least - values, values - most)
@@ -116,41 +113,37 @@ def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
                 f"{most:.4g}."
             )
     least, most = problem.pitch_limits
-    if not (least <= reached.pitch[0] and reached.pitch[1] <= most):
+    low, high = reached.pitch
+    if not (least <= low and high <= most):
         faults.append(
-            f"The goal has pitches from {reached.pitch[0]:.4g} to "
-            f"{reached.pitch[1]:.4g} rad; the problem allows {least:.4g} to {most:.4g}."
+            f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
+            f"allows {least:.4g} to {most:.4g}."
         )
     return faults
 
 
 def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
-    """Returns what of a funnel's goal the problem's hook does not take, if anything.
+    """Returns what of a funnel's goal the problem's hook does not accept, if anything.
 
-    Where it takes all, every state of the last set is one that it holds at the wire.
+    Where it accepts all, it holds every state of the last set at the wire.
     """
     reached, hook = arrival(funnel, problem), problem.hook
-    least, most = np.degrees(hook.pitch_limits)
-    low, high = np.degrees(reached.pitch)
-    faults = []
-    if not reached.miss < hook.reach:
-        faults.append(
-            f"The goal reaches {reached.miss:.8g} m from the wire; the hook takes less "
-            f"than {hook.reach:.4g} m."
-        )
-    if not reached.speed <= hook.speed_limit:
-        faults.append(
-            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook takes up "
-            f"to {hook.speed_limit:.4g} m/s."
-        )
-    if not (least <= low and high <= most):
-        faults.append(
-            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook takes "
-            f"{least:.1f}° to {most:.1f}°."
-        )
-    return faults
-
-
-def _differences(values, meant, names):
-    """Returns |difference|, name, value and what is meant, of each state."""
-    return list(zip(np.abs(values - meant), names, values, meant, strict=True))
+    (low, high), (least, most) = np.degrees([reached.pitch, hook.pitch_limits])
+    checks = [
+        (
+            reached.miss < hook.reach,
+            f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts "
+            f"less than {hook.reach:.4g} m.",
+        ),
+        (
+            reached.speed <= hook.speed_limit,
+            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts "
+            f"up to {hook.speed_limit:.4g} m/s.",
+        ),
+        (
+            least <= low and high <= most,
+            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts "
+            f"{least:.1f}° to {most:.1f}°.",
+        ),
+    ]
+    return [fault for good, fault in checks if not good]

@@ -38,16 +38,17 @@ BATCH = 256
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RemainderProof:
-    """The outcome of a proof on one interval."""
+    """The outcome of a proof on one interval.
+
+    Attributes:
+        proven: whether |R| <= β on all of its sets.
+        boxes: number of boxes that were bounded.
+        ratio: largest |R| / β that was seen; above 1 there is nothing to prove.
+    """
 
     proven: bool
-    """Whether |R| <= β on all of its sets."""
-
     boxes: int
-    """Number of boxes that were bounded."""
-
     ratio: float
-    """Largest |R| / β that was seen; above 1 there is nothing to prove."""
 
 
 def prove_remainder(

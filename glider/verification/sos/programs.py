@@ -38,16 +38,17 @@ CLARABEL_TOLERANCE = 1e-4
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Moments:
-    """A solution of the problem of moments."""
+    """A solution of the problem of moments.
+
+    Attributes:
+        success: success as the solver tells it; nobody relies on it.
+        multipliers: multipliers λ (K,) of the equations.
+        gram: gram matrix (E,), its lower triangle column by column.
+    """
 
     success: bool
-    """Success as the solver tells it; nobody relies on it."""
-
     multipliers: np.ndarray
-    """Multipliers λ (K,) of the equations."""
-
     gram: np.ndarray
-    """Gram matrix (E,), its lower triangle column by column."""
 
 
 def first_success(program: Callable, *arguments: Any) -> tuple | None:

@@ -1,0 +1,165 @@
+"""What was checked, proven and flown of a funnel, in sentences and as JSON.
+
+The sentences are in `templates/check_report.txt`.
+"""
+
+import dataclasses
+import functools
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from glider.planning.problem import PerchingProblem
+from glider.verification.dynamics.confidence import ConfidenceSet, describe_set
+from glider.verification.funnel.funnel import Funnel, gliders_note
+from glider.verification.funnel.growth import SHARES
+from glider.verification.proof.check import Verdict
+from glider.verification.proof.flight_proof import FlightProof
+from glider.verification.proof.purpose import arrival, hook_faults, model_hash
+from glider.verification.trials.falsify import Falsification
+
+HASH_DIGITS = 16
+"""Digits of a hash that are printed; JSON has them all."""
+
+
+def check_report(
+    funnel: Funnel,
+    verdict: Verdict,
+    proof: FlightProof | None,
+    problem: PerchingProblem,
+) -> dict[str, Any]:
+    """Returns the outcome of `check-funnel` as it is written to JSON."""
+    report = dataclasses.asdict(verdict) | {
+        "holds": verdict.holds,
+        "file_sha256": funnel.sha256,
+        "glider_sha256": model_hash(funnel.nominal.model),
+        "end": dataclasses.asdict(arrival(funnel, problem)),
+        "hook_takes_all": not hook_faults(funnel, problem),
+        "remainder": remainder_status(funnel, proof),
+        "made_for": gliders_note(funnel),
+    }
+    if proof:
+        report |= {
+            "every_flight": proof.is_whole,
+            "intervals_proven": proof.count,
+            "intervals_tried": len(proof.intervals),
+            "of_intervals": proof.of_intervals,
+            "intervals_from_file": proof.from_file,
+            "proven_until": proof.until,
+            "fault": proof.fault,
+            "candidate": proof.candidate,
+            "boxes": proof.boxes,
+        }
+    return report
+
+
+def trial_report(
+    funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
+) -> dict[str, Any]:
+    """Returns the outcome of `falsify_set` as it is written to JSON."""
+    worst = int(np.argmax(trial.later))
+    return {
+        "names": list(confidence.names),
+        "level": confidence.level,
+        "shape": confidence.shape,
+        "half_widths": confidence.reach(np.eye(len(confidence.names))).tolist(),
+        "funnel_was_made_for_them": _made_for(funnel, trial),
+        "flights": trial.samples,
+        "escapes": trial.escapes,
+        "largest_level": float(trial.levels.max()),
+        "largest_later_level": float(trial.later.max()),
+        "largest_end_level": float(trial.ends.max()),
+        "worst_deviation": trial.deviations[worst].tolist(),
+        "worst_start_time": float(trial.starts[worst]),
+        "seed": seed,
+    }
+
+
+def describe_check(
+    funnel: Funnel,
+    verdict: Verdict,
+    proof: FlightProof | None,
+    problem: PerchingProblem,
+    model: Path | None,
+) -> str:
+    """Returns the outcome of `check-funnel` in sentences, one a line.
+
+    Args:
+        funnel: the funnel.
+        verdict: of its check.
+        proof: of its flights, where asked for.
+        problem: that it was compared with.
+        model: file of the glider that it was compared with; None for none.
+    """
+    lines = [_text("certificate", funnel, verdict, model)]
+    if verdict.holds:
+        lines += [describe_proof(funnel, proof)] if proof else []
+        accepted = not hook_faults(funnel, problem)
+        reached = arrival(funnel, problem)
+        lines.append(_text("last_set", reached, problem.hook, accepted))
+    return "\n".join(lines)
+
+
+def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
+    """Returns sentences about a proof."""
+    return _text("proof", funnel, proof)
+
+
+def describe_trial(
+    funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
+) -> str:
+    """Returns the outcome of `falsify_set` in sentences, one a line."""
+    worst, made_for = int(np.argmax(trial.later)), _made_for(funnel, trial)
+    of_worst = trial.deviations[worst], trial.starts[worst]
+    return _text("flights", funnel, confidence, trial, seed, made_for, *of_worst)
+
+
+def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
+    """Returns how a funnel's remainder is known.
+
+    "none" where it accounts for none, else "sampled", or with a proof "rigorous until
+    t=0.8795", the time before which all that was tried is proven, and "in 3 of 200
+    intervals" if these were not all.
+    """
+    if not funnel.beta.any():
+        return "none"
+    if proof is None or not proof.count:
+        return "sampled"
+    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.intervals)
+    if tried == proof.of_intervals or not proof.complete:
+        return status
+    return f"{status} in {tried} of {proof.of_intervals} intervals"
+
+
+def _made_for(funnel, trial):
+    """Determines whether all gliders flown are in the funnel's set; None without."""
+    if not funnel.gliders:
+        return None
+    return bool(np.all(funnel.gliders.confidence.holds(trial.deviations)))
+
+
+def _text(macro, *values):
+    """Returns the text of a macro: a line for each paragraph."""
+    paragraphs = getattr(_template().module, macro)(*values).split("\n\n")
+    lines = (" ".join(paragraph.split()) for paragraph in paragraphs)
+    return "\n".join(line for line in lines if line)
+
+
+@functools.cache
+def _template():
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("glider.verification"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {
+        "digits": HASH_DIGITS,
+        "shares": len(SHARES),
+        "describe_set": describe_set,
+        "model_hash": lambda funnel: model_hash(funnel.nominal.model),
+        "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
+    }
+    return environment.get_template("check_report.txt")
