@@ -14,8 +14,8 @@ from typing import Any
 import matplotlib
 from pydrake.systems.framework import Diagram
 
-from diagrams.closed_loop import closed_loop
-from diagrams.open_loop import open_loop
+from diagrams.loops import closed_loop
+from diagrams.loops import open_loop
 from diagrams.picture import make_picture
 from diagrams.program import run
 from glider.control.tvlqr_drake import tracking_regulator

@@ -21,6 +21,11 @@ from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION
+from glider.planning.plan import Plan
+from glider.simulation.flights import INSTANT, FlownFlight
+from glider.sysid.refly import Motion
+
+Color = tuple[float, float, float, float]
 
 RED = (0.85, 0.16, 0.12, 0.4)
 GREEN = (0.05, 0.6, 0.25, 0.5)
@@ -43,7 +48,7 @@ class Track:
     name: str
     times: np.ndarray
     poses: np.ndarray
-    color: tuple[float, float, float, float] | None = None
+    color: Color | None = None
     forces: np.ndarray | None = None
 
     def __post_init__(self):
@@ -71,6 +76,34 @@ class Track:
     def slug(self) -> str:
         """The name in Meshcat and in the diagram."""
         return self.name.replace(" ", "_")
+
+
+def track_of(
+    name: str, flight: FlownFlight | Plan | Motion, color: Color | None = None
+) -> Track:
+    """Returns a flight as a track: simulated, planned (at its knots) or logged.
+
+    The forces on wing and elevator are shown where they are known.
+    """
+    if isinstance(flight, Motion):
+        return Track(
+            name=name,
+            times=flight.time,
+            poses=flight.poses,
+            color=color,
+            forces=flight.forces,
+        )
+    if isinstance(flight, Plan):
+        poses = flight.states[:, :NUM_POSITIONS]
+        return Track(name=name, times=flight.times, poses=poses, color=color)
+    kept = np.flatnonzero(np.append(np.diff(flight.times) > INSTANT, True))
+    return Track(
+        name=name,
+        times=flight.times[kept],
+        poses=flight.states[kept, :NUM_POSITIONS],
+        color=color,
+        forces=None if flight.forces is None else flight.forces[kept],
+    )
 
 
 def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Stage:

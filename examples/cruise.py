@@ -24,7 +24,7 @@ from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximati
 from scipy.optimize import least_squares
 
 from diagrams import program
-from diagrams.closed_loop import closed_loop
+from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from diagrams.tracks import flight_track
 from glider.errors import InputError

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams import program
-from diagrams.closed_loop import closed_loop
-from diagrams.open_loop import open_loop
+from diagrams.loops import closed_loop
+from diagrams.loops import open_loop
 from diagrams.playback import GREY
 from diagrams.simulate import simulate_flights
 from diagrams.studies.figures import save_perch_figure

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from diagrams.closed_loop import closed_loop
-from diagrams.estimated_loop import estimated_loop
+from diagrams.loops import closed_loop
+from diagrams.loops import estimated_loop
 from diagrams.simulate import simulate_flights
 from diagrams.studies.rehearsal import COMMAND_RATE
 from diagrams.wiring import tape_rows

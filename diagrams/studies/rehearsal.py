@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from diagrams.closed_loop import closed_loop
+from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from diagrams.wiring import tape_rows
 from glider.campaign.logs import Campaign, campaign_of

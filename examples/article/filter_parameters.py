@@ -29,7 +29,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams import program
-from diagrams.estimated_loop import fly_on_estimate
+from diagrams.loops import fly_on_estimate
 from diagrams.playback import GREY
 from diagrams.tracks import flight_track, plan_track
 from filter_flights import perching_glider, watch_twice

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.estimated_loop import EstimatedPerches
+from diagrams.loops import EstimatedPerches
 from filter_figures import Knowledge, save_knowledge_figure
 from filter_study import RATE, SYMBOLS, ParameterTrack, slow_nees
 from glider.estimation.consistency import Consistency

@@ -11,7 +11,7 @@ import time
 import numpy as np
 from pydrake.systems.controllers import FiniteHorizonLinearQuadraticRegulator
 
-from diagrams.closed_loop import closed_loop
+from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import tvlqr_drake
 from glider.control.tvlqr import compiled_policy

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from diagrams.closed_loop import closed_loop
+from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import mpc
 from glider.control.mpc import LAST, ModelPredictiveController

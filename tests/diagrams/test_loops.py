@@ -12,8 +12,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain, MatrixGain
 
 from diagrams.__main__ import save_pictures
-from diagrams.closed_loop import closed_loop
-from diagrams.open_loop import open_loop
+from diagrams.loops import closed_loop
+from diagrams.loops import open_loop
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
 from diagrams.simulate import reset, simulate_flights
 from diagrams.tracks import flight_track

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.estimated_loop import estimated_loop, fly_on_estimate
+from diagrams.loops import estimated_loop, fly_on_estimate
 from diagrams.simulate import simulate_flights
 from diagrams.wiring import tape_rows
 from glider.control.tvlqr_drake import tracking_regulator

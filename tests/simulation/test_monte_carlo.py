@@ -7,7 +7,7 @@ import joblib
 import numpy as np
 import pytest
 
-from diagrams.closed_loop import closed_loop
+from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.compiled.constants import BLOCK
 from glider.control.tvlqr import compiled_policy

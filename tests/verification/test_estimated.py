@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectoryAffineSystem
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.estimated_loop import estimated_loop
+from diagrams.loops import estimated_loop
 from diagrams.studies.funnel_estimate import estimate_figures
 from diagrams.wiring import tape_rows
 from glider.errors import InputError

@@ -1,0 +1,238 @@
+"""Diagrams of a glider: a plan replayed, feedback of the state, feedback of a filter."""
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    OutputPort,
+    System,
+)
+from pydrake.systems.primitives import LogVectorOutput, MatrixGain, TrajectorySource
+
+from diagrams.wiring import (
+    add_glider,
+    add_motion_capture,
+    finish,
+    hold_command,
+    tape_rows,
+)
+from glider.errors import InputError
+from glider.estimation.ekf import Ekf
+from glider.estimation.running import Belief
+from glider.estimation.system import ExtendedKalmanFilter
+from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES
+from glider.planning.plan import Plan
+from glider.simulation.fly import check_command_rate
+from glider.systems.noise import SampledNoise
+from glider.systems.observer import ExtraStates
+from glider.systems.servo import ElevatorServo
+
+CAPTURED = ("x", "z", "pitch", "elevator")
+"""States that motion capture measures, in its order."""
+
+
+def open_loop(
+    truth: GliderModel,
+    plan: Plan,
+    *,
+    motion_capture: float | None = None,
+    meshcat: Meshcat | None = None,
+) -> Diagram:
+    """Wires plan -> servo -> glider.
+
+    Args:
+        truth: the glider that flies; it need not be the planner's.
+        plan: whose input is replayed; after its end the last command stays.
+        motion_capture: rate of a sensor [Hz]; None for no sensor.
+        meshcat: where to show the flight.
+
+    Returns:
+        A Diagram "open_loop" with no open input, the systems "plan", "servo",
+        "glider", and the logs "state_log", "rate_log" and "force_log"; the outputs
+        "state", "pose" and "elevator_rate"; and those of
+        `diagrams.wiring.add_motion_capture`.
+    """
+    builder = DiagramBuilder()
+    glider, servo = add_glider(builder, truth)
+    source = builder.AddNamedSystem("plan", TrajectorySource(plan.input_trajectory))
+    builder.Connect(source.get_output_port(), servo.GetInputPort("command"))
+    if motion_capture is not None:
+        add_motion_capture(builder, glider, servo, motion_capture)
+    return finish(builder, "open_loop", glider, truth, meshcat)
+
+
+def closed_loop(
+    truth: GliderModel,
+    regulator: System,
+    *,
+    planned: GliderModel | None = None,
+    all_states: bool = False,
+    command_rate: float | None = None,
+    feedback_noise: bool = False,
+    motion_capture: float | None = None,
+    meshcat: Meshcat | None = None,
+) -> Diagram:
+    """Wires glider -> regulator -> servo -> glider.
+
+    Args:
+        truth: the glider that flies. It may have effects that the regulator was not
+            made for: then the first states are fed back.
+        regulator: from the state to one command, its first output, as
+            `tracking_regulator` makes it. It becomes a part of this diagram, and
+            fits into no other.
+        planned: the model that the regulator was made for, where its effects have
+            states of their own. No sensor measures these: "observer" runs them
+            beside the flight. None: the regulator has none.
+        all_states: instead of `planned`, for a regulator made for the truth itself:
+            it gets all states of the glider, unmeasured ones included.
+        command_rate: the command is held between samples at this rate [Hz]; None:
+            it follows the state at once.
+        feedback_noise: whether there is a "feedback_noise", which adds a tape to
+            the samples that the commands are computed from.
+        motion_capture: rate of a sensor [Hz]; None for no sensor.
+        meshcat: where to show the flight.
+
+    Returns:
+        A Diagram "closed_loop" with no open input, the systems "glider",
+        "regulator", "servo" and the logs "state_log", "rate_log" and "force_log"; as
+        asked for "command_hold", "feedback_noise", "observer", "measured_state" (the
+        first of more states) and those of `diagrams.wiring.add_motion_capture`; the
+        outputs "state", "pose" and "elevator_rate".
+        `diagrams.simulate.simulate_flights` flies it.
+
+    Raises:
+        InputError: what is given does not fit together.
+    """
+    fed_back = _states_fed_back(truth, regulator, planned, all_states)
+    if command_rate is not None:
+        check_command_rate(command_rate)
+    if feedback_noise and command_rate is None:
+        raise InputError("Feedback noise comes with each command; expected a rate.")
+    builder = DiagramBuilder()
+    glider, servo = add_glider(builder, truth)
+    signal = glider.GetOutputPort("state")
+    if signal.size() > fed_back:
+        signal = _first_of(builder, "measured_state", signal, fed_back)
+    if feedback_noise and command_rate is not None:
+        noise = SampledNoise(fed_back, command_rate, tape_rows(command_rate))
+        builder.AddNamedSystem("feedback_noise", noise)
+        builder.Connect(signal, noise.GetInputPort("signal"))
+        signal = noise.GetOutputPort("measured")
+    if regulator.get_input_port().size() > fed_back:
+        observer = builder.AddNamedSystem("observer", ExtraStates(planned))
+        builder.Connect(signal, observer.GetInputPort("measured"))
+        builder.Connect(
+            servo.GetOutputPort("elevator_rate"), observer.GetInputPort("elevator_rate")
+        )
+        signal = observer.GetOutputPort("state")
+    builder.AddNamedSystem("regulator", regulator)
+    builder.Connect(signal, regulator.get_input_port())
+    command = hold_command(builder, regulator.get_output_port(0), command_rate)
+    builder.Connect(command, servo.GetInputPort("command"))
+    if motion_capture is not None:
+        add_motion_capture(builder, glider, servo, motion_capture)
+    return finish(builder, "closed_loop", glider, truth, meshcat)
+
+
+def _states_fed_back(
+    truth: GliderModel, regulator: System, planned: GliderModel | None, all_states: bool
+) -> int:
+    """Returns how many states of the glider are fed back, and checks that they fit."""
+    wanted, has = regulator.get_input_port().size(), truth.num_states
+    if planned is not None and planned.num_states != wanted:
+        raise InputError(
+            f"The planned model has {planned.num_states} states, but its regulator "
+            f"wants {wanted}."
+        )
+    if all_states and (planned is not None or wanted != has):
+        raise InputError(
+            f"The regulator wants {wanted} states and the glider has {has}; "
+            "`all_states` is for as many, without `planned`."
+        )
+    if wanted > NUM_STATES and planned is None and not all_states:
+        raise InputError(
+            f"The regulator wants {wanted} states; expected `planned`, its model "
+            "(or `all_states`, where it was made for the truth itself)."
+        )
+    return NUM_STATES if planned is not None else wanted
+
+
+def _first_of(
+    builder: DiagramBuilder, name: str, signal: OutputPort, count: int
+) -> OutputPort:
+    """Adds a system that passes the first components of a signal on."""
+    first = builder.AddNamedSystem(name, MatrixGain(np.eye(count, signal.size())))
+    builder.Connect(signal, first.get_input_port())
+    return first.get_output_port()
+
+
+def estimated_loop(
+    truth: GliderModel,
+    regulator: System,
+    ekf: Ekf,
+    prior: Belief,
+    *,
+    command_rate: float | None = None,
+    meshcat: Meshcat | None = None,
+) -> Diagram:
+    """Wires glider -> motion capture -> filter -> regulator -> servo -> glider.
+
+    The filter takes no state and no rate from the true glider: what the servo makes
+    of a command it gets from a second servo, which sees the estimate.
+
+    Args:
+        truth: the glider that flies; it need not be the filter's.
+        regulator: from the state of the filter's glider to one command, its first
+            output. It becomes a part of this diagram, and fits into no other.
+        ekf: samples motion capture at its own rate.
+        prior: what the filter believes at launch.
+        command_rate: the command is held between samples at this rate [Hz]; None:
+            it follows the estimate at once.
+        meshcat: where to show the flight.
+
+    Returns:
+        A Diagram "estimated_loop" with no open input and the systems "glider",
+        "servo", "motion_capture", "estimator", "believed_servo", "regulator", as
+        asked for "command_hold" and "pose_capture"; the logs of
+        `closed_loop`, of motion capture, and "estimate_log" of the
+        filter's state, which is exported as "estimate" beside the glider's outputs.
+
+    Raises:
+        InputError: what is given does not fit together.
+    """
+    wanted, rows = regulator.get_input_port().size(), len(ekf.noise)
+    if wanted != ekf.num_states:
+        raise InputError(
+            f"The regulator wants {wanted} states, but the filter's glider has "
+            f"{ekf.num_states}."
+        )
+    if ekf.measured_names != CAPTURED[:rows]:
+        raise InputError(
+            f"The filter measures {', '.join(ekf.measured_names)}; motion capture "
+            f"shows {', '.join(CAPTURED)}, expected the first of these."
+        )
+    builder = DiagramBuilder()
+    glider, servo = add_glider(builder, truth)
+    add_motion_capture(builder, glider, servo, 1.0 / ekf.period)
+    capture = builder.GetSubsystemByName("motion_capture").GetOutputPort("measured")
+    if rows < len(CAPTURED):
+        capture = _first_of(builder, "pose_capture", capture, rows)
+    estimator = builder.AddNamedSystem("estimator", ExtendedKalmanFilter(ekf, prior))
+    believed = ElevatorServo(ekf.model.parameters, ekf.num_states)
+    builder.AddNamedSystem("believed_servo", believed)
+    builder.AddNamedSystem("regulator", regulator)
+    state = estimator.GetOutputPort("state")
+    builder.Connect(capture, estimator.GetInputPort("measured"))
+    builder.Connect(state, regulator.get_input_port())
+    builder.Connect(state, believed.GetInputPort("state"))
+    command = hold_command(builder, regulator.get_output_port(0), command_rate)
+    builder.ExportOutput(state, "estimate")
+    builder.Connect(command, servo.GetInputPort("command"))
+    builder.Connect(command, believed.GetInputPort("command"))
+    builder.Connect(
+        believed.GetOutputPort("elevator_rate"), estimator.GetInputPort("elevator_rate")
+    )
+    LogVectorOutput(state, builder).set_name("estimate_log")
+    return finish(builder, "estimated_loop", glider, truth, meshcat)

@@ -1,0 +1,67 @@
+"""Funnels: tubes of states that a closed loop never leaves, made, checked and tried.
+
+    funnel = funnels.make_funnel(model, tracking_policy(model, plan), FunnelSettings())
+    verdict = funnels.check_funnel(funnel)  # In exact arithmetic.
+    proof = funnels.prove_flights(funnel)  # In continuous time; minutes.
+    trial = funnels.falsify_funnel(funnel, 8000, rng)
+
+Funnel, FunnelSettings, load_funnel, save_funnel: the funnel and its file. make_confidence:
+the set of gliders that logs allow, for which a funnel can be made too; describe_set.
+Verdict, FlightProof, describe_proof, remainder_status: what check and proof show.
+falsify_funnel, falsify_set, Falsification: flights from the boundary that try to leave.
+fly_inside: flights from inside. study_estimates, EstimatedFlights: flights on a filter's
+estimate. tube_outline, tube_radii: the positions that a funnel allows, to draw.
+FunnelMonitor: a Drake System that reports the margin of a state. funnel_regulator: the
+funnel's own feedback as a Drake System. SolverError: there is no funnel.
+"""
+
+from glider.verification.dynamics.confidence import (
+    ConfidenceSet,
+    describe_set,
+    make_confidence,
+)
+from glider.verification.funnel.build import make_funnel
+from glider.verification.funnel.funnel import Funnel, load_funnel, save_funnel
+from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
+from glider.verification.funnel.tube import tube_outline, tube_radii
+from glider.verification.monitor import FunnelMonitor, funnel_regulator
+from glider.verification.proof.check import Verdict, check_funnel
+from glider.verification.proof.flight_proof import FlightProof, prove_flights
+from glider.verification.proof.words import describe_proof, remainder_status
+from glider.verification.sos.solving import SolverError
+from glider.verification.trials.estimated import EstimatedFlights, study_estimates
+from glider.verification.trials.falsify import (
+    Falsification,
+    falsify_funnel,
+    falsify_set,
+)
+from glider.verification.trials.flights import fly_inside
+
+__all__ = [
+    "LAUNCH_SIZES",
+    "ConfidenceSet",
+    "EstimatedFlights",
+    "Falsification",
+    "FlightProof",
+    "Funnel",
+    "FunnelMonitor",
+    "FunnelSettings",
+    "SolverError",
+    "Verdict",
+    "check_funnel",
+    "describe_proof",
+    "describe_set",
+    "falsify_funnel",
+    "falsify_set",
+    "fly_inside",
+    "funnel_regulator",
+    "load_funnel",
+    "make_confidence",
+    "make_funnel",
+    "prove_flights",
+    "remainder_status",
+    "save_funnel",
+    "study_estimates",
+    "tube_outline",
+    "tube_radii",
+]
