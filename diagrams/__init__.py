@@ -21,7 +21,7 @@ _HOMES = {
 _MODULES = {"playback": "diagrams.playback", "program": "diagrams.program"}
 """Name to a module that is public as a whole."""
 
-__all__ = [*_HOMES, *_MODULES]
+__all__ = list(_HOMES | _MODULES)
 
 if TYPE_CHECKING:  # The same names, for mypy and editors.
     from diagrams import playback, program

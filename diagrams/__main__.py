@@ -14,8 +14,7 @@ from typing import Any
 import matplotlib
 from pydrake.systems.framework import Diagram
 
-from diagrams.loops import closed_loop
-from diagrams.loops import open_loop
+from diagrams.loops import closed_loop, open_loop
 from diagrams.picture import make_picture
 from diagrams.program import run
 from glider.control.tvlqr_drake import tracking_regulator

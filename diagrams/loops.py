@@ -1,13 +1,8 @@
-"""Diagrams of a glider: a plan replayed, feedback of the state, feedback of a filter."""
+"""Diagrams of a glider: a plan replayed, feedback of the state, or of a filter."""
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import LogVectorOutput, MatrixGain, TrajectorySource
 
 from diagrams.wiring import (
@@ -27,7 +22,7 @@ from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
-from glider.systems.servo import ElevatorServo
+from glider.systems.elevator_servo import ElevatorServo
 
 CAPTURED = ("x", "z", "pitch", "elevator")
 """States that motion capture measures, in its order."""

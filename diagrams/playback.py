@@ -22,7 +22,7 @@ from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION
 from glider.planning.plan import Plan
-from glider.simulation.flights import INSTANT, FlownFlight
+from glider.simulation.flown_flights import INSTANT, FlownFlight
 from glider.sysid.refly import Motion
 
 Color = tuple[float, float, float, float]

@@ -29,7 +29,7 @@ def simulate_flights(
     accuracy: float = 1e-6,
     progress: Callable[[str], None] | None = None,
 ) -> Perches:
-    """Flies launches through one diagram of `open_loop` or `closed_loop`.
+    """Flies launches through one diagram of `diagrams.loops`.
 
     A glider that the hook takes stays at the wire: its flight ends there.
 
@@ -90,11 +90,19 @@ def simulate_flights(
 
 
 def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draws the noise of a diagram's motion capture for some flights, (count, R, 4)."""
+    """Draws the noise of a diagram's motion capture for some flights, (count, R, 4).
+
+    Where a filter gets what is captured, the deviations are those that it was given;
+    otherwise those of `MotionCapture`.
+    """
     if not diagram.HasSubsystemNamed("motion_capture"):
         raise InputError("Noise is drawn for a motion capture; the diagram has none.")
     rate = diagram.GetSubsystemByName("motion_capture").rate
-    return MotionCapture(rate=rate).draw(rng, count, tape_rows(rate))
+    std = MotionCapture().std
+    if diagram.HasSubsystemNamed("estimator"):
+        given = diagram.GetSubsystemByName("estimator").ekf.noise
+        std[: len(given)] = np.sqrt(given)
+    return rng.normal(size=(count, tape_rows(rate), 4)) * std
 
 
 def campaign_of_flights(name: str, diagram: Diagram, flights: Perches) -> Campaign:

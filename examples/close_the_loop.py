@@ -9,9 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagrams import program
-from glider.physics.model import save_model
-from glider.sysid.pipeline import close_the_loop
-from glider.sysid.result import Result
+from glider import Result, close_the_loop, save_model
 
 
 def run(campaign: Path, progress: program.Progress = program.silent) -> Result:

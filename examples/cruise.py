@@ -23,14 +23,8 @@ from pydrake.systems.framework import OutputPortSelection
 from pydrake.systems.primitives import AffineSystem, FirstOrderTaylorApproximation
 from scipy.optimize import least_squares
 
-from diagrams import program
-from diagrams.loops import closed_loop
-from diagrams.simulate import simulate_flights
-from diagrams.tracks import flight_track
-from glider.errors import InputError
-from glider.physics.model import GliderModel
-from glider.simulation.flown_flights import FlownFlight
-from glider.systems.plant import GliderPlant
+from diagrams import closed_loop, playback, program, simulate_flights
+from glider import GliderModel, GliderPlant, InputError, Perches
 
 LARGEST_ACCELERATION = 1e-8
 """Largest acceleration of a trim [m/s², rad/s²]."""
@@ -55,8 +49,8 @@ class Cruise:
     trim: np.ndarray
     """State (n,) of a steady straight flight through the origin."""
 
-    flight: FlownFlight
-    """Flight from a disturbed start."""
+    flights: Perches
+    """One flight, from a disturbed start."""
 
     @property
     def slope(self) -> float:
@@ -67,7 +61,7 @@ class Cruise:
     def offsets(self) -> tuple[float, float]:
         """Distance from the line at the start and at the end [m]."""
         normal = np.array([-math.sin(self.slope), math.cos(self.slope)])
-        first, last = (abs(self.flight.states[k, :2] @ normal) for k in (0, -1))
+        first, last = (abs(self.flights[0].states[k, :2] @ normal) for k in (0, -1))
         return float(first), float(last)
 
     def key_figures(self) -> dict[str, object]:
@@ -78,7 +72,7 @@ class Cruise:
             "pitch_rad": float(self.trim[2]),
             "elevator_rad": float(self.trim[3]),
             "offset_m": list(self.offsets),
-            "seconds": float(self.flight.times[-1]),
+            "seconds": float(self.flights[0].times[-1]),
         }
 
     def describe(self) -> str:
@@ -90,7 +84,7 @@ class Cruise:
             f"{-math.degrees(self.trim[2]):.1f}° up, elevator "
             f"{math.degrees(self.trim[3]):.1f}°.\n"
             f"{1000 * first:.0f} mm off the line at the start, {1000 * last:.2f} mm "
-            f"after {self.flight.times[-1]:.0f} s."
+            f"after {self.flights[0].times[-1]:.0f} s."
         )
 
 
@@ -189,8 +183,8 @@ def fly(
     start = trim.copy()
     start[: len(DISTURBANCE)] += DISTURBANCE
     loop = closed_loop(model, cruise_regulator(model, trim), all_states=True)
-    [flight] = simulate_flights(loop, start[None], seconds)
-    return Cruise(trim=trim, flight=flight)
+    flights = simulate_flights(loop, start[None], seconds)
+    return Cruise(trim=trim, flights=flights)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -203,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         flown = fly(GliderModel(), args.speed)
     print(flown.describe())
     program.write_json(args, flown.key_figures())
-    track = flight_track("disturbed glide", flown.flight)
+    track = playback.track_of("disturbed glide", flown.flights[0])
     program.show(args, [track], "Cruise", has_wire=False)
 
 

@@ -20,9 +20,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 from diagrams import program
-from glider.physics.model import GliderModel
-from glider.planning.problem import PerchingProblem
-from glider.planning.reach import Reach, find_reach
+from glider import GliderModel, PerchingProblem, reach
 
 HEIGHT, SPEED, PITCH = (-0.8, 0.8), (4.5, 9.5), (-0.4, 0.4)
 
@@ -41,44 +39,44 @@ LABELS = {
 
 def run(
     launches: int = 10_000, seed: int = 0, progress: program.Progress = program.silent
-) -> Reach:
+) -> reach.Reach:
     """Draws launches from a uniform distribution, and plans from each."""
     rng, model, problem = np.random.default_rng(seed), GliderModel(), PerchingProblem()
     starts = np.tile(problem.launch, (launches, 1))
     for name, limits in (("z", HEIGHT), ("xdot", SPEED), ("pitch", PITCH)):
         starts[:, COLUMNS[name]] = rng.uniform(*limits, launches)
-    find_reach(model, problem, starts[:1])  # Compiles, once for all workers.
+    reach.find_reach(model, problem, starts[:1])  # Compiles, once for all workers.
     with joblib.parallel_config(n_jobs=-1):
-        return find_reach(model, problem, starts, progress)
+        return reach.find_reach(model, problem, starts, progress)
 
 
-def plot_share(ax: Axes, reach: Reach, across: str, along: str) -> QuadMesh:
+def plot_share(ax: Axes, found: reach.Reach, across: str, along: str) -> QuadMesh:
     """Draws the share of launches with a plan over two of their states.
 
     Args:
         ax: to draw into.
-        reach: the launches.
+        found: the launches.
         across, along: names of states.
     """
-    cells = int(np.clip(np.sqrt(len(reach.planned) / 12), 4, CELLS))
-    x, y = (reach.launches[:, COLUMNS[name]] for name in (across, along))
+    cells = int(np.clip(np.sqrt(len(found.planned) / 12), 4, CELLS))
+    x, y = (found.launches[:, COLUMNS[name]] for name in (across, along))
     total, *edges = np.histogram2d(x, y, cells)
-    planned, *_ = np.histogram2d(x[reach.planned], y[reach.planned], edges)
+    planned, *_ = np.histogram2d(x[found.planned], y[found.planned], edges)
     share = np.where(total > 0, planned / np.maximum(total, 1), np.nan)
     mesh = ax.pcolormesh(*edges, share.T, vmin=0.0, vmax=1.0, cmap="viridis")
     ax.set(xlabel=LABELS[across], ylabel=LABELS[along])
     return mesh
 
 
-def save_map(path: Path, reach: Reach) -> None:
+def save_map(path: Path, found: reach.Reach) -> None:
     """Draws the map over speed, height and pitch, and the misses beside it."""
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     by_height, by_pitch, misses = figure.subplots(1, 3)
-    plot_share(by_height, reach, "xdot", "z")
-    mesh = plot_share(by_pitch, reach, "xdot", "pitch")
+    plot_share(by_height, found, "xdot", "z")
+    mesh = plot_share(by_pitch, found, "xdot", "pitch")
     figure.colorbar(mesh, ax=by_pitch, label="share of launches with a plan")
-    speed, short = reach.launches[:, COLUMNS["xdot"]], ~reach.planned
-    misses.plot(speed[short], reach.misses[short], ".", ms=2, alpha=0.5)
+    speed, short = found.launches[:, COLUMNS["xdot"]], ~found.planned
+    misses.plot(speed[short], found.misses[short], ".", ms=2, alpha=0.5)
     misses.set(xlabel=LABELS["xdot"], ylabel="least miss without a plan [m]")
     misses.set_ylim(bottom=0.0)
     figure.savefig(path)

@@ -20,25 +20,23 @@ from typing import Any
 
 import numpy as np
 
-from diagrams import program
-from diagrams.playback import GREY
-from diagrams.tracks import path_track
-from glider.campaign.logs import Campaign, Flight
-from glider.errors import InputError
-from glider.experiments.findings import Findings
-from glider.experiments.proposal import Proposal, next_throw
-from glider.experiments.throws import fly_throw
-from glider.physics.effects import COMMAND_DELAY, SERVO_LAG
-from glider.physics.model import GliderModel
-from glider.report.next_throw import draw_proposal, sentences
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from diagrams import playback, program
+from glider import (
+    Campaign,
+    CampaignPlan,
+    GliderModel,
+    InputError,
+    effects,
+    simulate_campaign,
+    throws,
+)
 
 LATE = 0.002
 """By how much the hidden glider's servo is late [s]."""
 
 RIVALS = {
-    "servo_lag": SERVO_LAG(time_constant=LATE),
-    "command_delay": COMMAND_DELAY(delay=LATE),
+    "servo_lag": effects.SERVO_LAG(time_constant=LATE),
+    "command_delay": effects.COMMAND_DELAY(delay=LATE),
 }
 """Effects that are indistinguishable while they are small."""
 
@@ -59,10 +57,10 @@ class Separation:
     probabilities: tuple[dict[str, float], ...]
     """Of each explanation, before the first throw and after each."""
 
-    proposals: tuple[Proposal, ...]
+    proposals: tuple[throws.Proposal, ...]
     """Of one throw each, in the order in which they were flown."""
 
-    flights: tuple[Flight, ...]
+    flights: tuple[throws.Flight, ...]
     """Logs of all flights, the random ones first."""
 
     @property
@@ -116,16 +114,16 @@ def run(
     campaign = simulate_campaign(hidden, CampaignPlan(flights=GIVEN), rng)
     # What an analysis of these flights would find: a late servo, of either kind.
     first, second = RIVALS
-    findings = Findings(
+    findings = throws.Findings(
         model=GliderModel(effects=(RIVALS[first],)),
         kinds=(first,),
         rivals={first: (second,)},
         combinations=(),
     )
     probabilities: list[dict[str, float]] = []
-    proposals: list[Proposal] = []
+    proposals: list[throws.Proposal] = []
     while True:
-        proposal = next_throw(
+        proposal = throws.next_throw(
             campaign, findings, launches=1, seed=seed, progress=progress
         )
         known = {e.name: e.probability for e in proposal.explanations}
@@ -133,7 +131,7 @@ def run(
         if max(known.values()) >= ENOUGH or len(proposals) == launches:
             break
         proposals.append(proposal)
-        flight = fly_throw(hidden, proposal.throws[0], proposal.place, rng)
+        flight = throws.fly_throw(hidden, proposal.throws[0], proposal.place, rng)
         campaign = with_flight(campaign, flight)
     return Separation(
         truth=effect,
@@ -143,7 +141,7 @@ def run(
     )
 
 
-def with_flight(campaign: Campaign, flight: Flight) -> Campaign:
+def with_flight(campaign: Campaign, flight: throws.Flight) -> Campaign:
     """Returns a campaign with one more flight, named by its number."""
     name = f"flight_{len(campaign.flights):03d}.csv"
     named = dataclasses.replace(flight, name=name)
@@ -153,7 +151,7 @@ def with_flight(campaign: Campaign, flight: Flight) -> Campaign:
 def save_proposal(path: Path, found: Separation) -> None:
     """Saves the picture of the first proposal."""
     form = path.suffix.removeprefix(".")
-    path.write_bytes(draw_proposal(found.proposals[0], form))
+    path.write_bytes(throws.draw_proposal(found.proposals[0], form))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -166,17 +164,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with program.working("compile (once)") as progress:
         found = run(args.effect, args.launches, args.seed, progress)
     for proposal in found.proposals[:1]:
-        print(*sentences(proposal), sep="\n")
+        print(*throws.sentences(proposal), sep="\n")
     print(found.describe())
     program.write_json(args, found.key_figures())
     if found.proposals:
         program.write_figure(args, save_proposal, found)
     tracks = [
-        path_track(
-            f"{'given' if k < GIVEN else 'proposed'} {k}",
-            flight.time,
-            np.column_stack([flight.pose, flight.elevator]),
-            GREY if k < GIVEN else None,
+        playback.Track(
+            name=f"{'given' if k < GIVEN else 'proposed'} {k}",
+            times=flight.time,
+            poses=np.column_stack([flight.pose, flight.elevator]),
+            color=playback.GREY if k < GIVEN else None,
         )
         for k, flight in enumerate(found.flights)
     ]

@@ -1,6 +1,6 @@
 """Plans a perch, replays it without feedback, and flies it from many launches.
 
-Direct collocation finds the flight (25 knots, then 41), finite-horizon LQR defends
+Direct collocation finds the flight (25 knots, then 41), finite-horizon LQR tracks
 it. A launch errs by 0.04 m in height, 0.1 m/s in speed and 0.02 rad in pitch, one
 standard deviation each; a flight perches if a hook can take it at the wire: within
 5 cm, not faster than 2.8 m/s, nose up by 20° to 67°.
@@ -9,48 +9,130 @@ standard deviation each; a flight perches if a hook can take it at the wire: wit
     python examples/perch.py --headless --json perch.json --figure perch.png
 """
 
+import dataclasses
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from diagrams import program
-from diagrams.loops import closed_loop
-from diagrams.loops import open_loop
-from diagrams.playback import GREY
-from diagrams.simulate import simulate_flights
-from diagrams.studies.figures import save_perch_figure
-from diagrams.studies.perch_study import PerchStudy
-from diagrams.tracks import flight_track, plan_track
-from glider.control.tvlqr_drake import tracking_regulator
-from glider.physics.model import GliderModel
-from glider.planning.dircol import plan
-from glider.planning.problem import PerchingProblem
-from glider.simulation.fly import AFTER
-from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from diagrams import (
+    closed_loop,
+    open_loop,
+    playback,
+    plot_perches,
+    program,
+    simulate_flights,
+)
+from glider import (
+    GliderModel,
+    LaunchSpread,
+    Perches,
+    PerchingProblem,
+    Plan,
+    draw_launches,
+    plan,
+    tracking_regulator,
+)
+
+AFTER = 0.1
+"""Time that a flight goes on after the plan's end [s]: it may pass the wire late."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PerchStudy:
+    """A plan, flown with and without feedback."""
+
+    plan: Plan
+    """Plan that was flown."""
+
+    replayed: Perches
+    """One flight of its commands without feedback, from the planned launch."""
+
+    blind: Perches
+    """The same from perturbed launches."""
+
+    flights: Perches
+    """Flights from those launches, with feedback."""
+
+    def key_figures(self) -> dict[str, object]:
+        """Returns the plan's numbers, misses and successes, for a file."""
+        return {
+            "cost": self.plan.cost,
+            "duration": self.plan.duration,
+            "knots": len(self.plan.times),
+            "plan_seconds": self.plan.seconds,
+            "max_defect": self.plan.max_defect,
+            "path_defect": self.plan.path_defect,
+            "open_loop_miss_m": self.replayed.misses[0],
+            "open_loop_from_launches": self.blind.key_figures(),
+            "closed_loop": self.flights.key_figures(),
+            "launches": len(self.flights),
+        }
+
+    def describe(self) -> str:
+        """Returns the plan, its replay and its flights in a few sentences."""
+        plan = self.plan
+        return (
+            f"The plan costs {plan.cost:.2f} and takes {plan.duration:.4f} s "
+            f"({len(plan.times)} knots, solved in {plan.seconds:.2f} s).\n"
+            f"Replayed without feedback it misses by "
+            f"{1000 * self.replayed.misses[0]:.2f} mm; from perturbed launches: "
+            f"{self.blind.describe()}.\n"
+            f"With feedback {self.flights.describe()}; the largest miss is "
+            f"{1000 * max(self.flights.misses):.1f} mm."
+        )
 
 
 def fly(
     launches: int = 20, seed: int = 0, progress: program.Progress = program.silent
 ) -> PerchStudy:
-    """Plans, replays the plan, and flies it from launches that err."""
+    """Plans, replays the plan, and flies it from perturbed launches.
+
+    Args:
+        launches: number of flights.
+        seed: of the launches.
+        progress: called with a line of text as the work goes on.
+    """
     model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
     starts = draw_launches(problem, LaunchSpread(), launches, rng)
+
+    # The problem holds launch, wire, limits and weights; the plan holds states,
+    # elevator rates and times at its knots.
     planned = plan(model, problem, progress=progress)
-    replay = open_loop(model, planned)
-    loop = closed_loop(model, tracking_regulator(model, planned))
     duration = planned.duration + AFTER
-    [replayed] = simulate_flights(replay, planned.states[:1], duration)
+
+    # A Drake diagram each: the plan's commands to the servo of a glider, ...
+    replay = open_loop(model, planned)
+    # ... and time-varying LQR about the plan, u = u*(t) - K(t) (x - x*(t)).
+    loop = closed_loop(model, tracking_regulator(model, planned))
+
     return PerchStudy(
         plan=planned,
-        replayed=replayed,
+        replayed=simulate_flights(replay, planned.states[:1], duration),
         blind=simulate_flights(replay, starts, duration, progress=progress),
         flights=simulate_flights(loop, starts, duration, progress=progress),
     )
 
 
+def save_figure(path: Path, study: PerchStudy) -> None:
+    """Saves the paths and the elevator of the plan and its flights."""
+    plan = study.plan
+    figure = Figure(figsize=(9.5, 5.6), layout="constrained")
+    top, bottom = figure.subplots(2, 1, height_ratios=[3, 2])
+    plot_perches(top, plan, study.flights, study.blind)
+    for flight in study.flights:
+        elevator = np.degrees(flight.states[:, 3])
+        bottom.plot(flight.times, elevator, color="#0072B2", lw=0.7, alpha=0.5)
+    elevator = np.degrees(plan.states[:, 3])
+    bottom.plot(plan.times, elevator, color="k", lw=1.8, ls=(0, (4, 2)))
+    bottom.set(xlabel="time [s]", ylabel="elevator, up > 0 [°]")
+    figure.savefig(path, dpi=150)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Flies as the command line says, prints and shows what came out."""
+    """Flies as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_launches(parser, 20)
     args = program.read_options(parser, arguments, figure="paths, as PNG")
@@ -58,9 +140,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         flown = fly(args.launches, args.seed, progress)
     print(flown.describe())
     program.write_json(args, flown.key_figures() | {"seed": args.seed})
-    program.write_figure(args, save_perch_figure, flown)
-    worst, planned = flight_track("worst launch", flown.flights.worst), flown.plan
-    program.show(args, [worst, plan_track("plan", planned, GREY)], "Perch")
+    program.write_figure(args, save_figure, flown)
+    worst = playback.track_of("worst launch", flown.flights.worst)
+    planned = playback.track_of("plan", flown.plan, playback.GREY)
+    program.show(args, [worst, planned], "Perch")
 
 
 if __name__ == "__main__":

@@ -13,21 +13,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from diagrams import program
-from diagrams.playback import GREEN, RED
-from diagrams.tracks import motion_track
-from glider.campaign.logs import Campaign, Flight
-from glider.campaign.reader import load_campaign
-from glider.physics.model import load_model
-from glider.sysid import refly
-from glider.sysid.pipeline import close_the_loop
+from diagrams import playback, program
+from glider import Campaign, close_the_loop, load_campaign, load_model, refly
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result:
     """A flight "measured", "nominal" where that model is known, and "corrected"."""
 
-    flight: Flight
+    flight: refly.Flight
     motions: dict[str, refly.Motion]
 
     @property
@@ -70,8 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         told[model.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
         print(f"{model}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
     program.write_json(args, told)
-    colors = {"nominal": RED, "corrected": GREEN}
-    tracks = [motion_track(n, m, colors.get(n)) for n, m in flown.motions.items()]
+    colors = {"nominal": playback.RED, "corrected": playback.GREEN}
+    tracks = [playback.track_of(n, m, colors.get(n)) for n, m in flown.motions.items()]
     title, parameters = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)
     program.show(args, tracks, title, parameters=parameters, has_wire=False)
 

@@ -17,14 +17,14 @@ _HOMES = {
     "LaunchSpread": "glider.simulation.monte_carlo",
     "ModelPredictiveController": "glider.control.mpc",
     "MppiController": "glider.control.mppi",
-    "Perches": "glider.simulation.flights",
+    "Perches": "glider.simulation.flown_flights",
     "PerchingProblem": "glider.planning.problem",
     "Plan": "glider.planning.plan",
     "Result": "glider.sysid.result",
     "close_the_loop": "glider.sysid.pipeline",
     "draw_launches": "glider.simulation.monte_carlo",
-    "find_reach": "glider.planning.reach",
     "fly": "glider.simulation.fly",
+    "headline": "glider.report.wording",
     "import_campaign": "glider.campaign.importing.run",
     "load_campaign": "glider.campaign.reader",
     "load_model": "glider.physics.model",
@@ -43,12 +43,13 @@ _HOMES = {
 _MODULES = {
     "effects": "glider.physics.effects",
     "funnels": "glider.funnels",
+    "reach": "glider.planning.reach",
     "refly": "glider.sysid.refly",
     "throws": "glider.throws",
 }
 """Name to a module that is public as a whole."""
 
-__all__ = [*_HOMES, *_MODULES]
+__all__ = list(_HOMES | _MODULES)
 
 if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider import funnels, throws
@@ -65,12 +66,13 @@ if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider.physics.effects import EffectKind
     from glider.physics.formulas import scalar
     from glider.physics.model import GliderModel, load_model, save_model
+    from glider.planning import reach
     from glider.planning.dircol import plan
     from glider.planning.plan import Plan
     from glider.planning.problem import PerchingProblem, load_problem
-    from glider.planning.reach import find_reach
     from glider.report.folder import write_report
-    from glider.simulation.flights import Perches
+    from glider.report.wording import headline
+    from glider.simulation.flown_flights import Perches
     from glider.simulation.fly import fly
     from glider.simulation.monte_carlo import LaunchSpread, draw_launches
     from glider.sysid import refly

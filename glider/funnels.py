@@ -5,14 +5,15 @@
     proof = funnels.prove_flights(funnel)  # In continuous time; minutes.
     trial = funnels.falsify_funnel(funnel, 8000, rng)
 
-Funnel, FunnelSettings, load_funnel, save_funnel: the funnel and its file. make_confidence:
-the set of gliders that logs allow, for which a funnel can be made too; describe_set.
-Verdict, FlightProof, describe_proof, remainder_status: what check and proof show.
-falsify_funnel, falsify_set, Falsification: flights from the boundary that try to leave.
-fly_inside: flights from inside. study_estimates, EstimatedFlights: flights on a filter's
-estimate. tube_outline, tube_radii: the positions that a funnel allows, to draw.
-FunnelMonitor: a Drake System that reports the margin of a state. funnel_regulator: the
-funnel's own feedback as a Drake System. SolverError: there is no funnel.
+Funnel, FunnelSettings, load_funnel, save_funnel: the funnel and its file.
+make_confidence, describe_set: the set of gliders that logs allow, for which a funnel
+can be made too. Verdict, FlightProof, describe_proof, remainder_status: what check and
+proof show. falsify_funnel, falsify_set, Falsification: flights from the boundary that
+try to leave. fly_inside: flights from inside. study_estimates, EstimatedFlights:
+flights on a filter's estimate. tube_outline, tube_radii: the positions that a funnel
+allows, to draw. FunnelMonitor: a Drake System that reports the margin of a state.
+funnel_regulator: the funnel's own feedback as a Drake System. SolverError: there is no
+funnel.
 """
 
 from glider.verification.dynamics.confidence import (
@@ -30,11 +31,8 @@ from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.proof.words import describe_proof, remainder_status
 from glider.verification.sos.solving import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
-from glider.verification.trials.falsify import (
-    Falsification,
-    falsify_funnel,
-    falsify_set,
-)
+from glider.verification.trials.falsify import Falsification, falsify_funnel
+from glider.verification.trials.falsify_set import falsify_set
 from glider.verification.trials.flights import fly_inside
 
 __all__ = [

@@ -93,9 +93,9 @@ plt.show()
 
 # %%
 from glider import fly
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 
-policy = compiled_policy(found.model, after.plan)
+policy = tracking_policy(found.model, after.plan)
 for times in (1.0, 2.0):
     usual = LaunchSpread()
     wider = LaunchSpread(

@@ -35,8 +35,7 @@ from basis_logs import find_exercise_signs, trace_filmed
 from basis_report import describe, key_figures
 from basis_study import BasisStudy, fit_all, refinements, validate
 from diagrams import program
-from diagrams.playback import GREEN, RED
-from diagrams.tracks import path_track
+from diagrams.playback import GREEN, RED, Track
 
 
 def run(
@@ -70,8 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     held_out = study.exercise.held_out
     wrong, right, *_ = study.flown.values()
     ghosts = {"published signs": (wrong, RED), "consistent signs": (right, GREEN)}
-    tracks = [path_track("flight", held_out.times, held_out.states[0])]
-    tracks += [path_track(name, held_out.times, *path) for name, path in ghosts.items()]
+    ghosts = {"flight": (held_out.states[0], None)} | ghosts
+    tracks = [
+        Track(name=name, times=held_out.times, poses=path[:, :4], color=color)
+        for name, (path, color) in ghosts.items()
+    ]
     program.show(args, tracks, "Held-out flight", has_wire=False)
 
 

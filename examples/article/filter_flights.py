@@ -1,9 +1,11 @@
 """The flights that the filter study compares: the article's cruise, and a perch."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 
+from diagrams import closed_loop, estimated_loop, simulate_flights
 from filter_study import (
     CONSTANTS,
     ParameterTrack,
@@ -11,6 +13,7 @@ from filter_study import (
     watch_cruise,
     watch_perch,
 )
+from glider import Perches, Plan, perching_filter, tracking_regulator
 from glider.control.policy import TrackingPolicy
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -18,6 +21,50 @@ from glider.physics.parameters import load_parameters
 
 FLIGHTS = 20
 """Number of flights that the NEES of constants is taken over."""
+
+
+AFTER = 0.1
+"""Time that a flight goes on after the plan's end [s]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EstimatedPerches:
+    """The same launches of one glider under feedback of the state and of a filter."""
+
+    on_state: Perches
+    """The regulator gets the true state."""
+
+    on_estimate: Perches
+    """It gets a filter's estimate from motion capture."""
+
+
+def fly_on_estimate(
+    model: GliderModel,
+    plan: Plan,
+    starts: np.ndarray,
+    rng: np.random.Generator,
+    progress: Callable[[str], None] | None = None,
+) -> EstimatedPerches:
+    """Flies launches under TVLQR, on the state and on the estimate.
+
+    Args:
+        model: of plan, feedback and filter, and the glider that flies.
+        plan: to track.
+        starts: (B, 7) launches.
+        rng: draws the noise of motion capture, as the filter is given it.
+        progress: called with the launch that is flown.
+    """
+    filtering = estimated_loop(
+        model, tracking_regulator(model, plan), *perching_filter(model, plan.states[0])
+    )
+    seeing = closed_loop(model, tracking_regulator(model, plan), all_states=True)
+    duration = plan.duration + AFTER
+    return EstimatedPerches(
+        on_state=simulate_flights(seeing, starts, duration, progress=progress),
+        on_estimate=simulate_flights(
+            filtering, starts, duration, capture_noise=rng, progress=progress
+        ),
+    )
 
 
 def perching_glider() -> GliderModel:

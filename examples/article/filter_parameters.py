@@ -28,14 +28,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams import program
-from diagrams.loops import fly_on_estimate
-from diagrams.playback import GREY
-from diagrams.tracks import flight_track, plan_track
-from filter_flights import perching_glider, watch_twice
+from diagrams import playback, program
+from filter_flights import fly_on_estimate, perching_glider, watch_twice
 from filter_report import PERCHES, FilterReport, save_filter_figure
 from filter_study import CONSTANTS, settled_bound
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.estimation.perching import watch_perches
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
@@ -48,7 +45,7 @@ def fly(
     """Filters a cruise and a perch in two ways, and perches on an estimate."""
     model, problem = perching_glider(), PerchingProblem()
     rng = np.random.default_rng(seed)
-    policy = compiled_policy(model, plan(model, problem, progress=progress))
+    policy = tracking_policy(model, plan(model, problem, progress=progress))
     drifting, constant = watch_twice(policy, rng, progress)
     starts = draw_launches(problem, LaunchSpread(), launches, rng)
     return FilterReport(
@@ -71,8 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(found.describe())
     program.write_json(args, found.key_figures() | {"seed": args.seed})
     program.write_figure(args, save_filter_figure, found)
-    worst = flight_track("worst launch on the estimate", found.flown.on_estimate.worst)
-    tracks = [worst, plan_track("plan", found.plan, GREY)]
+    worst = playback.track_of(
+        "worst launch on the estimate", found.flown.on_estimate.worst
+    )
+    tracks = [worst, playback.track_of("plan", found.plan, playback.GREY)]
     program.show(args, tracks, "Perch on an estimate")
 
 

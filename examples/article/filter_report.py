@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.loops import EstimatedPerches
 from filter_figures import Knowledge, save_knowledge_figure
+from filter_flights import EstimatedPerches
 from filter_study import RATE, SYMBOLS, ParameterTrack, slow_nees
 from glider.estimation.consistency import Consistency
 from glider.planning.plan import Plan

@@ -28,9 +28,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import learning
-from diagrams import program
-from diagrams.playback import GREY, RED
-from diagrams.tracks import flight_track
+from diagrams import playback, program
 from glider.physics.model import GliderModel
 from learning_figures import save_learning_study
 from learning_study import LearningStudy, learn_from_seed
@@ -71,9 +69,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.write_json(args, found.key_figures() | asked)
     program.write_figure(args, save_learning_study, found)
     tracks = [
-        flight_track("traced - last round", found.traced[-1].flights[0]),
-        flight_track("weights - last round", found.weights[-1].flights[0], GREY),
-        flight_track("nominal - first round", found.weights[0].flights[0], RED),
+        playback.track_of("traced - last round", found.traced[-1].flights[0]),
+        playback.track_of(
+            "weights - last round", found.weights[-1].flights[0], playback.GREY
+        ),
+        playback.track_of(
+            "nominal - first round", found.weights[0].flights[0], playback.RED
+        ),
     ]
     program.show(args, tracks, f"Learning: {args.truth}", parameters=truth.parameters)
 

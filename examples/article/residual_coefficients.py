@@ -22,8 +22,7 @@ from collections.abc import Sequence
 
 from coefficient_figures import save_residual_figure
 from diagrams import program
-from diagrams.playback import GREEN, GREY, RED
-from diagrams.tracks import path_track
+from diagrams.playback import GREEN, GREY, RED, Track
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel, save_model
@@ -70,7 +69,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.write_figure(args, save_residual_figure, found.study)
     colors = {WORDS["plate"]: GREY, WORDS["26"]: RED, WORDS["126"]: GREEN}
     flown = found.motions.items()
-    tracks = [path_track(n, m.time, m.poses, colors.get(n)) for n, m in flown]
+    tracks = [
+        Track(name=n, times=m.time, poses=m.poses, color=colors.get(n))
+        for n, m in flown
+    ]
     title = f"{campaign.name}, {found.study.unseen[0].name}"
     parameters = refly.nominal_parameters(campaign)
     program.show(args, tracks, title, parameters=parameters, has_wire=False)

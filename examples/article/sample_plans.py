@@ -18,9 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams import program
-from diagrams.playback import GREY, RED
-from diagrams.tracks import flight_track, plan_track
+from diagrams import playback, program
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
@@ -68,9 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.write_json(args, told | found.searches.key_figures())
     program.write_figure(args, save_searches_figure, found.searches, found.flown)
     tracks = [
-        flight_track("planned anew", found.flown.replanned.worst),
-        flight_track("replayed", found.flown.replayed[0], RED),
-        plan_track("plan of the nominal model", found.flown.plan, GREY),
+        playback.track_of("planned anew", found.flown.replanned.worst),
+        playback.track_of("replayed", found.flown.replayed[0], playback.RED),
+        playback.track_of("plan of the nominal model", found.flown.plan, playback.GREY),
     ]
     program.show(args, tracks, f"MPPI: {args.truth}")
 

@@ -5,8 +5,7 @@ import time
 
 import numpy as np
 
-from diagrams.loops import closed_loop
-from diagrams.loops import open_loop
+from diagrams.loops import closed_loop, open_loop
 from diagrams.simulate import simulate_flights
 from glider.control.mppi import MppiController, replanning_cost, sequence_of
 from glider.control.tvlqr_drake import tracking_regulator

@@ -1,6 +1,6 @@
 """Searches that sample: their costs, and the flights that they draw."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -60,51 +60,26 @@ def plot_samples(ax: Axes, drawn: Mapping[int, np.ndarray], found: np.ndarray) -
     few_ticks(ax)
 
 
-def save_sampling_figure(
-    path: Path,
-    costs: Mapping[str, np.ndarray],
-    drawn: Mapping[str, tuple[Mapping[int, np.ndarray], np.ndarray]],
-    planned: np.ndarray,
-    flown: Sequence[np.ndarray],
-    replayed: Sequence[np.ndarray],
-) -> None:
-    """Saves costs, sampled flights and flights of a controller that samples.
+def save_searches_figure(path: Path, searches: Searches, flown: Comparison) -> None:
+    """Saves costs, flights that the first searches drew, and the comparison in flight.
 
     Args:
         path: of the picture.
-        costs: as in `plot_costs`.
-        drawn: method to the arguments of `plot_samples`.
-        planned: (N, 2 or more) of the plan that the controller starts from.
-        flown: of each flight, the same.
-        replayed: the same of flights without feedback.
+        searches: from many seeds.
+        flown: the plan replayed, tracked and replanned by sampling.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(9.5, 10.0), layout="constrained")
         top, middle, bottom = figure.subfigures(
             3, 1, height_ratios=[3, 3.4, 3], squeeze=False
         ).ravel()
-        plot_costs(top.add_subplot(), costs)
-        for k, (name, (samples, found)) in enumerate(drawn.items()):
-            ax = middle.add_subplot(1, len(drawn), k + 1)
-            plot_samples(ax, samples, found)
+        plot_costs(top.add_subplot(), searches.histories())
+        for k, (name, kept) in enumerate(searches.drawn.items()):
+            samples = {k: searches.fly(tried) for k, tried in kept.items()}
+            ax = middle.add_subplot(1, len(searches.drawn), k + 1)
+            plot_samples(ax, samples, searches.plans[name][0].states)
             ax.set_title(f"{name}: sampled flights", loc="left")
         ax = bottom.add_subplot()
-        plot_perches(ax, planned, flown, replayed)
-        ax.set_title("receding horizon: plans anew 50 times a second", loc="left")
+        plot_perches(ax, flown.plan, flown.replanned, flown.replayed)
+        ax.set_title("receding horizon: replans 50 times a second", loc="left")
         figure.savefig(path, dpi=150)
-
-
-def save_searches_figure(path: Path, searches: Searches, flown: Comparison) -> None:
-    """Saves costs, the flights that the first searches drew, and the comparison."""
-    drawn = {}
-    for name, kept in searches.drawn.items():
-        samples = {k: searches.fly(tried) for k, tried in kept.items()}
-        drawn[name] = samples, searches.plans[name][0].states
-    save_sampling_figure(
-        path,
-        searches.histories(),
-        drawn,
-        flown.plan.states,
-        [flight.states for flight in flown.replanned],
-        [flight.states for flight in flown.replayed],
-    )

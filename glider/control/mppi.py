@@ -70,6 +70,29 @@ class MppiController(LeafSystem):
             "elevator_rate", 1, self._calc_rate, {self.xd_ticket()}
         )
 
+    @classmethod
+    def from_plan(
+        cls,
+        model: GliderModel,
+        plan: Plan,
+        problem: PerchingProblem,
+        *,
+        command_rate: float = COMMAND_RATE,
+        seed: int = 0,
+    ) -> "MppiController":
+        """Makes a controller that starts from the commands of a plan.
+
+        Args:
+            model: of the glider, that flights are predicted with.
+            plan: to start from.
+            problem: whose goal and weights to use, such as replanning.yaml of the
+                models.
+            command_rate: of updates [Hz].
+            seed: of the random numbers.
+        """
+        cost = replanning_cost(model, problem, command_rate)
+        return cls(cost, sequence_of(plan, cost.step, cost.steps), seed=seed)
+
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         start = self._state.Eval(context)
         held = context.get_discrete_state_vector().CopyToVector()

@@ -20,7 +20,7 @@ STEP = 0.003
 """Longest step of the pass [s]: gains to about 1e-7 of their largest."""
 
 
-def compiled_policy(
+def tracking_policy(
     model: GliderModel,
     plan: Plan,
     weights: TrackingWeights | None = None,

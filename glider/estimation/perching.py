@@ -85,6 +85,20 @@ def watch_perches(
     )
 
 
+def perching_filter(
+    model: GliderModel, launch: np.ndarray, unsure: float = 1.0
+) -> tuple[Ekf, Belief]:
+    """Makes a filter of CAPTURE, and what it believes of a launch.
+
+    Args:
+        model: the glider.
+        launch: (n,) planned state.
+        unsure: how many times LAUNCH_STD the launch may err.
+    """
+    ekf = perching_ekf(model)
+    return ekf, make_prior(ekf, launch, unsure * np.array(LAUNCH_STD))
+
+
 def launch_prior(ekf: Ekf, launch: np.ndarray) -> Belief:
     """Returns what is believed of a launch that errs by LAUNCH_STD."""
     return make_prior(ekf, launch, LAUNCH_STD)

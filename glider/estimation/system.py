@@ -44,7 +44,7 @@ class ExtendedKalmanFilter(LeafSystem):
         self.set_name("estimator")
         rows, known = len(ekf.noise), len(ekf.known)
         check_belief(ekf, prior, "ExtendedKalmanFilter")
-        self._ekf = ekf
+        self.ekf = ekf
         self._measured = self.DeclareVectorInputPort("measured", rows)
         self._rate = self.DeclareVectorInputPort("elevator_rate", 1)
         if known:
@@ -97,30 +97,30 @@ class ExtendedKalmanFilter(LeafSystem):
         return np.append(gone / span if span > 0.0 else 0.0, known), span
 
     def _eval_known(self, context):
-        if self._ekf.known and self._known.HasValue(context):
+        if self.ekf.known and self._known.HasValue(context):
             return self._known.Eval(context)
         return self._model_known()
 
     def _model_known(self):
-        return self._ekf.z[self._ekf.estimated.entry[1:]]
+        return self.ekf.z[self.ekf.estimated.entry[1:]]
 
     def _calc_state(self, context, output):
         mean = self._part(context, "estimate")
         inputs, span = self._inputs(context, self._part(context, "known"))
         if span > 0.0:
             start = context.get_time() - span
-            mean, _ = predict_mean(self._ekf, mean, inputs, span, start)
-        output.SetFromVector(mean[: self._ekf.num_states])
+            mean, _ = predict_mean(self.ekf, mean, inputs, span, start)
+        output.SetFromVector(mean[: self.ekf.num_states])
 
     def _sample(self, context, discrete_state):
         # The clock ticks at time 0 as that of motion capture's log does: starting
         # later, its ticks would differ from the log's by a rounding.
-        if context.get_time() < 0.5 * self._ekf.period:
+        if context.get_time() < 0.5 * self.ekf.period:
             parts = context.get_discrete_state_vector().CopyToVector()
             parts[self._slices["known"]] = self._eval_known(context)
             discrete_state.set_value(parts)
             return
-        size = len(self._ekf.names)
+        size = len(self.ekf.names)
         known = self._eval_known(context)
         inputs, span = self._inputs(context, known)
         before = Belief(
@@ -128,7 +128,7 @@ class ExtendedKalmanFilter(LeafSystem):
             covariance=self._part(context, "covariance").reshape(size, size),
         )
         found = run_ekf(
-            self._ekf,
+            self.ekf,
             before,
             inputs[None, None],
             self._measured.Eval(context)[None, None],

@@ -46,6 +46,14 @@ class LaunchSpread:
             good = math.isfinite(value) and value >= 0.0
             expect(good, f"LaunchSpread: '{name}'", value, "a number not negative")
 
+    def scaled(self, times: float) -> "LaunchSpread":
+        """Returns launches that err so many times as much."""
+        return LaunchSpread(
+            height=times * self.height,
+            speed=times * self.speed,
+            pitch=times * self.pitch,
+        )
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Case:

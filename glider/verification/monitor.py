@@ -1,9 +1,15 @@
-"""A Drake System that watches a funnel: is the glider inside, and by how much?"""
+"""A funnel in a diagram: its monitor (is the glider inside?) and its feedback."""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
+from pydrake.systems.primitives import TrajectoryAffineSystem
+from pydrake.trajectories import PiecewisePolynomial
 
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.trials.flights import funnel_policy
+
+TABLE = 441
+"""Number of times that a regulator's gains are given at."""
 
 
 class FunnelMonitor(LeafSystem):
@@ -41,3 +47,28 @@ class FunnelMonitor(LeafSystem):
 
     def _calc_inside(self, context, output):
         output.SetFromVector([float(self._level(context) <= 1.0)])
+
+
+def funnel_regulator(funnel: Funnel) -> TrajectoryAffineSystem:
+    """Returns a funnel's own feedback as a Drake System.
+
+    state -> [ TrajectoryAffineSystem ] -> elevator rate = offset - gain x
+    """
+    policy = funnel_policy(funnel)
+    times = np.linspace(0.0, policy.plan.duration, TABLE)
+    offset, gain = policy.sample(times)
+
+    def over_time(values: np.ndarray) -> PiecewisePolynomial:
+        return PiecewisePolynomial.FirstOrderHold(times, list(values))
+
+    def zeros(rows: int, columns: int) -> PiecewisePolynomial:
+        return over_time(np.zeros((TABLE, rows, columns)))
+
+    return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
+        A=zeros(1, 1),
+        B=zeros(1, funnel.num_states),
+        f0=zeros(1, 1),
+        C=zeros(1, 1),
+        D=over_time(-gain[:, None, :]),
+        y0=over_time(offset[:, None, None]),
+    )

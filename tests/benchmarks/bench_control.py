@@ -14,7 +14,7 @@ from pydrake.systems.controllers import FiniteHorizonLinearQuadraticRegulator
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.control import tvlqr_drake
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import policy_of, tracking_gains, tracking_regulator
 from glider.simulation.fly import AFTER, fly
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
@@ -48,18 +48,18 @@ def main():
     print("\nGains along the article's plan")
     slow_seconds = best_seconds(lambda: plain_gains(plan))
     fast_seconds = best_seconds(lambda: tracking_gains(NOMINAL, plan))
-    pass_seconds = best_seconds(lambda: compiled_policy(NOMINAL, plan))
+    pass_seconds = best_seconds(lambda: tracking_policy(NOMINAL, plan))
     print(f"  Drake, plain plant     {1e3 * slow_seconds:7.1f} ms")
     for name, seconds in (("Drake", fast_seconds), ("compiled pass", pass_seconds)):
         ratio = seconds / slow_seconds
         print(f"  {name:22s} {1e3 * seconds:7.1f} ms   {ratio:.4f} of it")
     times = np.linspace(0.0, plan.duration, 1000)
     drake = policy_of(tracking_gains(NOMINAL, plan), plan)
-    gains = [p.sample(times)[1] for p in (drake, compiled_policy(NOMINAL, plan))]
+    gains = [p.sample(times)[1] for p in (drake, tracking_policy(NOMINAL, plan))]
     difference = np.max(np.abs(gains[0] - gains[1])) / np.max(np.abs(gains[0]))
     print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
 
-    policy, rng = compiled_policy(NOMINAL, plan), np.random.default_rng(0)
+    policy, rng = tracking_policy(NOMINAL, plan), np.random.default_rng(0)
     starts = draw_launches(PROBLEM, LaunchSpread(), 10_000, rng)
     print("\n10,000 flights, on one core")
     for name, options in (

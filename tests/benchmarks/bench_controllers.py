@@ -15,8 +15,7 @@ import argparse
 import numpy as np
 
 from diagrams.program import load_truth
-from diagrams.studies.controllers import CONTROLLERS, race
-from diagrams.studies.rehearsal import COMMAND_RATE, trace_model
+from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, fly
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
@@ -33,16 +32,6 @@ TRUTHS = (
 WIDTHS = (1, 2, 3)
 FLIGHTS = 100
 PERIOD_MS = 1e3 / COMMAND_RATE
-
-
-def widened(times: int) -> LaunchSpread:
-    """Returns launches that err so many times as much."""
-    usual = LaunchSpread()
-    return LaunchSpread(
-        height=times * usual.height,
-        speed=times * usual.speed,
-        pitch=times * usual.pitch,
-    )
 
 
 def latency(seconds: np.ndarray) -> str:
@@ -63,7 +52,7 @@ def main(
     print("|---|---|" + "---|" * len(columns))
     for name in truths:
         truth = load_truth(name)
-        corrected = trace_model(truth, FLIGHTS, np.random.default_rng(0)).model
+        corrected = corrected_model(truth, FLIGHTS, np.random.default_rng(0))
         models = {"corrected": corrected}
         if not estimated:
             drawn = GliderModel(parameters=truth.parameters)
@@ -73,9 +62,11 @@ def main(
             took = []
             for times in WIDTHS:
                 rng = np.random.default_rng([1, times])
-                starts = draw_launches(problem, widened(times), launches, rng)
+                starts = draw_launches(
+                    problem, LaunchSpread().scaled(times), launches, rng
+                )
                 unsure = times if estimated else None
-                raced = race(truth, model, problem, starts, unsure=unsure)
+                raced = fly(truth, model, problem, starts, unsure=unsure)
                 took.append(raced.seconds)
                 failures += raced.failures
                 for controller, flown in raced.flights.items():

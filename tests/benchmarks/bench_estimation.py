@@ -9,7 +9,7 @@ import os
 
 import numpy as np
 
-from diagrams.loops import fly_on_estimate
+from filter_flights import fly_on_estimate
 from glider.estimation.ekf import make_ekf
 from glider.estimation.noisy_flights import draw_starts, fly_watched
 from glider.estimation.perching import (

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
@@ -24,7 +24,7 @@ EVERY = 5
 
 def main():
     """Prints a row for each inflation of the sampled remainder."""
-    policy = compiled_policy(GliderModel(), plan(GliderModel(), PerchingProblem()))
+    policy = tracking_policy(GliderModel(), plan(GliderModel(), PerchingProblem()))
     row = "{:>9} {:>8} {:>8} {:>9} {:>10} {:>10} {:>28} {}"
     names = ("remainder", "z [m]", "pitch °", "ẋ [m/s]", "made [s]", "check", "proof")
     print(row.format(*names, ""))

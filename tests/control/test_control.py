@@ -15,7 +15,7 @@ from glider.control.policy import (
     sample_plan,
     weight_matrix,
 )
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import (
     TABLE_STEP,
     policy_of,
@@ -72,7 +72,7 @@ def test_the_compiled_pass_equals_drakes(lagging):
     plan = plan_of(lagging)
     model = LAGGING if lagging else NOMINAL
     gains = tracking_gains(model, plan) if lagging else drake_gains()
-    compiled, drake = compiled_policy(model, plan), policy_of(gains, plan)
+    compiled, drake = tracking_policy(model, plan), policy_of(gains, plan)
     for name in ("gains", "cost"):
         ours, theirs = getattr(compiled, name), getattr(drake, name)
         # Common rows: both divide each knot interval into equal parts.
@@ -94,7 +94,7 @@ def test_what_the_plan_lacks_is_corrected_as_drake_does():
     plan = dataclasses.replace(plan_of(), inputs=plan_of().inputs + 1.0)
     gains = tracking_gains(GliderModel(), plan)
     drake = policy_of(gains, plan)
-    ours = compiled_policy(GliderModel(), plan, step=TABLE_STEP)
+    ours = tracking_policy(GliderModel(), plan, step=TABLE_STEP)
     assert np.max(np.abs(drake.corrections)) > 0.5
     np.testing.assert_allclose(ours.corrections, drake.corrections, atol=1e-4)
     np.testing.assert_allclose(ours.cost_slope, drake.cost_slope, atol=1e-4)
@@ -132,7 +132,7 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
     # Without thrust nobody holds a place on the way down: x and z weigh nothing.
     weights = TrackingWeights(state=(0, 0, 10, 1, 1, 1, 1), final=(0,) * 7)
     S = solve_continuous_are(A, B, np.diag(weights.state[2:]), [[weights.rate]])
-    found = compiled_policy(NOMINAL, steady, weights, step=0.01)
+    found = tracking_policy(NOMINAL, steady, weights, step=0.01)
     np.testing.assert_allclose(found.cost[0, 2:, 2:], S, rtol=1e-5, atol=1e-5)
     gain = B[:, 0] @ S / weights.rate
     np.testing.assert_allclose(found.gains[0, 2:], gain, rtol=1e-5, atol=1e-5)
@@ -192,7 +192,7 @@ def test_weights_without_a_solution_are_refused(weights):
         TrackingWeights(**weights)
 
 
-@pytest.mark.parametrize("make", [tracking_gains, tracking_regulator, compiled_policy])
+@pytest.mark.parametrize("make", [tracking_gains, tracking_regulator, tracking_policy])
 def test_a_plan_for_another_glider_is_refused(make):
     with pytest.raises(InputError, match=r"servo_lag\.servo_rate"):
         make(LAGGING, plan_of())
@@ -201,7 +201,7 @@ def test_a_plan_for_another_glider_is_refused(make):
 def test_a_quick_servo_is_fed_back_as_none():
     """The compiled pass against Drake's, whose steps are as short as it needs."""
     planned = dircol.plan(QUICK, PROBLEM)
-    table = compiled_policy(QUICK, planned)
+    table = tracking_policy(QUICK, planned)
     drake = tracking_gains(QUICK, planned)
     for time in (0.0, 0.3, 0.6):
         k = int(np.argmin(np.abs(table.times - time)))

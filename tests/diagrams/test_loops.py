@@ -12,11 +12,10 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain, MatrixGain
 
 from diagrams.__main__ import save_pictures
-from diagrams.loops import closed_loop
-from diagrams.loops import open_loop
+from diagrams.loops import closed_loop, open_loop
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
+from diagrams.playback import track_of
 from diagrams.simulate import reset, simulate_flights
-from diagrams.tracks import flight_track
 from diagrams.wiring import LONGEST
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
@@ -196,7 +195,7 @@ def test_the_forces_are_those_of_the_wing_and_then_the_elevator(sampled):
         wing, elevator = plant.GetOutputPort("forces").Eval(context)[:2]
         assert flight.forces[k] == pytest.approx([wing, elevator])
         assert abs(wing - elevator) > 0.01
-    shown = flight_track("flown", flight)
+    shown = track_of("flown", flight)
     rows = np.searchsorted(flight.times, shown.times, side="right") - 1
     np.testing.assert_array_equal(shown.forces, flight.forces[rows])
 
@@ -210,7 +209,7 @@ def test_a_compiled_flight_is_shown_without_forces():
         command_rate=50.0,
         keep_paths=True,
     )
-    shown = flight_track("compiled", flights.flight(0))
+    shown = track_of("compiled", flights.flight(0))
     assert shown.forces is None
     np.testing.assert_array_equal(shown.times, flights.times)
     np.testing.assert_array_equal(shown.poses, flights.paths[0, :, :4])

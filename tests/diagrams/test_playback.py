@@ -11,8 +11,15 @@ from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.marks import ARROW_SCALE, arrow_paths, trail_path
 from diagrams.page import write_html
-from diagrams.playback import RED, MakePlayback, Track, legend_of, play, stage_of
-from diagrams.tracks import flight_track
+from diagrams.playback import (
+    RED,
+    MakePlayback,
+    Track,
+    legend_of,
+    play,
+    stage_of,
+    track_of,
+)
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.planning.problem import PerchingProblem
@@ -196,6 +203,6 @@ def test_steps_that_are_a_rounding_error_apart_are_shown_as_one():
     times = np.array([0.0, 0.1, np.nextafter(0.1, 1.0), 0.2])
     states = np.zeros((4, 7))
     flight = hooked(times, states, np.zeros(4), PerchingProblem(wire=[1.0, 0.0]))
-    track = flight_track("flown", flight)
+    track = track_of("flown", flight)
     assert len(track.times) == 3
     MakePlayback([track], Meshcat())

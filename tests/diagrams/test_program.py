@@ -12,6 +12,7 @@ from diagrams.playback import Track
 from diagrams.program import (
     add_launches,
     check_files,
+    load_truth,
     make_parser,
     read_options,
     run,
@@ -23,6 +24,7 @@ from diagrams.program import (
     write_json,
 )
 from glider.errors import InputError
+from glider.paths import models_path
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Attempt
 
@@ -219,3 +221,16 @@ def test_a_problem_without_a_plan_is_one_sentence(capsys):
 def test_a_fault_of_ours_is_not_hidden():
     with pytest.raises(ZeroDivisionError):
         run(lambda: print(1 / 0))
+
+
+def test_every_shipped_truth_is_a_model_with_one_effect_or_a_field():
+    names = [path.stem for path in models_path("truths").glob("*.yaml")]
+    assert len(names) >= 6
+    for name in names:
+        truth = load_truth(name)
+        assert (len(truth.effects) == 1) != (truth.field is not None)
+
+
+def test_an_unknown_truth_is_refused_with_the_known_ones():
+    with pytest.raises(InputError, match=r"'tail_wind'.*head_wind"):
+        load_truth("tail_wind")

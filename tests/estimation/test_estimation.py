@@ -14,9 +14,10 @@ from pydrake.systems.primitives import (
 )
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.loops import estimated_loop, fly_on_estimate
+from diagrams.loops import estimated_loop
 from diagrams.simulate import simulate_flights
 from diagrams.wiring import tape_rows
+from filter_flights import fly_on_estimate
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.consistency import assess, chi_square_band, squared_errors

@@ -32,7 +32,7 @@ def test_a_disturbed_cruise_returns_to_its_trim(model, speed):
     first, last = flown.offsets
     assert first > 0.04
     assert last < 1e-3
-    end = flown.flight.states[-1] - flown.trim
+    end = flown.flights[0].states[-1] - flown.trim
     np.testing.assert_allclose(end[2:], 0.0, atol=1e-3)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from diagrams.studies.funnel_figures import save_funnel_figure
+from examples.perching_funnel import save_funnel_figure
 from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
 from learning_figures import save_learning_figure

@@ -1,12 +1,20 @@
 """What closing the loop buys: an effect that the model lacks, before and after."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from diagrams.program import load_truth
 from examples import perch_corrected
+from examples.perch_corrected import Correction, Rehearsal, name_effects, rehearse
+from glider.physics.effects import PITCH_DAMPING, WIND
+from glider.physics.model import GliderModel, save_model
+from glider.planning.problem import PerchingProblem
+from glider.simulation.flown_flights import Perches
+from glider.simulation.monte_carlo import LaunchSpread, draw_launches
 from tests.helpers.examples import tell
-
-pytestmark = pytest.mark.slow
+from tests.helpers.physics import FIELD
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +28,7 @@ def told(flown, tmp_path_factory):
     return tell(perch_corrected, flown, folder, "--launches=10", "--seed=3")
 
 
+@pytest.mark.slow
 def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert [effect.kind for effect in flown.found.effects] == ["wind"]
     assert flown.before.flights.perched <= 2
@@ -27,6 +36,7 @@ def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
     assert max(flown.after.flights.misses) < 0.05 < min(flown.before.flights.misses)
 
 
+@pytest.mark.slow
 def test_it_is_told_as_it_is(told, flown):
     figures = told.figures
     assert figures["effect_true"] == "wind"
@@ -40,9 +50,62 @@ def test_it_is_told_as_it_is(told, flown):
     assert truth == load_truth("head_wind")
 
 
+@pytest.mark.slow
 def test_it_is_drawn_and_animated(told):
     assert told.size == (1425, 1050)
     assert told.ink > 0.02
     assert ">Before and after: head_wind<" in told.page
     for words in ("planned corrected", "planned nominal", "plan of the nominal model"):
         assert f">{words}<" in told.page
+
+
+def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
+    problem, nominal = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
+    starts = draw_launches(problem, LaunchSpread(), 3, np.random.default_rng(0))
+    first, again = (
+        rehearse(nominal, nominal, problem, starts, np.random.default_rng(1))
+        for _ in range(2)
+    )
+    assert first.flights.misses == again.flights.misses
+    assert first.flights.perched == 3
+    assert [f.name for f in first.campaign.flights] == [
+        f"flight_{k:03d}.csv" for k in range(3)
+    ]
+    for flight, log in zip(first.flights, first.campaign.flights, strict=True):
+        path = np.array(
+            [np.interp(log.time, flight.times, column) for column in flight.states.T]
+        )
+        # Between the integrator's steps a straight line is a millimeter off.
+        np.testing.assert_allclose(log.pose[:, :2], path[:2].T, atol=0.004)
+        assert not np.allclose(log.pose[:, 2], path[2], atol=1e-4)  # Noise.
+
+
+@pytest.mark.parametrize(
+    ("truth", "expected"),
+    [
+        (GliderModel(), "nothing"),
+        (GliderModel(effects=(WIND(x=-1.0), PITCH_DAMPING())), "wind + pitch_damping"),
+        (GliderModel(effects=(WIND(x=-1.0),), field=FIELD), "wind + rbf_residual"),
+    ],
+)
+def test_what_is_true_is_told_as_it_is(tmp_path, truth, expected):
+    """Of files with several effects or none."""
+    save_model(tmp_path / "truth.yaml", truth)
+    assert name_effects(load_truth(str(tmp_path / "truth.yaml"))) == expected
+
+
+def test_a_correction_tells_its_truth_and_its_effects():
+    """Nothing is flown here."""
+    flown = Rehearsal(plan=None, flights=Perches([]), campaign=None)
+    found = SimpleNamespace(effects=(SimpleNamespace(kind="wind"),))
+    truth = load_truth("head_wind")
+    correction = Correction(truth=truth, before=flown, found=found, after=flown)
+    none = Perches([]).key_figures()
+    assert none["perched"] == 0
+    assert correction.key_figures() == {
+        "effect_true": "wind",
+        "effect_found": ["wind"],
+        "before": none,
+        "after": none,
+        "launches": 0,
+    }

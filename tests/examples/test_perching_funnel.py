@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from diagrams.program import load_truth, run
-from diagrams.studies.funnel_study import FunnelTrials, study_funnel
 from examples import perching_funnel
+from examples.perching_funnel import FunnelTrials, study_funnel
 from glider.paths import models_path
 from glider.planning.problem import load_problem
 from glider.verification.funnel.funnel import load_funnel
@@ -24,7 +24,7 @@ OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=200")
 def found():
     few = functools.partial(study_estimates, noises=[0.001], unknown=[0.1, 1.0])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(perching_funnel, "study_estimates", few)
+        patch.setattr(perching_funnel.funnels, "study_estimates", few)
         return perching_funnel.run(
             load_truth("head_wind"),
             FunnelTrials(samples=80, every=200, prove=True),

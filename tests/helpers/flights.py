@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import policy_of, tracking_gains
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
@@ -41,7 +41,7 @@ def drake_policy():
 @functools.cache
 def policy():
     """Returns the compiled policy along the plan of the nominal model."""
-    return compiled_policy(GliderModel(), plan_of())
+    return tracking_policy(GliderModel(), plan_of())
 
 
 def draw_noise(count, commands, seed=5):

@@ -10,7 +10,7 @@ import pytest
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
 from glider.compiled.constants import BLOCK
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL, WIND
@@ -155,7 +155,7 @@ def test_a_short_flight_does_not_reach_the_wire():
 
 
 def test_a_policy_with_states_of_its_own_needs_the_observer():
-    lagging = compiled_policy(LAGGING, plan_of(lagging=True))
+    lagging = tracking_policy(LAGGING, plan_of(lagging=True))
     with pytest.raises(InputError, match=r"diagrams.closed_loop's observer"):
         fly(NOMINAL, lagging, launches(2))
     assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()

@@ -6,23 +6,18 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectoryAffineSystem
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.primitives import LogVectorOutput
 
 from diagrams.loops import estimated_loop
-from diagrams.studies.funnel_estimate import estimate_figures
 from diagrams.wiring import tape_rows
+from examples.perching_funnel import estimate_figures
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
-from glider.verification.monitor import FunnelMonitor
+from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.trials.estimated import fly_estimated, study_estimates
-from glider.verification.trials.funnel_flights import (
-    boundary_states,
-    fly_from,
-    funnel_policy,
-)
+from glider.verification.trials.funnel_flights import boundary_states, fly_from
 
 NOISE = 0.003
 UNKNOWN = 0.5
@@ -43,28 +38,6 @@ def draws():
     return np.random.default_rng(4).normal(size=(1, SAMPLES, 4))
 
 
-def regulator_of(funnel):
-    """Returns a funnel's own feedback as a System, u = offset - gain x."""
-    policy = funnel_policy(funnel)
-    times = np.linspace(0.0, policy.plan.duration, 441)
-    offset, gain = policy.sample(times)
-
-    def held(values):
-        return PiecewisePolynomial.FirstOrderHold(times, list(values))
-
-    def zeros(rows, columns):
-        return held(np.zeros((len(times), rows, columns)))
-
-    return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
-        A=zeros(1, 1),
-        B=zeros(1, 7),
-        f0=zeros(1, 1),
-        C=zeros(1, 1),
-        D=held(-gain[:, None, :]),
-        y0=held(offset[:, None, None]),
-    )
-
-
 @pytest.fixture(scope="module")
 def watched(funnel, launch, draws):
     """One flight in a diagram: the logs of two monitors, on "state" and "estimate".
@@ -78,7 +51,7 @@ def watched(funnel, launch, draws):
         mean=launch[0] - UNKNOWN * (launch[0] - funnel.center(0.0)),
         covariance=UNKNOWN**2 / 9.0 * np.linalg.inv(funnel.shape(0.0)),
     )
-    loop = estimated_loop(model, regulator_of(funnel), ekf, prior)
+    loop = estimated_loop(model, funnel_regulator(funnel), ekf, prior)
     builder, logs = DiagramBuilder(), {}
     builder.AddSystem(loop)
     for name in ("state", "estimate"):

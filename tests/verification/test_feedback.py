@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR
@@ -30,7 +30,7 @@ def nominal(article_plan):
     plan, model = article_plan, GliderModel()
     arrays = {name: getattr(plan, name)[20:] for name in ("states", "slopes", "inputs")}
     plan = dataclasses.replace(plan, times=plan.times[20:] - plan.times[20], **arrays)
-    return make_nominal(model, compiled_policy(model, plan), 0.011)
+    return make_nominal(model, tracking_policy(model, plan), 0.011)
 
 
 def test_the_commands_slopes_are_those_of_the_closed_loop(nominal):

@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
@@ -90,7 +90,7 @@ def short(article_plan):
     plan = article_plan
     arrays = {name: getattr(plan, name)[36:] for name in ("states", "slopes", "inputs")}
     plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
-    policy = compiled_policy(GliderModel(), plan)
+    policy = tracking_policy(GliderModel(), plan)
     settings = FunnelSettings(step=0.011, hold=0.044, remainder=1.1, margin=0.1)
     return make_funnel(GliderModel(), policy, settings, hook_of=PerchingProblem())
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
@@ -47,7 +47,7 @@ def policy(article_plan):
     plan = article_plan
     arrays = {name: getattr(plan, name)[36:] for name in ("states", "slopes", "inputs")}
     plan = dataclasses.replace(plan, times=plan.times[36:] - plan.times[36], **arrays)
-    return compiled_policy(GliderModel(), plan)
+    return tracking_policy(GliderModel(), plan)
 
 
 SETTINGS = FunnelSettings(step=0.011, hold=0.044, remainder=1.1, margin=0.1)

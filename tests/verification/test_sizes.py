@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.control.tvlqr import compiled_policy
+from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -24,7 +24,7 @@ SETTINGS = FunnelSettings(step=0.011, hold=0.088, launch_sizes=LAUNCH_SIZES)
 
 @pytest.fixture(scope="module")
 def policy(article_plan):
-    return compiled_policy(GliderModel(), article_plan)
+    return tracking_policy(GliderModel(), article_plan)
 
 
 @pytest.fixture(scope="module")

@@ -78,7 +78,7 @@ def make_funnel(
 
     Args:
         model: the glider that the plan is for.
-        policy: the feedback, e.g. of `glider.control.tvlqr.compiled_policy`.
+        policy: the feedback, e.g. of `glider.control.tvlqr.tracking_policy`.
         settings: goal and margins.
         confidence: set of gliders that are to stay, each in the funnel about its own
             center; None for the model's own. It takes a remainder to bear.
