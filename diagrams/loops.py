@@ -20,9 +20,9 @@ from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
+from glider.systems.elevator_servo import ElevatorServo
 from glider.systems.noise import SampledNoise
 from glider.systems.observer import ExtraStates
-from glider.systems.elevator_servo import ElevatorServo
 
 CAPTURED = ("x", "z", "pitch", "elevator")
 """States that motion capture measures, in its order."""

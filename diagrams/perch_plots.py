@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.axes import Axes
 
-from glider.planning.problem import Hook
 from glider.planning.plan import Plan
+from glider.planning.problem import Hook
 from glider.simulation.flown_flights import FlownFlight
 
 RED, BLUE = "#D55E00", "#0072B2"

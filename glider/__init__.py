@@ -25,12 +25,13 @@ _HOMES = {
     "draw_launches": "glider.simulation.monte_carlo",
     "fly": "glider.simulation.fly",
     "headline": "glider.report.wording",
-    "import_campaign": "glider.campaign.importing.run",
+    "import_campaign": "glider.campaign.importing.campaign_import",
     "load_campaign": "glider.campaign.reader",
     "load_model": "glider.physics.model",
     "load_problem": "glider.planning.problem",
     "perching_filter": "glider.estimation.perching",
     "plan": "glider.planning.dircol",
+    "print_summary": "glider.report.terminal",
     "save_model": "glider.physics.model",
     "scalar": "glider.physics.formulas",
     "simulate_campaign": "glider.sysid.fit.simulate",
@@ -53,7 +54,7 @@ __all__ = list(_HOMES | _MODULES)
 
 if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider import funnels, throws
-    from glider.campaign.importing.run import import_campaign
+    from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
     from glider.campaign.reader import load_campaign
     from glider.control.mpc import ModelPredictiveController
@@ -71,6 +72,7 @@ if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider.planning.plan import Plan
     from glider.planning.problem import PerchingProblem, load_problem
     from glider.report.folder import write_report
+    from glider.report.terminal import print_summary
     from glider.report.wording import headline
     from glider.simulation.flown_flights import Perches
     from glider.simulation.fly import fly

@@ -1,7 +1,8 @@
-"""What is used first costs little, and a fault in the input is told at once.
+"""What is used first costs little, and a fault in the input is reported at once.
 
 That is, before pydrake, numba, SciPy and matplotlib are imported, of which each takes
-a good part of a second. Modules are counted, in a process of their own, not time.
+a good part of a second. Modules are counted, not time: each case runs in a fork of one
+process, which has imported nothing.
 """
 
 import ast
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import diagrams
 import glider
 from glider.paths import models_path
 from tests.helpers.campaigns import campaign_path
@@ -35,47 +37,89 @@ FIRST = {
     "plan",
 }
 
-LOADED = f"print(json.dumps([m for m in {HEAVY} if m in sys.modules]))"
+SERVER = """
+import contextlib, io, json, os, sys, traceback
 
-COMMAND = f"""
-import json, sys
+def run(code, arguments):
+    sys.argv[1:] = arguments
+    try:
+        exec(compile(code, "case", "exec"), {"__name__": "__main__"})
+    except SystemExit as stop:
+        return stop.code
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    return 0
+
+for line in sys.stdin:
+    code, arguments = json.loads(line)
+    reader, writer = os.pipe()
+    if os.fork() == 0:
+        out, error = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+            returned = run(code, arguments)
+        answer = {
+            "code": returned,
+            "out": out.getvalue(),
+            "error": error.getvalue(),
+            "modules": sorted(sys.modules),
+        }
+        with open(writer, "w") as file:
+            json.dump(answer, file)
+        os._exit(0)
+    os.close(writer)
+    with open(reader) as file:
+        print(file.read(), flush=True)
+    os.wait()
+"""
+
+COMMAND = """
+import sys
 from glider.__main__ import main
-try:
-    code = main(sys.argv[1:])
-except SystemExit as stop:
-    code = stop.code
-{LOADED}
-sys.exit(code)
+sys.exit(main(sys.argv[1:]))
 """
 
 
-def run(code, *arguments):
-    """Runs Python code in a process of its own, in the root of the source tree."""
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
+@pytest.fixture(scope="module")
+def run():
+    """Runs Python code in a fork of one process, in the root of the source tree.
+
+    The answer has the exit code, what was printed on "out" and "error", and the modules
+    that were loaded at the end.
+    """
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVER],
         cwd=ROOT,
-        capture_output=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
         text=True,
-        check=False,
     )
 
+    def ask(code, *arguments):
+        print(json.dumps([code, [str(a) for a in arguments]]), file=server.stdin)
+        server.stdin.flush()
+        return json.loads(server.stdout.readline())
 
-def loaded(done):
-    """Returns which of HEAVY a process had loaded at its end."""
-    return set(json.loads(done.stdout.splitlines()[-1]))
+    with server:
+        yield ask
+        server.stdin.close()
+
+
+def loaded(answer):
+    """Returns which of HEAVY a case had loaded at its end."""
+    return {name for name in HEAVY if name in answer["modules"]}
 
 
 # ---------------------------------------------------------------- import glider
 
 
-def test_import_glider_imports_nothing_else():
-    done = run(
-        "import sys; import glider; "
-        "print([m for m in sys.modules if m == 'numpy' or m.startswith('glider.')])"
-        f"\nimport json; {LOADED}"
-    )
-    assert done.stdout.splitlines()[0] == "[]", done.stderr
-    assert loaded(done) == set()
+@pytest.mark.parametrize("package", ["glider", "diagrams"])
+def test_an_import_imports_nothing_else(run, package):
+    done = run(f"import {package}")
+    assert done["code"] == 0, done["error"]
+    ours = [m for m in done["modules"] if m.startswith(("glider", "diagrams"))]
+    assert ours == [package]
+    assert not {"numpy", *HEAVY} & set(done["modules"])
 
 
 @pytest.mark.parametrize(
@@ -88,9 +132,9 @@ def test_import_glider_imports_nothing_else():
         ("load_model", FOR_NUMBA),
     ],
 )
-def test_a_name_loads_no_more_than_it_needs(name, needs):
-    done = run(f"import json, sys; from glider import {name}; {LOADED}")
-    assert done.returncode == 0, done.stderr
+def test_a_name_loads_no_more_than_it_needs(run, name, needs):
+    done = run(f"from glider import {name}")
+    assert done["code"] == 0, done["error"]
     assert loaded(done) <= needs
 
 
@@ -99,14 +143,25 @@ def test_what_people_use_first_is_there():
     assert set(dir(glider)) >= FIRST
 
 
-@pytest.mark.parametrize("name", glider.__all__)
-def test_a_name_is_that_of_its_module(name):
-    module = importlib.import_module(glider._HOMES[name])
-    assert getattr(glider, name) is getattr(module, name)
+@pytest.mark.parametrize("package", [glider, diagrams])
+def test_a_name_is_that_of_its_module(package):
+    for name, home in package._HOMES.items():
+        module = importlib.import_module(home)
+        assert getattr(package, name) is getattr(module, name)
+        assert getattr(package, name).__module__ in (home, f"{home}.effect"), name
+    for name, home in package._MODULES.items():
+        assert getattr(package, name) is importlib.import_module(home)
 
 
-def test_mypy_and_editors_see_the_same_names():
-    tree = ast.parse(Path(glider.__file__).read_text(encoding="utf-8"))
+def test_the_names_are_about_thirty():
+    names = [*glider.__all__, *diagrams.__all__]
+    assert len(names) <= 46
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("package", [glider, diagrams])
+def test_mypy_and_editors_see_the_same_names(package):
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
     [block] = [node for node in tree.body if isinstance(node, ast.If)]
     seen = {
         alias.name: node.module
@@ -114,7 +169,32 @@ def test_mypy_and_editors_see_the_same_names():
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert seen == glider._HOMES
+    modules = {name: home.rpartition(".")[0] for name, home in package._MODULES.items()}
+    assert seen == package._HOMES | modules
+
+
+PUBLIC = [
+    *sorted((ROOT / "examples").glob("*.py")),
+    *sorted((ROOT / "docs" / "tutorials").glob("*.py")),
+]
+
+
+@pytest.mark.parametrize("path", PUBLIC, ids=lambda path: path.name)
+def test_examples_and_tutorials_import_public_names_alone(path):
+    public = {"glider": set(glider.__all__), "diagrams": set(diagrams.__all__)}
+    used = 0
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                assert alias.name.split(".")[0] not in public, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            package = (node.module or "").split(".")[0]
+            if package in public:
+                assert node.module == package, f"line {node.lineno}: {node.module}"
+                unknown = {alias.name for alias in node.names} - public[package]
+                assert not unknown, f"line {node.lineno}: {unknown}"
+                used += 1
+    assert used
 
 
 def test_another_name_is_an_attribute_error():
@@ -130,9 +210,9 @@ def test_another_name_is_an_attribute_error():
     [["--help"], ["--version"], ["close-the-loop", "--help"], ["check-funnel", "-h"]],
     ids=" ".join,
 )
-def test_help_loads_nothing_heavy(arguments):
+def test_help_loads_nothing_heavy(run, arguments):
     done = run(COMMAND, *arguments)
-    assert done.returncode == 0, done.stderr
+    assert done["code"] == 0, done["error"]
     assert loaded(done) == set()
 
 
@@ -199,11 +279,11 @@ def places(tmp_path_factory):
         ("samples gremlins", "there is no sample 'gremlins'", set()),
     ],
 )
-def test_a_fault_in_the_input_is_told_at_once(places, line, words, needs):
+def test_a_fault_in_the_input_is_reported_at_once(run, places, line, words, needs):
     """In one sentence and with exit code 2, before what it does not need is loaded."""
     done = run(COMMAND, *(word.format(**places) for word in line.split()))
-    assert done.returncode == 2, done.stderr
-    [message] = done.stderr.strip().splitlines()
+    assert done["code"] == 2, done["error"]
+    [message] = done["error"].strip().splitlines()
     assert message.startswith("error: ")
     assert words in message
     assert loaded(done) <= needs

@@ -17,13 +17,14 @@
 #     python -m glider close-the-loop attached_lift
 
 # %%
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 from IPython.display import Image
 from rich.console import Console
 
-from glider import close_the_loop
-from glider.campaign.reader import load_campaign
+from glider import close_the_loop, load_campaign, print_summary, write_report
 
 campaign = load_campaign("attached_lift")
 print(len(campaign.flights), "flights at", campaign.pose_rate, "Hz")
@@ -54,8 +55,6 @@ plt.show()
 # enough here.
 
 # %%
-from glider.report.terminal import print_summary
-
 few = [flight.name for flight in campaign.flights[:20]]
 result = close_the_loop("attached_lift", flights=few)
 print_summary(result, Console(width=88, force_jupyter=False, force_terminal=False))
@@ -87,11 +86,8 @@ print(f"held-out position error: {gain:.0f} times smaller")
 # the part on the grey background.
 
 # %%
-from glider.report.plots.as_file import to_png
-from glider.report.figures_of_result import make_figures
-
-figures = make_figures(result)
-Image(to_png(figures["held_out"]), width=820)
+write_report(result, Path("attached_lift"))
+Image("attached_lift/figures/held_out.png", width=820)
 
 # %% [markdown]
 # What the flat plate lacks, as coefficients over the angle of attack. Up to 15° the
@@ -99,21 +95,17 @@ Image(to_png(figures["held_out"]), width=820)
 # this is attached flow. The green line is the part that the identified effect explains.
 
 # %%
-Image(to_png(figures["curves"]), width=820)
+Image("attached_lift/figures/curves.png", width=820)
 
 # %% [markdown]
 # ## The files
 #
-# The command line writes the same results into `out/attached_lift`. `report.html` is
-# one page with all figures, which you can zoom. `report.json` is the same for programs.
-# `model.yaml` is the corrected glider, for everything that flies or plans.
+# `write_report` wrote them; the command line does the same into `out/attached_lift`.
+# `report.html` is one page with all figures, which you can zoom. `report.json` is the
+# same for programs. `model.yaml` is the corrected glider, for everything that flies or
+# plans.
 
 # %%
-from pathlib import Path
-
-from glider.report.folder import write_report
-
-write_report(result, Path("attached_lift"))
 for path in sorted(Path("attached_lift").glob("*.*")):
     print(f"{path.name:12} {path.stat().st_size / 1024:8.0f} kB")
 

@@ -23,9 +23,7 @@
 
 # %%
 # %%writefile thread_drag.py
-from glider import EffectKind
-from glider.physics.effects import Coefficient
-from glider.physics.formulas import scalar
+from glider import EffectKind, effects, scalar
 
 
 @scalar
@@ -38,7 +36,9 @@ THREAD_DRAG = EffectKind(
     stage="wrench",
     adds_to=("force_x", "force_z"),
     coefficients=(
-        Coefficient(name="coefficient", unit="N s/m", scale=0.02, lower=0.0, upper=1.0),
+        effects.Coefficient(
+            name="coefficient", unit="N s/m", scale=0.02, lower=0.0, upper=1.0
+        ),
     ),
     formula=_thread_drag,
     words="a trailing thread, whose drag is linear in airspeed",
@@ -59,8 +59,7 @@ import numpy as np
 sys.path.insert(0, ".")
 from thread_drag import THREAD_DRAG
 
-from glider import GliderModel, close_the_loop
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider import CampaignPlan, GliderModel, close_the_loop, simulate_campaign
 
 truth = GliderModel(effects=(THREAD_DRAG(coefficient=0.03),))
 plan = CampaignPlan(flights=12)
@@ -117,7 +116,7 @@ command_rate: 50
 written = Path("MAP.yaml").write_text(MAP)
 
 # %%
-from glider.campaign.importing.campaign_import import import_campaign
+from glider import import_campaign
 
 files = sorted(Path("takes").glob("*.csv"))
 imported = import_campaign(files, "MAP.yaml", "throws")
@@ -128,7 +127,7 @@ print(*imported.describe().splitlines()[:3], "...", sep="\n")
 # This happens if we forget that this lab's elevator is positive trailing edge down:
 
 # %%
-from glider.errors import InputError
+from glider import InputError
 
 wrong = MAP.replace("trailing_edge_down", "trailing_edge_up")
 Path("WRONG.yaml").write_text(wrong)

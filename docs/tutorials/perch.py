@@ -16,12 +16,20 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from diagrams.studies.rehearsal import rehearse
-from glider import GliderModel, PerchingProblem, close_the_loop, load_model
-from glider.paths import models_path
-from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from diagrams import campaign_of_flights, closed_loop, program, simulate_flights
+from glider import (
+    GliderModel,
+    LaunchSpread,
+    PerchingProblem,
+    close_the_loop,
+    draw_launches,
+    fly,
+    plan,
+    tracking_policy,
+    tracking_regulator,
+)
 
-truth = load_model(models_path("truths", "head_wind.yaml"))
+truth = program.load_truth("head_wind")
 nominal = GliderModel(parameters=truth.parameters)
 problem = PerchingProblem()
 print("the true glider:", {e.kind.kind: e.to_dict() for e in truth.effects})
@@ -30,16 +38,34 @@ print("its model:      ", nominal.effects or "no effects")
 # %% [markdown]
 # ## Plan and fly with the nominal model
 #
-# `rehearse` plans a flight to the wire from 3.5 m away (direct collocation), designs a
-# feedback along it (time-varying LQR), and flies the *true* glider with both. Commands
-# are sent at 50 Hz. The launches are perturbed, with standard deviations of 4 cm in
-# height, 0.1 m/s in speed and 0.02 rad in pitch. Motion capture records the flights.
+# Plan a flight to the wire from 3.5 m away (direct collocation), design a feedback
+# along it (time-varying LQR), and fly the *true* glider with both, in a Drake diagram.
+# Commands are sent at 50 Hz. The launches are perturbed, with standard deviations of
+# 4 cm in height, 0.1 m/s in speed and 0.02 rad in pitch. Motion capture records the
+# flights at 120 Hz, with noise.
 
 # %%
 rng = np.random.default_rng(0)
-starts = draw_launches(problem, LaunchSpread(), 10, rng)
-before = rehearse(truth, nominal, problem, starts, rng)
-print(before.flights.describe())
+
+
+def rehearse(model):
+    """Plans with a model; flies ten launches of the true glider and logs them."""
+    starts = draw_launches(problem, LaunchSpread(), 10, rng)
+    planned = plan(model, problem)
+    loop = closed_loop(
+        truth,
+        tracking_regulator(model, planned),
+        planned=model,
+        command_rate=50.0,
+        motion_capture=120.0,
+    )
+    duration = planned.duration + 0.1  # It may pass the wire late.
+    flights = simulate_flights(loop, starts, duration, capture_noise=rng)
+    return planned, flights, campaign_of_flights("perches", loop, flights)
+
+
+_, before, campaign = rehearse(nominal)
+print(before.describe())
 
 # %% [markdown]
 # A flight perches if it comes within the hook's reach of the wire, slowly enough and
@@ -51,7 +77,7 @@ print(before.flights.describe())
 # The logs of the misses are a campaign like any other.
 
 # %%
-found = close_the_loop(before.campaign)
+found = close_the_loop(campaign)
 print(found.verdict, "-", found.reason)
 for effect in found.effects:
     for name, c in effect.coefficients.items():
@@ -65,11 +91,10 @@ assert [effect.kind for effect in found.effects] == ["wind"]
 # commands differ from the first moment, because the wind acts from the first moment.
 
 # %%
-starts = draw_launches(problem, LaunchSpread(), 10, rng)
-after = rehearse(truth, found.model, problem, starts, rng)
-print("planned nominal:  ", before.flights.describe())
-print("planned corrected:", after.flights.describe())
-assert after.flights.perched > before.flights.perched
+planned, after, _ = rehearse(found.model)
+print("planned nominal:  ", before.describe())
+print("planned corrected:", after.describe())
+assert after.perched > before.perched
 
 # %%
 figure, ax = plt.subplots(figsize=(8, 3.6), layout="constrained")
@@ -77,7 +102,7 @@ for flown, color, label in (
     (before, "#8A8A8A", "planned with the nominal model"),
     (after, "#0072B2", "planned with the corrected model"),
 ):
-    for k, flight in enumerate(flown.flights):
+    for k, flight in enumerate(flown):
         x, z = flight.states[:, :2].T
         ax.plot(x, z, color=color, lw=1, label=label if k == 0 else None)
 ax.plot(*problem.wire, "o", ms=9, mfc="none", color="#D55E00", label="wire")
@@ -92,18 +117,9 @@ plt.show()
 # launches perturbed twice as much.
 
 # %%
-from glider import fly
-from glider.control.tvlqr import tracking_policy
-
-policy = tracking_policy(found.model, after.plan)
+policy = tracking_policy(found.model, planned)
 for times in (1.0, 2.0):
-    usual = LaunchSpread()
-    wider = LaunchSpread(
-        height=times * usual.height,
-        speed=times * usual.speed,
-        pitch=times * usual.pitch,
-    )
-    launches = draw_launches(problem, wider, 500, rng)
+    launches = draw_launches(problem, LaunchSpread().scaled(times), 500, rng)
     flights = fly(truth, policy, launches)
     print(
         f"launch errors {times:.0f} times as large: {flights.perched.mean():.0%} perch"
