@@ -134,7 +134,7 @@ def closed_loop(
 def _states_fed_back(
     truth: GliderModel, regulator: System, planned: GliderModel | None, all_states: bool
 ) -> int:
-    """Returns how many states of the glider are fed back, and checks that they fit."""
+    """Checks that glider and regulator fit; returns the number of states fed back."""
     wanted, has = regulator.get_input_port().size(), truth.num_states
     if planned is not None and planned.num_states != wanted:
         raise InputError(

@@ -3,7 +3,7 @@
 write_html(path, meshcat, legend)   # What is recorded: one file, no server, no network.
 url = serve_page(meshcat, legend)   # What is live, a recording included.
 
-The page reads clock, speed and pitch from the readouts that `AddMarks` makes.
+The page reads clock, speed and pitch from the readouts that `AddOverlays` makes.
 """
 
 import dataclasses
@@ -17,8 +17,8 @@ from pathlib import Path
 import jinja2
 from pydrake.geometry import Meshcat
 
-from diagrams.marks import ARROW_SCALE
-from diagrams.meshes import COLORS
+from diagrams.overlays import ARROW_SCALE
+from diagrams.urdf import COLORS
 
 Color = tuple[float, ...]
 
@@ -51,7 +51,7 @@ class Entry:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Legend:
-    """What a page tells of a Meshcat."""
+    """Title, gliders and speed of a page."""
 
     title: str = "Flight"
     """Title of the page."""
@@ -66,7 +66,7 @@ class Legend:
     """Whether arrows show forces."""
 
     def html(self) -> str:
-        """Returns what stands above and below the scene, and what moves it."""
+        """Returns the HTML above and below the scene, with its script."""
         environment = jinja2.Environment(
             loader=jinja2.PackageLoader("diagrams"),
             autoescape=True,
@@ -126,7 +126,7 @@ def serve_page(meshcat: Meshcat, legend: Legend) -> str:
             self.wfile.write(body)
 
         def log_message(self, format, *args):
-            """Says nothing of what is asked for."""
+            """Logs no request."""
 
     try:
         server = ThreadingHTTPServer(("", meshcat.port() + PORT_BEYOND), Handler)

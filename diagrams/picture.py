@@ -22,7 +22,7 @@ def names_of(diagram: Diagram) -> list[str]:
 
 
 def edges_of(diagram: Diagram) -> list[Edge]:
-    """Returns what is connected to what, in a fixed order."""
+    """Returns the connections in a fixed order."""
     order = names_of(diagram)
     edges = {
         (source.get_name(), target.get_name(), source.get_output_port(port).get_name())

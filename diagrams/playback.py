@@ -15,7 +15,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from diagrams.marks import AddMarks
+from diagrams.overlays import AddOverlays
 from diagrams.page import Entry, Legend
 from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
 from glider.errors import InputError
@@ -55,8 +55,8 @@ class Track:
         """Raises InputError where the arrays are no flight."""
         if not self.slug.replace("_", "").replace("-", "").isalnum():
             raise InputError(
-                f"Track '{self.name}': a name of letters, digits, spaces, hyphens and "
-                "underscores is needed."
+                f"Track '{self.name}': expected a name of letters, digits, spaces, "
+                "hyphens and underscores."
             )
         times, poses = np.asarray(self.times), np.asarray(self.poses)
         count = len(times)
@@ -68,8 +68,8 @@ class Track:
         for field, array, width in arrays:
             if array.shape != (count, width) or not np.all(np.isfinite(array)):
                 raise InputError(
-                    f"Track '{self.name}': '{field}' has shape {array.shape}; finite "
-                    f"numbers of shape {(count, width)} are needed."
+                    f"Track '{self.name}': '{field}' has shape {array.shape}; expected "
+                    f"finite numbers of shape {(count, width)}."
                 )
 
     @property
@@ -132,7 +132,7 @@ def velocities_of(track: Track) -> np.ndarray:
 
 
 def legend_of(tracks: Sequence[Track], title: str, rate: float = 1.0) -> Legend:
-    """Returns what a page of `diagrams.page` tells of tracks.
+    """Returns the legend of a page of `diagrams.page` that shows tracks.
 
     Args:
         tracks: as in `play`.
@@ -158,21 +158,21 @@ def MakePlayback(
     parameters: GliderParameters | None = None,
     stage: Stage | None = None,
 ) -> Diagram:
-    """Wires each track's motion and forces to a glider with its marks.
+    """Wires each track's motion and forces to a glider with its overlays.
 
     The diagram's time is that of the flights, from the earliest start on.
 
     Args:
         tracks: of different names; each keeps its last pose after its end.
         meshcat: where to draw.
-        rate: seconds of flight in one second for whoever looks; 0.2 is five times
+        rate: seconds of flight in one second of viewing; 0.2 is five times
             slower than real, and gets five times the frames.
         parameters: of the vehicle, which give the sizes.
         stage: what to set round them; from the first track if None.
 
     Returns:
         A Diagram with the systems "NAME_track", "NAME_forces" and those of AddScene
-        and AddMarks.
+        and AddOverlays.
     """
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"The playback rate is {rate:g}; it must be positive.")
@@ -203,7 +203,7 @@ def MakePlayback(
             stage=stage,
             frames_per_second=FRAMES_PER_SECOND / rate,
         )
-        AddMarks(
+        AddOverlays(
             builder,
             state,
             meshcat,

@@ -38,7 +38,7 @@ from glider.planning.dircol import PlanningError, Progress
 
 
 def silent(text: str) -> None:
-    """Takes word of progress and tells nobody."""
+    """Takes word of progress and drops it."""
 
 
 # ------------------------------------------------------------------------ options
@@ -60,7 +60,7 @@ def add_count(
     least: int = 1,
     metavar: str | None = None,
 ) -> None:
-    """Adds an option for a whole number from `least` on; `words` are its help."""
+    """Adds an option for an integer of at least `least`; `words` are its help."""
     parser.add_argument(
         name, metavar=metavar, type=whole_number(least), default=default, help=words
     )
@@ -75,7 +75,7 @@ def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) ->
     """Adds --launches, by default `count` and not below `least`, and --seed."""
     launches = "how many to fly (default: %(default)s)"
     add_count(parser, "--launches", count, launches, least=least, metavar="N")
-    seed = "of all that is random (default: %(default)s)"
+    seed = "of all random numbers (default: %(default)s)"
     add_count(parser, "--seed", 0, seed, least=0, metavar="N")
 
 
@@ -127,7 +127,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--headless",
         action="store_true",
-        help="do not serve Meshcat and wait for somebody to look",
+        help="do not serve Meshcat and wait for a viewer",
     )
 
 
@@ -166,12 +166,12 @@ def _rate(text: str) -> float:
 
 
 def whole_number(least: int) -> Callable[[str], int]:
-    """Returns a `type` of argparse for whole numbers from `least` on."""
+    """Returns a `type` of argparse for integers of at least `least`."""
 
     def read(text: str) -> int:
         if not text.isdecimal() or int(text) < least:
             raise argparse.ArgumentTypeError(
-                f"{text} is not a whole number from {least} on"
+                f"{text} is not an integer of at least {least}"
             )
         return int(text)
 
@@ -191,14 +191,14 @@ def check_files(*files: Path | None, figure: Path | None = None) -> None:
         if not file.parent.is_dir():
             raise InputError(f"{file}: the folder {file.parent} does not exist.")
         if file.is_dir():
-            raise InputError(f"{file}: is a folder; the name of a file is needed.")
+            raise InputError(f"{file}: is a folder; expected the name of a file.")
         if not os.access(file if file.exists() else file.parent, os.W_OK):
             raise InputError(f"{file}: cannot be written; permission is denied.")
     formats = FigureCanvasBase.get_supported_filetypes()
     if figure is not None and figure.suffix.lower().removeprefix(".") not in formats:
         raise InputError(
-            f"{figure}: '{figure.suffix}' is no format of pictures; one of "
-            f"{', '.join(sorted(formats))} is needed."
+            f"{figure}: '{figure.suffix}' is no format of pictures; expected one of "
+            f"{', '.join(sorted(formats))}."
         )
 
 
@@ -233,7 +233,7 @@ def write_figure(
 
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:
-    """Returns a Meshcat; None where nobody would look (headless and no --html)."""
+    """Returns a Meshcat; None if it is not viewed (headless and no --html)."""
     return None if args.headless and not args.html else Meshcat()
 
 

@@ -2,7 +2,7 @@
 
     AddScene(builder, plant.GetOutputPort("state"), meshcat)
 
-To watch in real time, or slower, tell the simulator:
+To watch in real time, or slower, set the simulator's rate:
 `simulator.set_target_realtime_rate(0.2)`, and give AddScene 5 times the
 `frames_per_second`. To record, call
 `meshcat.StartRecording()` before the simulator and `PublishRecording()` after.
@@ -32,7 +32,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import DiagramBuilder, LeafSystem_, OutputPort
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from diagrams.meshes import make_urdf
+from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 

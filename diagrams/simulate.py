@@ -47,7 +47,7 @@ def simulate_flights(
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample; or
             what draws it, with the deviations of `MotionCapture`.
         accuracy: of the integrator.
-        progress: told which launch is flown.
+        progress: called with the launch that is flown.
     """
     starts = np.atleast_2d(np.asarray(starts, dtype=float))
     problem = PerchingProblem() if problem is None else problem
@@ -62,9 +62,9 @@ def simulate_flights(
             continue
         if not diagram.HasSubsystemNamed(name) or len(tape) != len(starts):
             raise InputError(
-                f"Noise for '{name}' is given for {len(tape)} flights; a diagram "
-                f"with that system and one tape for each of {len(starts)} flights "
-                "are needed."
+                f"Noise for '{name}' is given for {len(tape)} flights; expected a "
+                f"diagram with that system and one tape for each of {len(starts)} "
+                "flights."
             )
         if duration > LONGEST:
             raise InputError(

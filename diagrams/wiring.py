@@ -11,7 +11,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from diagrams.marks import AddMarks
+from diagrams.overlays import AddOverlays
 from diagrams.scene import AddScene
 from glider.physics.model import GliderModel
 from glider.physics.state import POSE_NAMES, STATE_NAMES
@@ -97,7 +97,7 @@ def add_motion_capture(
 
 
 def tape_rows(rate: float) -> int:
-    """Returns how many samples the longest flight has."""
+    """Returns the number of samples of the longest flight."""
     return math.ceil(LONGEST * rate) + 1
 
 
@@ -115,7 +115,7 @@ def finish(
     if meshcat is not None:
         state, forces = (glider.GetOutputPort(name) for name in ("state", "forces"))
         AddScene(builder, state, meshcat, parameters=model.parameters)
-        AddMarks(builder, state, meshcat, forces=forces, parameters=model.parameters)
+        AddOverlays(builder, state, meshcat, forces=forces, parameters=model.parameters)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram

@@ -1,4 +1,4 @@
-"""Closes the loop on a campaign: what does the model lack, and what is it worth?
+"""Closes the loop on a campaign: what does the model lack, and how much does it matter?
 
 python examples/close_the_loop.py [CAMPAIGN]
 """
@@ -18,7 +18,7 @@ def run(campaign: Path, progress: program.Progress = program.silent) -> Result:
 
 
 def describe(found: Result) -> str:
-    """Returns what was found in a few lines."""
+    """Returns verdict, effects and errors, a line each."""
     lines = [f"{found.campaign}: {found.verdict}"]
     for effect in found.effects:
         lines.append(f"  {effect.kind} ({effect.words})")
@@ -33,7 +33,7 @@ def describe(found: Result) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Closes the loop as the command line says, and prints what was found."""
+    """Closes the loop as the command line says, and prints the result."""
     parser = program.make_parser(__doc__)
     program.add_campaign(parser)
     parser.add_argument("--model", type=Path, help="where to save the corrected model")

@@ -47,7 +47,7 @@ def fly(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Flies as the command line says, prints and shows what came out."""
+    """Flies as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     parser.add_argument("campaign", type=Path, help="folder of flight logs or sample")
     parser.add_argument("flight", help="one of them, such as flight_003")
@@ -59,11 +59,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         flown = fly(campaign, args.flight, args.model, progress)
     name, time = flown.flight.name, flown.motions["measured"].time
     print(f"{name}: {len(time)} rows in {time[-1]:.2f} s")
-    told: dict = {"flight": name, "rows": len(time), "duration_s": float(time[-1])}
+    duration = float(time[-1])
+    figures: dict = {"flight": name, "rows": len(time), "duration_s": duration}
     for model, (rms, end) in flown.errors.items():
-        told[model.replace(" ", "_")] = {"position_rms_m": rms, "position_end_m": end}
+        figures[model] = {"position_rms_m": rms, "position_end_m": end}
         print(f"{model}: {1000 * rms:.0f} mm off (RMS), {1000 * end:.0f} mm at the end")
-    program.write_json(args, told)
+    program.write_json(args, figures)
     colors = {"nominal": playback.RED, "corrected": playback.GREEN}
     tracks = [playback.track_of(n, m, colors.get(n)) for n, m in flown.motions.items()]
     title, parameters = f"{campaign.name}, {name}", refly.nominal_parameters(campaign)

@@ -1,4 +1,4 @@
-"""Choice of a basis model: the one that predicts flights left out of its fit."""
+"""Choice of a basis model: the one that best predicts held-out flights."""
 
 from collections.abc import Callable, Iterable, Mapping
 
@@ -19,7 +19,7 @@ from glider.errors import InputError
 
 Candidate = Callable[[SampledFlights], Numbers]
 """Function from the flights to fit to the features of each channel: a search is part of
-the fit, so it must not see the flights left out either."""
+the fit, so it must not see the held-out flights either."""
 
 
 def configured(numbers: Numbers) -> Candidate:
@@ -50,21 +50,21 @@ def cross_validate(
     folds: int = 7,
     ridge: float = 0.0,
 ) -> dict[str, float]:
-    """Returns the weighted RMS rollout error of each candidate on flights left out.
+    """Returns the weighted RMS rollout error of each candidate on held-out flights.
 
-    Whole flights are left out, every fold-th one: rows of one flight resemble
-    each other. A candidate that blows up has an infinite error.
+    Whole flights are held out, every fold-th one: rows of one flight resemble
+    each other. A candidate that diverges has an infinite error.
 
     Args:
         flights: to choose by.
         frame: of the models.
         candidates: by name.
-        folds: parts that are left out in turn, 2 to the number of flights.
+        folds: parts that are held out in turn, 2 to the number of flights.
         ridge: as in `least_squares`.
 
     Raises:
         InputError: folds is out of range; or, without a ridge, a candidate has
-            features that the fitted flights do not tell apart.
+            features that the fitted flights do not distinguish.
     """
     count = len(flights.rates)
     if not 2 <= folds <= count:
@@ -94,6 +94,6 @@ def _check_ranks(fit: BasisFit, name: str) -> None:
             raise InputError(
                 f"cross_validate: candidate '{name}' has features "
                 f"{', '.join(map(str, chosen))} in the {channel} channel, of rank "
-                f"{regression.rank}; features that the flights tell apart, or a "
-                "ridge, are needed."
+                f"{regression.rank}; expected features that the flights "
+                "distinguish, or a ridge."
             )

@@ -121,8 +121,8 @@ def fit_basis(
 ) -> BasisFit:
     """Fits the coefficients of chosen features to the accelerations of flights.
 
-    Features that the flights do not tell apart are fitted all the same: the
-    regressions' ranks tell of it.
+    Features that the flights do not distinguish are fitted all the same: the
+    regressions' ranks show it.
 
     Args:
         flights: to fit.
@@ -177,7 +177,7 @@ def basis_rollouts(
 ) -> np.ndarray:
     """Flies a model by explicit Euler steps.
 
-    A flight that blows up holds numbers that are not finite.
+    A flight that diverges holds numbers that are not finite.
 
     Args:
         model: to fly.
@@ -201,7 +201,7 @@ def basis_rollouts(
 
 
 def fly_again(model: BasisDynamics, flights: SampledFlights) -> np.ndarray:
-    """Returns what a model makes of flights' launches and rates, (B, N + 1, 7)."""
+    """Flies a model from flights' launches under their rates, (B, N + 1, 7)."""
     return basis_rollouts(model, flights.states[:, 0], flights.rates, flights.step)
 
 

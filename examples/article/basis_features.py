@@ -20,9 +20,7 @@ of this project are nose down; the published exercise takes them for nose up."""
 def angle_sign(angles: str) -> float:
     """Returns the sign of a way to count angles; raises InputError for another."""
     if angles not in ANGLES:
-        raise InputError(
-            f"angles are '{angles}'; one of {', '.join(ANGLES)} is needed."
-        )
+        raise InputError(f"angles are '{angles}'; expected one of {', '.join(ANGLES)}.")
     return ANGLES[angles]
 
 
@@ -33,7 +31,7 @@ class BasisFlow(NamedTuple):
         V: speed of the wing, whose center is taken at the center of mass [m/s].
         sin_a: sine of the wing's angle of attack a = θ - atan2(ż, ẋ).
         cos_a: its cosine.
-        W: speed of the elevator's center, its own rate left out [m/s].
+        W: speed of the elevator's center, its own rate omitted [m/s].
         sin_b: sine of the elevator's angle of attack.
         cos_b: its cosine.
         q: pitch rate [rad/s].
@@ -57,7 +55,7 @@ class BasisFlow(NamedTuple):
 def basis_flow(
     states: np.ndarray, rates: np.ndarray, arm: float, angles: str
 ) -> BasisFlow:
-    """Returns what the features need, smooth, of real or complex states.
+    """Computes the smooth flow of the features, of real or complex states.
 
     Args:
         states: (..., 7) of STATE_NAMES.

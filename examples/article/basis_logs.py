@@ -70,7 +70,7 @@ def find_exercise_signs(exercise: Exercise, angles: str) -> Signs:
 def trace_filmed(
     exercise: Exercise, angles: str, rng: np.random.Generator, progress: Progress
 ) -> Result:
-    """Returns what the tracer finds in the logs of `filmed_campaign`."""
+    """Traces the logs of `filmed_campaign`."""
     return close_the_loop(filmed_campaign(exercise, angles, rng), progress=progress)
 
 

@@ -4,7 +4,7 @@ Each acceleration is a sum of a few features of the flight, with coefficients by
 squares. The published scores come from formulas that count angles nose up, on flights
 that count them nose down. The same mistake, in a log, is named by the tracer; with
 the signs put right the same features leave a sixteenth, and better ones next to
-nothing. Flights left out choose the model, and coefficients refined until rollouts
+nothing. Held-out flights choose the model, and coefficients refined until rollouts
 fit (not only accelerations) fly the held-out flight closer still.
 
     python examples/article/basis_model.py
@@ -17,7 +17,7 @@ fit (not only accelerations) fly the held-out flight closer still.
 "best_subsets", "best_subsets_of_41": CHANNELS}, where CHANNELS is {"tangential",
 "normal", "pitch": {"rank", "condition" (null without full rank)}},
 "cross_validation": {"published_signs", "consistent_signs": {candidate: rollout error
-on flights left out, null where it blows up}},
+on held-out flights, null where it diverges}},
 "signs": {"pitch", "elevator", "command": 1 or -1, "evidence", "share"}, of the
 exercise's own numbers as a log; "traced": {effect: {"share"}}, of its flights filmed,
 "rollout": {model: {"before", "after": {"weighted", "position_m", "pitch_rad"}}},
@@ -55,7 +55,7 @@ def run(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Answers as the command line says, prints and shows what came out."""
+    """Runs as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_count(parser, "--seed", 0, "of the filmed log's noise", least=0)
     words = "of all fits, not of the search for subsets (default: 0, as published)"

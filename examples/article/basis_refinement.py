@@ -17,11 +17,11 @@ from glider.compiled.constants import TINY
 from glider.errors import InputError
 
 SCALES = (0.1, 0.1, 0.1, np.inf, 0.5, 0.5, 1.0)
-"""Scales of the states' errors that weigh alike [m, rad, m/s, rad/s]. The elevator's
+"""Scales of the states' errors of equal weight [m, rad, m/s, rad/s]. The elevator's
 angle is no model's merit: it is the sum of its rates."""
 
 LARGEST_ERROR = 100.0
-"""Error that no flight reaches [m, rad, m/s, rad/s]: a model that does has blown up."""
+"""Error that no flight reaches [m, rad, m/s, rad/s]: a model that does has diverged."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ def rollout_error(
 ) -> RolloutError:
     """Flies a model from the flights' launches under their rates.
 
-    Infinite where the model blows up, beyond LARGEST_ERROR.
+    Infinite where the model diverges, beyond LARGEST_ERROR.
     """
     with np.errstate(all="ignore"):
         error = _errors(model, flights, model.coefficients)
@@ -75,7 +75,7 @@ def refine(
         evaluations: of all flights, at most.
 
     Raises:
-        InputError: the model to start from blows up.
+        InputError: the model to start from diverges.
     """
     counts, weights = _counts(scales), 1.0 / np.asarray(scales)
     size = np.where(model.coefficients == 0.0, 1.0, np.abs(model.coefficients))
@@ -93,8 +93,8 @@ def refine(
     start = model.coefficients / size
     if not np.all(np.isfinite(errors(start))):
         raise InputError(
-            "refine: the model blows up on its way along the flights; one that flies "
-            "to their end is needed."
+            "refine: the model diverges along the flights; expected one that flies to "
+            "their end."
         )
     with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
         found = minimize_squares(

@@ -33,7 +33,7 @@ def key_figures(study: BasisStudy) -> dict[str, object]:
 
 
 def scores_of(fits: BasisFits) -> dict[str, dict[str, int]]:
-    """Returns what configurations leave of accelerations, by signs, as published."""
+    """Returns the configurations' scores by signs, as published."""
     return {
         signs: {name: int(fit.score) for name, fit in fitted.items()}
         for signs, fitted in fits.configurations.items()

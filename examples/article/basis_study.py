@@ -48,7 +48,7 @@ class BasisStudy:
     """Models of their accelerations."""
 
     choice: dict[str, dict[str, float]]
-    """Errors of candidates on flights left out, by SIGNS and name."""
+    """Errors of candidates on held-out flights, by SIGNS and name."""
 
     signs: Signs
     """Signs in the exercise's own numbers as a log."""

@@ -101,7 +101,7 @@ def watch_twice(
     Args:
         policy: as in `watch_all`.
         rng: as in `watch_all`.
-        progress: told that it is done.
+        progress: called with a line of text as the work goes on.
 
     Returns:
         What the article's filter sees, which lets the numbers drift, and FLIGHTS times,

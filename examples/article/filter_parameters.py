@@ -1,4 +1,4 @@
-"""Which flight tells a filter where the wing sits and how large the elevator is?
+"""Which flight shows a filter where the wing sits and how large the elevator is?
 
 An extended Kalman filter takes two numbers of the glider, the wing's offset l_w and
 the elevator's area S_e, for slow states. It watches the article's cruise (powered, in
@@ -59,7 +59,7 @@ def fly(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Flies as the command line says, prints and shows what came out."""
+    """Flies as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_launches(parser, 20)
     args = program.read_options(parser, arguments, figure="of l_w and S_e")

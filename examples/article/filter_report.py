@@ -1,4 +1,4 @@
-"""A report of what flights tell a filter of two numbers: figures, words, a picture."""
+"""A report of two parameters that a filter estimates: figures, words, a picture."""
 
 import dataclasses
 from pathlib import Path
@@ -20,7 +20,7 @@ TRUSTED = f"motion capture at 120 Hz with 1 mm of noise, over {PERCHES} perches"
 LABELS = ("wing offset l_w [m]", "elevator area S_e [m²]")
 
 SHOWN = 1.0
-"""Time of each flight in the picture [s]; afterwards a cruise tells little more."""
+"""Time of each flight in the picture [s]; afterwards a cruise adds little."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class FilterReport:
         }
 
     def key_figures(self) -> dict[str, object]:
-        """Returns what became known, and how good the filter is, for a file."""
+        """Returns estimates, bounds and the filter's consistency, for a file."""
         known = {name: watched.numbers() for name, watched in self.drifting.items()}
         first = self.constant[0].items()
         trusted = self.consistency
@@ -90,14 +90,14 @@ class FilterReport:
         }
 
     def describe(self) -> str:
-        """Returns what each flight tells, and how good the filter is that perches."""
+        """Returns the bounds of each flight, and the perching filter's consistency."""
         lines = []
         for name, least in self.least.items():
             bounds = zip(SYMBOLS, least, strict=True)
-            told = [f"{symbol} at least ± {bound:.4f}" for symbol, bound in bounds]
+            words = [f"{symbol} at least ± {bound:.4f}" for symbol, bound in bounds]
             if name in self.drifting:
-                told = self._with_estimates(name, told)
-            lines.append(f"{name}, after {self.end / RATE:.2f} s: {'; '.join(told)}")
+                words = self._with_estimates(name, words)
+            lines.append(f"{name}, after {self.end / RATE:.2f} s: {'; '.join(words)}")
         trusted, flown = self.consistency, self.flown
         return "\n".join(
             [
@@ -112,12 +112,12 @@ class FilterReport:
 
     def _with_estimates(self, name: str, bounds: list[str]) -> list[str]:
         known = self.constant[0][name].numbers(self.end).values()
-        told = [
+        words = [
             f"{bound}, filter {mean:.4f} ± {std:.4f} (true {true:g})"
             for bound, (mean, std, true) in zip(bounds, known, strict=True)
         ]
         nees = f"NEES over {len(self.constant)} flights {self.slow_nees[name]:.2f}"
-        return [*told, nees]
+        return [*words, nees]
 
 
 def save_filter_figure(path: Path, report: FilterReport) -> None:

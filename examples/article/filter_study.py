@@ -212,7 +212,7 @@ def watch_perch(
     rng: np.random.Generator,
     noise: StudyNoise | None = None,
 ) -> ParameterTrack:
-    """Flies a perch and filters it alike, from PERCH_GUESS.
+    """Flies a perch and filters it in the same way, from PERCH_GUESS.
 
     The wind drifts by the same law, but from still air: the plan knows no wind, and
     the article's carries the glider 0.5 m off the wire.
@@ -289,7 +289,7 @@ def _watch(ekf: Ekf, flight: WatchedFlights, noise: StudyNoise) -> ParameterTrac
 
 
 def _prior(ekf: Ekf, flight: WatchedFlights, noise: StudyNoise) -> Belief:
-    """Returns what the filter believes at launch: its mean is the true one's."""
+    """Returns the filter's prior at launch: its mean is the true one's."""
     return make_prior(ekf, flight.states[0, 0, :7], [noise.prior**0.5] * 7)
 
 

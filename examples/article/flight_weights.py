@@ -47,7 +47,7 @@ def weight_equations(
     inputs: np.ndarray,
     step: float,
 ) -> WeightEquations:
-    """Returns what one flight says of the weights.
+    """Computes the normal equations of the weights from one flight.
 
     Σ_n ‖Π ((x_n+1 - x_n) / h - f(x_n, u_n) - G(x_n, u_n) w)‖², where Π takes
     (ẍ, z̈, θ̈) and G w is what the weights add.

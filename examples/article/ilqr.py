@@ -157,9 +157,7 @@ def ilqr(
     sweep = _Sweep(model, problem, settings, inputs)
     costs, converged = [sweep.cost], False
     if not math.isfinite(sweep.cost):
-        raise DivergedError(
-            "ilqr: the guess diverges; a flight that ends somewhere is needed."
-        )
+        raise DivergedError("ilqr: the guess diverges; expected a finite flight.")
     while len(costs) <= iterations and not converged:
         converged = sweep.improve(tolerance)
         costs.append(sweep.cost)
@@ -204,7 +202,7 @@ class _Sweep:
         return self._policy[1]
 
     def improve(self, tolerance: float) -> bool:
-        """Makes one iteration; returns whether it is the last that is worth it.
+        """Makes one iteration; returns whether it is the last one worthwhile.
 
         Ever smaller shares of the feed-forward are flown until one brings enough of
         what it promises. Where none does, the next iteration is damped more.
@@ -223,7 +221,7 @@ class _Sweep:
         return is_last
 
     def backward(self, damping: float) -> tuple[float, float]:
-        """Finds the policy about the nominal; returns what it promises."""
+        """Finds the policy about the nominal; returns its predicted improvement."""
         nominal, step = (self.states, self.inputs), self._settings.step
         self._policy, promise = improve_policy(
             damping, step, nominal, self._jacobian, self._costs, self._servo

@@ -47,7 +47,7 @@ def run(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learns as the command line says, prints and shows what came out."""
+    """Learns as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_truth(parser, "low_reynolds")
     for name, count in (("weights", 20), ("traced", 4)):

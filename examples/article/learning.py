@@ -147,14 +147,14 @@ def learn(
         launches: flights in a round.
         problem: what to fly; None for `learning_problem`.
         settings: of the planner; None for `learning_settings`.
-        progress: told what is being done.
+        progress: called with a line of text as the work goes on.
 
     Raises:
         InputError: a number that cannot be, or a flight that cannot be logged.
     """
     if rounds < 1 or launches < 1:
         raise InputError(
-            f"learn: {rounds} rounds of {launches} launches; one of each is needed."
+            f"learn: {rounds} rounds of {launches} launches; expected one of each."
         )
     problem = learning_problem() if problem is None else problem
     settings = learning_settings() if settings is None else settings
@@ -260,7 +260,7 @@ def log(
     rng: np.random.Generator,
     name: str,
 ) -> LoggedFlight:
-    """Returns what is logged of a flight, noise included.
+    """Returns the log of a flight, noise included.
 
     Raises:
         InputError: the flight did not stay finite.
@@ -312,5 +312,5 @@ def trace_effects(
 
 
 def knowing(truth: GliderModel) -> Identify:
-    """Returns what identifies the truth from any flights: the oracle."""
+    """Returns an oracle: it identifies the truth from any flights."""
     return lambda nominal, logs: IdentifiedModel(model=truth)

@@ -51,7 +51,7 @@ def low_reynolds_coefficients(
     speed: np.ndarray,
     parameters: GliderParameters,
 ) -> np.ndarray:
-    """Returns what is added to the flat plate's C_L, C_D, C_M, shape (N, 3).
+    """Computes the corrections of the flat plate's C_L, C_D, C_M, shape (N, 3).
 
     With the vortex's share s = ½ (1 + tanh((V - LEAVES) / RANGE)):
         ΔC_L = VORTEX s sin² α cos α

@@ -36,7 +36,7 @@ class Regression:
 
     @property
     def has_full_rank(self) -> bool:
-        """Whether the data tell every coefficient."""
+        """Whether the data determine every coefficient."""
         return self.rank == len(self.singular_values)
 
     @property
@@ -55,7 +55,7 @@ def least_squares(
     Φ itself is decomposed, not ΦᵀΦ, whose condition is the square. Without a
     ridge the columns are scaled to unit length first, and directions whose
     singular value is below RANK_TOLERANCE of the largest stay at zero; `rank`
-    tells how many were kept. With a ridge the columns keep their own scales,
+    is how many were kept. With a ridge the columns keep their own scales,
     which γ refers to.
 
     Args:
@@ -70,7 +70,7 @@ def least_squares(
     _check(columns, targets, "least_squares")
     if not 0.0 <= ridge < np.inf:
         raise InputError(
-            f"least_squares: the ridge is {show(ridge)}; a finite ridge >= 0 is needed."
+            f"least_squares: the ridge is {show(ridge)}; expected a finite ridge >= 0."
         )
     lengths = _lengths(columns)
     left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)
@@ -123,7 +123,7 @@ class Subset:
 
 
 SOLVED_AGAIN = 4
-"""Subsets whose errors are computed anew for each target."""
+"""Subsets whose errors are computed again for each target."""
 
 
 def best_subsets(
@@ -137,7 +137,7 @@ def best_subsets(
     along i, and likewise for a third. Where G_(jj|i) is below PIVOT_TOLERANCE, the
     columns depend on each other and the subset does not count. All this squares the
     condition of Φ, so the best SOLVED_AGAIN are compared by `least_squares`, and the
-    winners' regressions tell their rank.
+    winners' regressions report their rank.
 
     Args:
         columns: Φ, (n, p).
@@ -152,11 +152,9 @@ def best_subsets(
             `least_squares`.
     """
     if most not in (1, 2, 3):
-        raise InputError(f"best_subsets: most is {most}; 1, 2 or 3 is needed.")
+        raise InputError(f"best_subsets: most is {most}; expected 1, 2 or 3.")
     if targets.ndim != 2:
-        raise InputError(
-            f"best_subsets: targets are {targets.shape}; (n, k) are needed."
-        )
+        raise InputError(f"best_subsets: targets are {targets.shape}; expected (n, k).")
     _check(columns, targets, "best_subsets")
     with threadpool_limits(limits=1, user_api="blas"):  # Small matrices.
         return _best_subsets(columns, targets, most)
@@ -165,7 +163,7 @@ def best_subsets(
 def _best_subsets(
     columns: np.ndarray, targets: np.ndarray, most: int
 ) -> tuple[Subset, ...]:
-    # Turning all columns alike leaves the problem as it is, with p + k rows.
+    # One rotation of all columns leaves the problem as it is, with p + k rows.
     both = np.linalg.qr(np.column_stack([columns, targets]), mode="r")
     turned, aims = np.split(both, [columns.shape[1]], axis=1)
     scaled = turned / _lengths(turned)
@@ -178,7 +176,7 @@ def _best_subsets(
 
 
 def _gains(gram: np.ndarray, along: np.ndarray, most: int) -> list[np.ndarray]:
-    """Returns how much the squared errors fall, for one column, two and three.
+    """Computes the decrease of the squared errors, for one column, two and three.
 
     The gain of columns i < j < m for target k stands at [k, i, j, m]; it is
     -infinite for other orders and for columns that nearly depend on each other.
@@ -230,9 +228,7 @@ def _best(
         ]
         if errors:
             return min(errors)[1]
-    raise InputError(
-        "best_subsets: every column is zero; at least one other is needed."
-    )
+    raise InputError("best_subsets: every column is zero; expected at least one other.")
 
 
 def _largest(gains: np.ndarray) -> list[tuple[int, ...]]:

@@ -2,9 +2,9 @@
 
 Measured accelerations, referred to ½ρV²S_w, stand beside the flat plate's. What it
 lacks is learned as Gaussian functions of the angle of attack and the elevator (26
-weights a coefficient, one linear solve), and of the airspeed as well (126). Flights
-left out tell what the residual is worth in the plant, as an effect like any other.
-No weight tells why: for that, see `close_the_loop.py`, which names the effect.
+weights a coefficient, one linear solve), and of the airspeed as well (126). Held-out
+flights show what the residual is worth in the plant, as an effect like any other.
+No weight explains why: for that, see `close_the_loop.py`, which names the effect.
 
     python examples/article/residual_coefficients.py
     python examples/article/residual_coefficients.py CAMPAIGN --figure coefficients.png
@@ -40,7 +40,7 @@ class Result:
 
 
 def fly(campaign: Campaign, seed: int = 0) -> Result:
-    """Learns from a campaign, and flies one of the flights left out again."""
+    """Learns from a campaign, and flies one of the held-out flights again."""
     study = learn_residuals(campaign, seed=seed)
     parameters = refly.nominal_parameters(campaign)
     models = {
@@ -52,7 +52,7 @@ def fly(campaign: Campaign, seed: int = 0) -> Result:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learns as the command line says, prints and shows what came out."""
+    """Learns as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_campaign(parser)
     program.add_count(parser, "--seed", 0, "of the split", least=0)

@@ -44,7 +44,7 @@ class ResidualModel:
     errors: Errors
 
     def key_figures(self) -> dict[str, object]:
-        """Returns what it errs by, for a file."""
+        """Returns its errors, for a file."""
         e = self.errors
         equation = {"tangential": e.tangential, "normal": e.normal, "pitch": e.pitch}
         rollout = ("position_rms_m", "position_end_m", "pitch_rms_rad")

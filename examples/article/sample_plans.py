@@ -4,9 +4,9 @@ The cross-entropy method (CEM) fits a normal distribution to the cheapest third 
 sequences; MPPI moves its mean by all of them, weighted by exp(-cost / temperature).
 Both get 100 iterations at the article's problem, from several seeds.
 
-Then canonical MPPI flies: 50 times a second it plans anew from the measured state, with
+Then canonical MPPI flies: 50 times a second it replans from the measured state, with
 the nominal model. The glider that flies has an effect which the nominal model lacks;
-the same plan replayed, and LQR along it, show what planning anew buys.
+the same plan replayed, and LQR along it, show what replanning is worth.
 
     python examples/article/sample_plans.py
     python examples/article/sample_plans.py --truth attached_flow --figure s.png
@@ -29,7 +29,7 @@ from searches import Searches, search_article
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result:
-    """What searches found, and what planning anew in flight is worth."""
+    """What searches found, and what replanning in flight is worth."""
 
     searches: Searches
     flown: Comparison
@@ -42,7 +42,7 @@ def fly(
     seed: int = 0,
     progress: program.Progress = program.silent,
 ) -> Result:
-    """Searches from many seeds; then flies a plan, and plans anew in flight."""
+    """Searches from many seeds; then flies a plan, and replans in flight."""
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
     starts = draw_launches(problem, LaunchSpread(), launches, rng)
     found = search_article(searches, seed, progress)
@@ -51,7 +51,7 @@ def fly(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Flies as the command line says, prints and shows what came out."""
+    """Flies as the command line says, prints and shows the result."""
     parser = program.make_parser(__doc__)
     program.add_truth(parser, "set_wing")
     words = "of each method, each with a seed of its own (default: %(default)s)"
@@ -62,11 +62,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with program.working("compile (once)") as progress:
         found = fly(truth, args.searches, args.launches, args.seed, progress)
     print(f"{found.searches.describe()}\n{found.flown.describe(args.truth)}")
-    told = {"receding": found.flown.key_figures(args.truth), "seed": args.seed}
-    program.write_json(args, told | found.searches.key_figures())
+    figures = {"receding": found.flown.key_figures(args.truth), "seed": args.seed}
+    program.write_json(args, figures | found.searches.key_figures())
     program.write_figure(args, save_searches_figure, found.searches, found.flown)
     tracks = [
-        playback.track_of("planned anew", found.flown.replanned.worst),
+        playback.track_of("replanned", found.flown.replanned.worst),
         playback.track_of("replayed", found.flown.replayed[0], playback.RED),
         playback.track_of("plan of the nominal model", found.flown.plan, playback.GREY),
     ]

@@ -20,8 +20,8 @@ COMMAND_RATE = 50.0
 """Rate of the commands, held between [Hz]."""
 
 AFTER = 0.2
-"""Time that a flight goes on after the plan's end [s]: who plans anew may come later
-than the plan."""
+"""Time that a flight goes on after the plan's end [s]: a controller that replans may
+reach the wire later than the plan."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Comparison:
         return {
             "the plan replayed": self.replayed,
             "LQR along the plan": self.tracked,
-            "MPPI, planning anew": self.replanned,
+            "MPPI, replanning": self.replanned,
         }
 
     def key_figures(self, truth: str) -> dict[str, object]:
@@ -70,7 +70,7 @@ class Comparison:
         }
 
     def describe(self, truth: str) -> str:
-        """Returns a line for each policy, and how fast planning anew is.
+        """Returns a line for each policy, and how fast replanning is.
 
         Args:
             truth: what the glider that flies is called.
@@ -105,7 +105,7 @@ def compare(
             models.
         seed: of MPPI; every flight meets the same random numbers.
         warm: whether MPPI starts from the plan, or from no command at all.
-        progress: told what is being done.
+        progress: called with a line of text as the work goes on.
 
     Raises:
         PlanningError: where the model cannot do what the problem asks.

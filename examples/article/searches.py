@@ -17,7 +17,7 @@ Progress = Callable[[str], None]
 SHOWN = (1, 10, 30, 100)
 """Iterations whose sequences are kept."""
 
-TOLD = (30, 100)
+REPORTED = (30, 100)
 """Iterations whose costs are described."""
 
 
@@ -62,11 +62,11 @@ class Searches:
         """Returns a line for each method, and the speed."""
         lines = []
         for name, runs in self.histories().items():
-            early, late = (runs[:, k] for k in TOLD)
+            early, late = (runs[:, k] for k in REPORTED)
             lines.append(
-                f"{name}: cost {np.median(early):.0f} after {TOLD[0]} iterations and "
-                f"{np.median(late):.1f} ({late.min():.1f} to {late.max():.1f}) after "
-                f"{TOLD[1]}; {len(runs)} seeds"
+                f"{name}: cost {np.median(early):.0f} after {REPORTED[0]} iterations "
+                f"and {np.median(late):.1f} ({late.min():.1f} to {late.max():.1f}) "
+                f"after {REPORTED[1]}; {len(runs)} seeds"
             )
         speed = f"{self.flights_per_second:,.0f} sampled flights a second on one core"
         return "\n".join([*lines, speed])
@@ -98,7 +98,7 @@ def search_plans(
         count: searches by each method, each with a seed of its own.
         seed: of these seeds; both methods get the same.
         shown: iterations, from 1, whose sequences to keep.
-        progress: told what is being done.
+        progress: called with a line of text as the work goes on.
     """
     speed = flights_per_second(cost, start)
     plans: dict[str, list[Plan]] = {}

@@ -38,7 +38,7 @@ from diagrams import program
 
 SIZE = 2.0
 """Scale of y = x / SIZE, in which all polynomials are; y is about 1 on the limit cycle:
-the margins of small and of large monomials then weigh alike."""
+the margins of small and of large monomials then have similar weights."""
 
 Y = np.array([Variable("y1"), Variable("y2")])
 FIELD = [Polynomial(f, Y) for f in (-Y[1], Y[0] + (SIZE**2 * Y[0] ** 2 - 1.0) * Y[1])]

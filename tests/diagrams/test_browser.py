@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.marks import AddMarks
+from diagrams.overlays import AddOverlays
 from diagrams.page import Entry, Legend, serve_page, write_html
 from diagrams.playback import Track, legend_of, play
 from diagrams.scene import AddScene, Stage, camera_of
@@ -110,7 +110,7 @@ def test_a_live_simulation_is_told_while_it_runs():
     state = [-1.5, 0.1, -0.4, 0.3, 3.0, -4.0, 0.0]
     source = builder.AddSystem(ConstantVectorSource(state))
     AddScene(builder, source.get_output_port(), meshcat, name="a_b")
-    AddMarks(builder, source.get_output_port(), meshcat, name="a_b")
+    AddOverlays(builder, source.get_output_port(), meshcat, name="a_b")
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.1)
     legend = Legend(title="Now", entries=(Entry(name="a b", slug="a_b"),))

@@ -9,7 +9,7 @@ import pytest
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.marks import ARROW_SCALE, arrow_paths, trail_path
+from diagrams.overlays import ARROW_SCALE, arrow_paths, trail_path
 from diagrams.page import write_html
 from diagrams.playback import (
     RED,

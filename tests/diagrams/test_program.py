@@ -107,7 +107,7 @@ def test_options_are_refused_where_their_file_cannot_be_written(tmp_path):
             parse(option, tmp_path / "absent" / "a.png")
 
 
-def test_progress_is_told_on_stderr(capsys):
+def test_progress_is_shown_on_stderr(capsys):
     with working("plan") as progress:
         progress("fly")
         silent("fly")
@@ -134,7 +134,7 @@ def test_launches_and_seed_are_whole_numbers(option, number, least, capsys):
         parse(option, number)
     assert end.value.code == 2
     error = capsys.readouterr().err
-    assert f"{option}: {number} is not a whole number from {least} on" in error
+    assert f"{option}: {number} is not an integer of at least {least}" in error
     least_ones = parse("--launches", "3", "--seed", "0")
     assert (least_ones.launches, least_ones.seed) == (3, 0)
 

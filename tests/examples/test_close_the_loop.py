@@ -1,4 +1,4 @@
-"""Closing the loop on a campaign, told in a few lines."""
+"""Closing the loop on a campaign, output in a few lines."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.model import load_model
 from tests.helpers.campaigns import campaign_path
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +34,12 @@ def test_the_effect_is_found_and_worth_something(found):
     assert errors["corrected"] < 0.05 * errors["nominal"]
 
 
-def test_it_is_told_as_it_is(found, folder, tmp_path):
+def test_the_result_is_reported(found, folder, tmp_path):
     model = tmp_path / "model.yaml"
     arguments = (str(folder), f"--model={model}")
-    told = tell(close_the_loop, found, tmp_path, *arguments, writes=("--json",))
-    assert told.figures == {"verdict": "effect_found", "effects": ["attached_lift"]}
-    assert "attached_lift: effect_found" in told.words
-    assert "slope = " in told.words
-    assert told.asked.call_args.args[0] == folder
+    output = run_main(close_the_loop, found, tmp_path, *arguments, writes=("--json",))
+    assert output.figures == {"verdict": "effect_found", "effects": ["attached_lift"]}
+    assert "attached_lift: effect_found" in output.words
+    assert "slope = " in output.words
+    assert output.asked.call_args.args[0] == folder
     assert load_model(model) == found.model

@@ -9,7 +9,7 @@ from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG, THRUST, WIND
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 POWERED = GliderModel(effects=(THRUST(force=0.1),))
 POWERED_WITH_STATES = GliderModel(
@@ -68,9 +68,9 @@ def test_a_cruise_through_changing_air_is_refused():
 
 def test_the_result_is_reported(tmp_path):
     flown = cruise.fly(GliderModel(), 7.0, seconds=2.0)
-    told = tell(cruise, flown, tmp_path, "--speed=6", writes=("--json", "--html"))
-    assert told.figures == flown.key_figures()
-    assert told.figures["speed"] == pytest.approx(7.0)
-    assert "Trimmed at 7.00 m/s" in told.words
-    assert told.asked.call_args.args[1] == 6.0
-    assert ">disturbed glide<" in told.page
+    output = run_main(cruise, flown, tmp_path, "--speed=6", writes=("--json", "--html"))
+    assert output.figures == flown.key_figures()
+    assert output.figures["speed"] == pytest.approx(7.0)
+    assert "Trimmed at 7.00 m/s" in output.words
+    assert output.asked.call_args.args[1] == 6.0
+    assert ">disturbed glide<" in output.page

@@ -11,7 +11,7 @@ from glider.physics.model import GliderModel
 from glider.planning import reach
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.problem import PerchingProblem
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +23,10 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def told(found, tmp_path_factory):
+def output(found, tmp_path_factory):
     folder, writes = tmp_path_factory.mktemp("map"), ("--json", "--figure")
     arguments = ("--launches=6", "--headless")
-    return tell(launch_map, found, folder, *arguments, writes=writes)
+    return run_main(launch_map, found, folder, *arguments, writes=writes)
 
 
 def test_slow_launches_miss_the_wire_and_slower_ones_by_more(found):
@@ -45,11 +45,11 @@ def test_the_answers_are_those_of_plan(found):
         plan(GliderModel(), slow)
 
 
-def test_what_is_told(told, found):
-    assert "3 of 6 launches have a plan" in told.words
-    assert told.figures["planned"] == found.planned.tolist()
-    assert told.figures["miss_m"] == found.misses.tolist()
-    assert told.ink > 0.02
+def test_what_is_reported(output, found):
+    assert "3 of 6 launches have a plan" in output.words
+    assert output.figures["planned"] == found.planned.tolist()
+    assert output.figures["miss_m"] == found.misses.tolist()
+    assert output.ink > 0.02
 
 
 def test_launches_are_drawn_within_the_box_and_shared_by_workers(monkeypatch):

@@ -1,10 +1,10 @@
-"""Two rivals are told apart by throws that are proposed."""
+"""Two rivals are output apart by throws that are proposed."""
 
 import pytest
 
 from examples import next_throw
 from glider.errors import InputError
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -21,17 +21,17 @@ def test_few_throws_tell_the_hidden_effect(found):
     assert len(found.probabilities) == len(found.proposals) + 1
 
 
-def test_it_is_told_as_it_is(found, tmp_path):
-    told = tell(next_throw, found, tmp_path, "--effect=command_delay")
-    assert told.figures == found.key_figures()
-    assert told.figures["throws"] == len(found.proposals)
-    assert "separate with probability" in told.words
-    assert "the hidden effect was command_delay" in told.words
-    assert told.asked.call_args.args[0] == "command_delay"
-    assert told.ink > 0.02
-    assert "proposed" in told.page
+def test_the_result_is_reported(found, tmp_path):
+    output = run_main(next_throw, found, tmp_path, "--effect=command_delay")
+    assert output.figures == found.key_figures()
+    assert output.figures["throws"] == len(found.proposals)
+    assert "separate with probability" in output.words
+    assert "the hidden effect was command_delay" in output.words
+    assert output.asked.call_args.args[0] == "command_delay"
+    assert output.ink > 0.02
+    assert "proposed" in output.page
 
 
-def test_an_effect_that_is_no_rival_is_told():
+def test_an_effect_that_is_no_rival_is_reported():
     with pytest.raises(InputError, match="servo_lag"):
         next_throw.run("wind")

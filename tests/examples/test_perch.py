@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from examples import perch
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -13,8 +13,8 @@ def flown():
 
 
 @pytest.fixture(scope="module")
-def told(flown, tmp_path_factory):
-    return tell(perch, flown, tmp_path_factory.mktemp("perch"), "--launches=4")
+def output(flown, tmp_path_factory):
+    return run_main(perch, flown, tmp_path_factory.mktemp("perch"), "--launches=4")
 
 
 def test_the_plan_is_the_articles(flown):
@@ -41,8 +41,8 @@ def test_both_fly_the_same_launches(flown):
     assert not np.allclose(again.states[0], starts[0][0])
 
 
-def test_it_is_told_as_it_is(told, flown):
-    figures = told.figures
+def test_the_result_is_reported(output, flown):
+    figures = output.figures
     assert figures["closed_loop"] == flown.flights.key_figures()
     assert figures["open_loop_from_launches"] == flown.blind.key_figures()
     assert figures["open_loop_miss_m"] == flown.replayed.miss
@@ -51,18 +51,18 @@ def test_it_is_told_as_it_is(told, flown):
     assert figures["duration"] == flown.plan.duration
     assert figures["max_defect"] == flown.plan.max_defect < figures["path_defect"]
     assert figures["plan_seconds"] > 0.0
-    assert "194.05" in told.words
-    assert "With feedback 4 of 4 launches perch" in told.words
+    assert "194.05" in output.words
+    assert "With feedback 4 of 4 launches perch" in output.words
 
 
-def test_it_is_drawn_and_animated(told):
-    assert told.size == (1425, 840)
-    assert told.ink > 0.02
+def test_it_is_drawn_and_animated(output):
+    assert output.size == (1425, 840)
+    assert output.ink > 0.02
     for words in ("Perch", "worst launch", "plan"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
 def test_the_options_reach_the_story(flown, tmp_path):
-    told = tell(perch, flown, tmp_path, "--launches=7", "--seed=3")
-    assert told.asked.call_args.args[:2] == (7, 3)
-    assert told.figures["seed"] == 3
+    output = run_main(perch, flown, tmp_path, "--launches=7", "--seed=3")
+    assert output.asked.call_args.args[:2] == (7, 3)
+    assert output.figures["seed"] == 3

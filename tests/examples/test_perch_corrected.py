@@ -13,7 +13,7 @@ from glider.physics.model import GliderModel, save_model
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 from tests.helpers.physics import FIELD
 
 
@@ -23,9 +23,9 @@ def flown():
 
 
 @pytest.fixture(scope="module")
-def told(flown, tmp_path_factory):
+def output(flown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("corrected")
-    return tell(perch_corrected, flown, folder, "--launches=10", "--seed=3")
+    return run_main(perch_corrected, flown, folder, "--launches=10", "--seed=3")
 
 
 @pytest.mark.slow
@@ -37,26 +37,26 @@ def test_the_corrected_model_perches_where_the_nominal_one_misses(flown):
 
 
 @pytest.mark.slow
-def test_it_is_told_as_it_is(told, flown):
-    figures = told.figures
+def test_the_result_is_reported(output, flown):
+    figures = output.figures
     assert figures["effect_true"] == "wind"
     assert figures["effect_found"] == ["wind"]
     for name, rehearsal in (("before", flown.before), ("after", flown.after)):
         assert figures[name] == rehearsal.flights.key_figures()
     assert (figures["launches"], figures["seed"]) == (10, 3)
-    assert "planned corrected: 10 of 10 launches perch" in told.words
-    truth, *asked = told.asked.call_args.args[:3]
+    assert "planned corrected: 10 of 10 launches perch" in output.words
+    truth, *asked = output.asked.call_args.args[:3]
     assert asked == [10, 3]
     assert truth == load_truth("head_wind")
 
 
 @pytest.mark.slow
-def test_it_is_drawn_and_animated(told):
-    assert told.size == (1425, 1050)
-    assert told.ink > 0.02
-    assert ">Before and after: head_wind<" in told.page
+def test_it_is_drawn_and_animated(output):
+    assert output.size == (1425, 1050)
+    assert output.ink > 0.02
+    assert ">Before and after: head_wind<" in output.page
     for words in ("planned corrected", "planned nominal", "plan of the nominal model"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
 def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
@@ -88,7 +88,7 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
         (GliderModel(effects=(WIND(x=-1.0),), field=FIELD), "wind + rbf_residual"),
     ],
 )
-def test_what_is_true_is_told_as_it_is(tmp_path, truth, expected):
+def test_what_is_true_is_reported(tmp_path, truth, expected):
     """Of files with several effects or none."""
     save_model(tmp_path / "truth.yaml", truth)
     assert name_effects(load_truth(str(tmp_path / "truth.yaml"))) == expected

@@ -14,7 +14,7 @@ from glider.planning.problem import load_problem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES
 from glider.verification.trials.estimated import study_estimates
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 PROVEN = models_path("funnels", "proven")
 OPTIONS = ("--load", str(PROVEN), "--prove", "--samples=80", "--every=200")
@@ -39,9 +39,9 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(found, folder):
+def output(found, folder):
     arguments = (*OPTIONS, "--estimate=1", f"--save={folder}")
-    return tell(perching_funnel, found, folder, *arguments)
+    return run_main(perching_funnel, found, folder, *arguments)
 
 
 def test_certificates_hold_and_no_flight_leaves(found):
@@ -69,8 +69,8 @@ def test_the_nominal_feedback_flies_on_an_estimate(found):
     assert [len(level.miss) for level in found.estimated] == [1, 1]
 
 
-def test_it_is_told_as_it_is(told, found):
-    figures = told.figures
+def test_the_result_is_reported(output, found):
+    figures = output.figures
     for part, study in (
         (figures, found.nominal),
         (figures["corrected"], found.corrected),
@@ -103,21 +103,21 @@ def test_it_is_told_as_it_is(told, found):
     assert figures["estimate"]["flights"] == 1
     assert [row["unknown"] for row in figures["estimate"]["bears"]] == [0.1, 1.0]
     assert (figures["truth"], figures["seed"]) == ("head_wind", 0)
-    assert "Flown by head_wind, 0 of" in told.words
-    assert "nominal model, on an estimate:" in told.words
+    assert "Flown by head_wind, 0 of" in output.words
+    assert "nominal model, on an estimate:" in output.words
 
 
-def test_it_is_drawn_and_animated(told, folder):
-    assert told.size == (1200, 1056)
-    assert told.ink > 0.05
-    beside = matplotlib.image.imread(folder / "told_estimate.png")
+def test_it_is_drawn_and_animated(output, folder):
+    assert output.size == (1200, 1056)
+    assert output.ink > 0.05
+    beside = matplotlib.image.imread(folder / "output_estimate.png")
     assert beside.shape[:2] == (432, 1080)
     assert np.mean(np.min(beside[..., :3], axis=-1) < 0.95) > 0.01
     for words in ("A certified perch: head_wind", "nominal", "flight 1", "flight 3"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
-def test_funnels_are_saved(told, found, folder):
+def test_funnels_are_saved(output, found, folder):
     for name, study in (
         ("drawn.npz", found.nominal),
         ("head_wind.npz", found.corrected),
@@ -127,20 +127,20 @@ def test_funnels_are_saved(told, found, folder):
         assert saved.nominal.model == study.funnel.nominal.model
 
 
-def test_the_options_reach_the_story(told):
-    truth, trials, seed = told.asked.call_args.args
+def test_the_options_reach_the_story(output):
+    truth, trials, seed = output.asked.call_args.args
     assert truth == load_truth("head_wind")
     assert trials == FunnelTrials(samples=80, every=200, prove=True)
     assert seed == 0
-    options = told.asked.call_args.kwargs
+    options = output.asked.call_args.kwargs
     assert options["load"] == (PROVEN / "drawn.npz", PROVEN / "head_wind.npz")
     assert (options["flights"], options["estimate"]) == (20, 1)
 
 
 def test_the_hook_and_a_feedback_are_asked_for(found, tmp_path):
     asked = [*OPTIONS, "--hook", "--elevator-gain=40", "--for-launches"]
-    told = tell(perching_funnel, found, tmp_path, *asked)
-    trials = told.asked.call_args.args[1]
+    output = run_main(perching_funnel, found, tmp_path, *asked)
+    trials = output.asked.call_args.args[1]
     file = models_path("problems", "perching_hook.yaml")
     assert (trials.problem, trials.hook) == (load_problem(file), True)
     assert trials.settings.elevator_gain == 40.0
@@ -152,13 +152,13 @@ def test_a_funnel_whose_states_the_truth_lacks_is_not_flown_by_it(found, tmp_pat
     lost = dict(vars(found.corrected), on_truth=None)
     study = type(found.corrected)(**lost)
     other = type(found)(nominal=found.nominal, corrected=study, estimated=[])
-    told = tell(perching_funnel, other, tmp_path, *OPTIONS)
-    assert told.figures["corrected_on_truth_escapes"] is None
-    assert told.figures["corrected_on_truth_samples"] is None
-    assert "estimate" not in told.figures
-    assert "it has no meaning: their states differ" in told.words
-    assert told.figures["corrected"]["made_for"] is None
-    assert not (tmp_path / "told_estimate.png").exists()
+    output = run_main(perching_funnel, other, tmp_path, *OPTIONS)
+    assert output.figures["corrected_on_truth_escapes"] is None
+    assert output.figures["corrected_on_truth_samples"] is None
+    assert "estimate" not in output.figures
+    assert "it has no meaning: their states differ" in output.words
+    assert output.figures["corrected"]["made_for"] is None
+    assert not (tmp_path / "output_estimate.png").exists()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_gliders_are_allowed_with_a_probability(arguments, words, capsys):
     assert words in capsys.readouterr().err
 
 
-def test_a_funnel_that_the_hook_does_not_take_is_told():
+def test_a_funnel_that_the_hook_does_not_take_is_reported():
     """One of the article's goal, where the hook's was asked for."""
     trials = FunnelTrials(samples=80, every=1000, hook=True)
     truth, rng = load_truth("head_wind"), np.random.default_rng(0)
@@ -219,9 +219,9 @@ def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):
     assert study.on_truth.escapes == study.on_set.escapes == 0
     assert study.on_set.samples > 100
     whole = type(found)(nominal=found.nominal, corrected=study, estimated=[])
-    told = tell(perching_funnel, whole, tmp_path, *OPTIONS)
-    part = told.figures["corrected"]
+    output = run_main(perching_funnel, whole, tmp_path, *OPTIONS)
+    part = output.figures["corrected"]
     assert part["made_for"].startswith("95 % ellipsoid of wind.x ± 0.0008")
     assert (part["on_set_samples"], part["on_set_escapes"]) == (study.on_set.samples, 0)
-    assert "made for the gliders of a 95 % ellipsoid" in told.words
-    assert told.figures["on_set_escapes"] is None  # Of the nominal model's.
+    assert "made for the gliders of a 95 % ellipsoid" in output.words
+    assert output.figures["on_set_escapes"] is None  # Of the nominal model's.

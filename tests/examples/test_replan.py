@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.program import load_truth
 from examples import replan
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 from tests.helpers.flights import NOMINAL, PROBLEM
 
 
@@ -41,22 +41,22 @@ def test_all_perch_on_a_filters_estimate_from_motion_capture():
 
 def test_the_result_is_reported(raced, tmp_path):
     options = ("--truth=set_wing", "--launches=1", "--seed=2", "--estimated")
-    told = tell(replan, raced, tmp_path, *options)
-    assert told.figures == raced.key_figures() | {
+    output = run_main(replan, raced, tmp_path, *options)
+    assert output.figures == raced.key_figures() | {
         "truth": "set_wing",
         "seed": 2,
         "width": 1.0,
         "corrected": False,
         "estimated": True,
     }
-    assert "MPC: 1 of 1 launches perch" in told.words
-    truth, *asked = told.asked.call_args.args
+    assert "MPC: 1 of 1 launches perch" in output.words
+    truth, *asked = output.asked.call_args.args
     assert (truth, asked) == (load_truth("set_wing"), [1, 2])
-    assert told.asked.call_args.kwargs["estimated"] is True
-    assert told.size == (1425, 1050)
-    assert told.ink > 0.02
+    assert output.asked.call_args.kwargs["estimated"] is True
+    assert output.size == (1425, 1050)
+    assert output.ink > 0.02
     for name in replan.CONTROLLERS:
-        assert f">worst by {name}<" in told.page
+        assert f">worst by {name}<" in output.page
 
 
 def test_launches_get_wider(monkeypatch):

@@ -61,16 +61,16 @@ def help_of(example, capsys):
 
 
 def fail(example, arguments, capsys):
-    """Returns what is said of a fault of the user's, which keeps the story untold."""
+    """Returns the message of a user's fault, which must come before the work."""
     with known_story(example, None) as asked:
         code = program.run(
             lambda: example.main([*GIVEN.get(name_of(example), []), *arguments])
         )
     assert code == 2
     assert not asked.called
-    told = capsys.readouterr()
-    assert told.out == ""
-    return told.err
+    output = capsys.readouterr()
+    assert output.out == ""
+    return output.err
 
 
 def test_a_story_returns_a_frozen_dataclass(example):
@@ -81,10 +81,10 @@ def test_a_story_returns_a_frozen_dataclass(example):
 
 
 def test_the_help_is_the_docstring_with_a_usage(example, capsys):
-    told = help_of(example, capsys)
-    assert inspect.cleandoc(example.__doc__) in told
-    assert f"python {SOURCES[name_of(example)]}" in told
-    options = {option for option in SHOWN if f"  {option} " in told}
+    output = help_of(example, capsys)
+    assert inspect.cleandoc(example.__doc__) in output
+    assert f"python {SOURCES[name_of(example)]}" in output
+    options = {option for option in SHOWN if f"  {option} " in output}
     assert options == WRITES[name_of(example)] & SHOWN
 
 

@@ -6,8 +6,10 @@ from diagrams.program import run
 from examples import watch_log
 from glider.campaign.reader import load_campaign
 from glider.physics.model import save_model
+from tests.helpers.examples import run_main
 from tests.helpers.examples import tell
 from tests.simulation.test_refly import CORRECTED
+from tests.sysid.test_refly import CORRECTED
 
 CAMPAIGN = "attached_lift"
 
@@ -25,10 +27,10 @@ def flown(model):
 
 
 @pytest.fixture(scope="module")
-def told(flown, model, tmp_path_factory):
+def output(flown, model, tmp_path_factory):
     arguments = (CAMPAIGN, "flight_003", "--model", str(model))
     folder, writes = tmp_path_factory.mktemp("log"), ("--json", "--html")
-    return tell(watch_log, flown, folder, *arguments, writes=writes)
+    return run_main(watch_log, flown, folder, *arguments, writes=writes)
 
 
 def test_the_corrected_model_flies_as_the_glider_did(flown):
@@ -42,8 +44,8 @@ def test_the_corrected_model_flies_as_the_glider_did(flown):
     assert flown.motions["measured"].forces.shape == (103, 2)
 
 
-def test_it_is_told_as_it_is(told, flown):
-    figures = dict(told.figures)
+def test_the_result_is_reported(output, flown):
+    figures = dict(output.figures)
     assert figures.pop("flight") == "flight_003.csv"
     assert figures.pop("rows") == 103
     assert figures.pop("duration_s") == flown.motions["measured"].time[-1]
@@ -51,16 +53,16 @@ def test_it_is_told_as_it_is(told, flown):
     for name, (rms, end) in flown.errors.items():
         errors = figures[name.replace(" ", "_")]
         assert errors == {"position_rms_m": rms, "position_end_m": end}
-    assert "nominal: 2" in told.words
+    assert "nominal: 2" in output.words
 
 
-def test_a_flight_is_shown_with_both_models(told):
+def test_a_flight_is_shown_with_both_models(output):
     for words in ("attached_lift, flight_003.csv", "measured", "nominal", "corrected"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
-def test_the_options_reach_the_story(told, model):
-    campaign, *rest = told.asked.call_args.args[:3]
+def test_the_options_reach_the_story(output, model):
+    campaign, *rest = output.asked.call_args.args[:3]
     assert campaign.name == "attached_lift"
     assert rest == ["flight_003", model]
 

@@ -13,8 +13,8 @@ import numpy as np
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Told:
-    """What a main told of a result."""
+class Output:
+    """What a main reported of a result."""
 
     figures: dict
     """What --json holds."""
@@ -60,16 +60,16 @@ def known_story(example: types.ModuleType, result: object):
         yield asked
 
 
-NAMES = {"--json": "told.json", "--figure": "told.png", "--html": "told.html"}
+NAMES = {"--json": "output.json", "--figure": "output.png", "--html": "output.html"}
 
 
-def tell(
+def run_main(
     example: types.ModuleType,
     result: object,
     folder: Path,
     *arguments: str,
     writes: tuple[str, ...] = tuple(NAMES),
-) -> Told:
+) -> Output:
     """Runs a main, with a result in the place of its story.
 
     Args:
@@ -86,7 +86,7 @@ def tell(
     with known_story(example, result) as asked, contextlib.redirect_stdout(printed):
         example.main(given)
     picture, page = (files.get(option) for option in ("--figure", "--html"))
-    return Told(
+    return Output(
         figures=json.loads(files["--json"].read_text(encoding="utf-8")),
         words=printed.getvalue(),
         picture=matplotlib.image.imread(picture) if picture else None,

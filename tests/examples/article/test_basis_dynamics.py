@@ -70,7 +70,7 @@ def test_an_unknown_way_to_count_angles_is_refused(exercise):
         exercise.frame("sideways")
 
 
-def test_there_are_41_features_and_ours_are_told_from_the_papers():
+def test_there_are_41_features_and_ours_are_distinguished_from_the_papers():
     assert len(FEATURES) == 41 and len(PAPER) == 20
     assert max(PAPER) == 41 and min(OURS) == 101
     assert len({words for words, _ in FEATURES.values()}) == 41
@@ -106,8 +106,8 @@ def test_features_are_smooth_where_complex_steps_take_them(exercise):
     np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
 
 
-def test_features_that_depend_on_each_other_are_told(exercise):
-    """V² sin a = V² sin a cos² a + V² sin³ a, so no data tell the three apart."""
+def test_features_that_depend_on_each_other_are_reported(exercise):
+    """V² sin a = V² sin a cos² a + V² sin³ a, so no data run_main the three apart."""
     frame = exercise.frame("nose_down")
     columns = sampled_features(exercise.fitted, frame, (1, 3, 5))
     assert least_squares(columns, columns[:, 0]).rank == 2
@@ -230,9 +230,9 @@ def test_a_file_that_is_no_exercise_is_one_sentence(tmp_path, changes, words):
     path = tmp_path / "exercise.yaml"
     data = yaml.safe_load(EXERCISE.read_text(encoding="utf-8"))
     path.write_text(yaml.safe_dump({**data, **changes}))
-    with pytest.raises(InputError, match=words) as told:
+    with pytest.raises(InputError, match=words) as output:
         load_exercise(path)
-    assert str(path) in str(told.value) and "\n" not in str(told.value)
+    assert str(path) in str(output.value) and "\n" not in str(output.value)
 
 
 @pytest.mark.parametrize("name", [f.name for f in dataclasses.fields(Recipe)])

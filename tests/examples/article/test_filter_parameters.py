@@ -7,7 +7,7 @@ import filter_parameters
 from filter_study import CONSTANTS, RATE, watch_cruise
 from glider.paths import models_path
 from glider.physics.parameters import load_parameters
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 TRUTH = {"cruise": {"l_w": -0.03, "S_e": 0.0147}, "perch": {"l_w": 0.0, "S_e": 0.0147}}
 
@@ -18,9 +18,9 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def told(found, tmp_path_factory):
+def output(found, tmp_path_factory):
     folder = tmp_path_factory.mktemp("filter")
-    return tell(filter_parameters, found, folder, "--launches=2")
+    return run_main(filter_parameters, found, folder, "--launches=2")
 
 
 def known(found):
@@ -44,15 +44,15 @@ def test_constants_become_known_far_better(found):
             assert std > least[k]
 
 
-def test_only_flights_whose_filter_knows_how_sure_it_is_are_reported(found, told):
+def test_only_flights_whose_filter_knows_how_sure_it_is_are_reported(found, output):
     """The constants' NEES over 20 flights; in a settled cruise it is 206."""
     assert len(found.constant) == 20
     sure = found.slow_nees
     assert sure.keys() == found.constant[0].keys() == {"cruise", "perch"}
     assert max(sure.values()) < 3.0
     assert min(sure.values()) > 0.2
-    assert "settled cruise" not in told.figures
-    assert told.figures["slow_nees"] == sure
+    assert "settled cruise" not in output.figures
+    assert output.figures["slow_nees"] == sure
 
 
 def test_deviations_and_the_least_of_them_are_of_one_time(found):
@@ -84,8 +84,8 @@ def test_the_filter_is_consistent_and_perches(found):
     assert found.flown.on_estimate.worst.miss < 0.03
 
 
-def test_it_is_told_as_it_is(told, found):
-    figures, trusted = told.figures, found.consistency
+def test_the_result_is_reported(output, found):
+    figures, trusted = output.figures, found.consistency
     for name, watched in found.drifting.items():
         assert figures[name] == watched.numbers()
     assert figures["constant"] == known(found)
@@ -104,21 +104,21 @@ def test_it_is_told_as_it_is(told, found):
         flights = getattr(found.flown, f"on_{seen}")
         assert figures[f"on_{seen}"] == flights.key_figures()
     assert (figures["launches"], figures["seed"]) == (2, 0)
-    assert "On its estimate 2 of 2 launches perch" in told.words
-    assert "NEES over 20 flights" in told.words
-    assert told.asked.call_args.args[:2] == (2, 0)
+    assert "On its estimate 2 of 2 launches perch" in output.words
+    assert "NEES over 20 flights" in output.words
+    assert output.asked.call_args.args[:2] == (2, 0)
 
 
-def test_it_is_drawn_and_animated(told):
-    assert told.size == (1425, 1260)
-    assert told.ink > 0.05
+def test_it_is_drawn_and_animated(output):
+    assert output.size == (1425, 1260)
+    assert output.ink > 0.05
     for words in ("Perch on an estimate", "worst launch on the estimate", "plan"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
 def test_the_help_says_what_the_json_holds_and_of_what(capsys):
     with pytest.raises(SystemExit):
         filter_parameters.main(["--help"])
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for words in ("--json: {", "consistency_of", "120 Hz", "no perch plan"):
-        assert words in told
+        assert words in output

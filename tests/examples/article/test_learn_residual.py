@@ -5,7 +5,7 @@ import pytest
 import learn_residual
 from diagrams.program import load_truth
 from learning_study import weight_changes
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 pytestmark = pytest.mark.slow
 
@@ -18,8 +18,8 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def told(found, tmp_path_factory):
-    return tell(learn_residual, found, tmp_path_factory.mktemp("learned"), *OPTIONS)
+def output(found, tmp_path_factory):
+    return run_main(learn_residual, found, tmp_path_factory.mktemp("learned"), *OPTIONS)
 
 
 def test_learning_reaches_a_planner_that_knows_the_truth(found):
@@ -35,8 +35,8 @@ def test_learning_reaches_a_planner_that_knows_the_truth(found):
     assert change > 0.0
 
 
-def test_it_is_told_as_it_is(told, found):
-    figures = dict(told.figures)
+def test_the_result_is_reported(output, found):
+    figures = dict(output.figures)
     for name, rounds in (("rbf", found.weights), ("traced", found.traced)):
         summary = figures.pop(name)
         assert summary.pop("terminal_cost") == [turn.terminal_cost for turn in rounds]
@@ -45,25 +45,27 @@ def test_it_is_told_as_it_is(told, found):
         assert summary == (rest if name == "rbf" else {"effects": [[], ["wind"]]})
     asked = {"truth": "head_wind", "launches": 3, "order": 4, "seed": 0}
     assert figures == {"oracle_miss_m": found.oracle, **asked}
-    assert "traced to wind" in told.words
-    assert f"the median miss is {1000 * found.oracle:.1f} mm" in told.words
+    assert "traced to wind" in output.words
+    assert f"the median miss is {1000 * found.oracle:.1f} mm" in output.words
 
 
-def test_it_is_drawn_and_animated(told):
-    assert told.size == (1950, 990)
-    assert told.ink > 0.035  # A third of the width is the legends.
-    assert ">Learning: head_wind<" in told.page
+def test_it_is_drawn_and_animated(output):
+    assert output.size == (1950, 990)
+    assert output.ink > 0.035  # A third of the width is the legends.
+    assert ">Learning: head_wind<" in output.page
     for words in ("traced - last round", "weights - last round"):
-        assert f">{words}<" in told.page
-    assert ">nominal - first round<" in told.page
+        assert f">{words}<" in output.page
+    assert ">nominal - first round<" in output.page
 
 
 def test_the_options_reach_the_story(found, tmp_path):
-    told = tell(learn_residual, found, tmp_path, *OPTIONS, "--order=1", "--seed=5")
-    truth, *rounds = told.asked.call_args.args
+    output = run_main(
+        learn_residual, found, tmp_path, *OPTIONS, "--order=1", "--seed=5"
+    )
+    truth, *rounds = output.asked.call_args.args
     assert truth == load_truth("head_wind")
     assert rounds == [2, 2]
-    options = told.asked.call_args.kwargs
+    options = output.asked.call_args.kwargs
     assert (options["launches"], options["seed"]) == (3, 5)
     assert options["settings"].order == 1
-    assert (told.figures["order"], told.figures["seed"]) == (1, 5)
+    assert (output.figures["order"], output.figures["seed"]) == (1, 5)

@@ -137,7 +137,7 @@ def euler_flight(model, planned, bend=0.0):
 
 
 def test_weights_learned_from_clean_euler_flights_are_those_of_the_truth(planned):
-    """Where it flew: 26 weights are more than two flights tell apart."""
+    """Where it flew: 26 weights are more than two flights run_main apart."""
     rng, basis = np.random.default_rng(0), residual_basis()
     weights = rng.normal(0.0, 0.2, (26, 3)) * [1.0, 1.0, 0.05]
     truth = dataclasses.replace(HEAVY, field=with_weights(basis, COEFFICIENTS, weights))

@@ -35,7 +35,7 @@ def test_units_change_neither_rank_nor_error():
     np.testing.assert_allclose(scaled.coefficients.T * units, solved.coefficients.T)
 
 
-def test_a_direction_that_the_data_never_excite_is_told_and_stays_at_zero():
+def test_a_direction_that_the_data_never_excite_is_reported_and_stays_at_zero():
     columns, targets = table()
     columns[:, 5] = columns[:, 1] - 2.0 * columns[:, 3]
     solved = least_squares(columns, targets[:, 0])
@@ -127,7 +127,7 @@ def test_a_subset_of_four_is_refused():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_number_that_is_not_finite_is_told_in_any_column(bad):
+def test_a_number_that_is_not_finite_is_reported_in_any_column(bad):
     columns, targets = table()
     columns[3, 4] = bad
     with pytest.raises(InputError, match=r"best_subsets: .* not finite"):
@@ -136,7 +136,7 @@ def test_a_number_that_is_not_finite_is_told_in_any_column(bad):
 
 @pytest.mark.parametrize(("apart", "is_found"), [(1e-4, True), (1e-6, False)])
 def test_pivots_are_squares_of_how_far_columns_lie_apart(apart, is_found):
-    """Singular values tell the two columns apart where pivots no longer do."""
+    """Singular values run_main the two columns apart where pivots no longer do."""
     columns, _ = table()
     target = columns[:, 1].copy()
     columns[:, 1] = columns[:, 0] + apart * target

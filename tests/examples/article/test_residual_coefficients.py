@@ -15,7 +15,7 @@ from glider.physics.model import GliderModel, load_model
 from glider.systems.plant import GliderPlant
 from tests.examples.article.test_coefficients import coefficients_of
 from tests.helpers.campaigns import campaign_path
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +34,10 @@ def found(folder):
 
 
 @pytest.fixture(scope="module")
-def told(found, folder):
+def output(found, folder):
     model = folder.parent / "glider.yaml"
     arguments = (str(folder), f"--model={model}")
-    return tell(residual_coefficients, found, folder.parent, *arguments)
+    return run_main(residual_coefficients, found, folder.parent, *arguments)
 
 
 def test_the_residual_pays_on_held_out_flights(found):
@@ -51,12 +51,12 @@ def test_the_residual_pays_on_held_out_flights(found):
         assert after < 0.6 * before
 
 
-def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, told, folder):
+def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, output, folder):
     campaign = load_campaign(folder)
     fitted, held_out = len(found.study.fitted.plate), len(found.study.held_out.plate)
     assert fitted + held_out == sum(len(f.time) - 6 for f in campaign.flights)
     assert fitted > held_out
-    assert told.figures["rows"] == {"fitted": fitted, "held_out": held_out}
+    assert output.figures["rows"] == {"fitted": fitted, "held_out": held_out}
 
 
 def test_a_flight_left_out_is_flown_again_by_each_model(found):
@@ -72,7 +72,7 @@ def test_a_flight_left_out_is_flown_again_by_each_model(found):
     assert min(far[1:]) < 0.7 * far[0]
 
 
-def test_the_model_written_flies_with_its_residual(found, told, folder):
+def test_the_model_written_flies_with_its_residual(found, output, folder):
     model = load_model(folder.parent / "glider.yaml")
     assert model == found.models["26 weights"]
     assert model.field is not None and model.field.kind == "rbf_residual"
@@ -91,12 +91,12 @@ def test_the_model_written_flies_with_its_residual(found, told, folder):
     np.testing.assert_allclose(with_field - without, added, atol=1e-6)
 
 
-def test_it_is_told_as_it_is(told, found):
-    assert told.figures.keys() == {"campaign", "rows", "models"}
-    assert told.figures["campaign"] == "attached_lift"
+def test_the_result_is_reported(output, found):
+    assert output.figures.keys() == {"campaign", "rows", "models"}
+    assert output.figures["campaign"] == "attached_lift"
     for name, model in found.study.models.items():
         e = model.errors
-        assert told.figures["models"][name] == {
+        assert output.figures["models"][name] == {
             **dict(zip(COEFFICIENTS, model.rms.tolist(), strict=True)),
             "equation": {
                 "tangential": e.tangential,
@@ -109,17 +109,17 @@ def test_it_is_told_as_it_is(told, found):
                 "pitch_rms_rad": e.pitch_rms_rad,
             },
         }
-    assert "126 weights: C_L 0." in told.words
-    campaign, seed = told.asked.call_args.args
+    assert "126 weights: C_L 0." in output.words
+    campaign, seed = output.asked.call_args.args
     assert (campaign.name, seed) == ("attached_lift", 0)
 
 
-def test_it_is_drawn_and_animated(told, found):
-    assert told.size == (1650, 990)
-    assert told.ink > 0.05
-    assert f">attached_lift, {found.study.unseen[0].name}<" in told.page
+def test_it_is_drawn_and_animated(output, found):
+    assert output.size == (1650, 990)
+    assert output.ink > 0.05
+    assert f">attached_lift, {found.study.unseen[0].name}<" in output.page
     for words in ("measured", "flat plate", "26 weights", "126 weights"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page
 
 
 def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):

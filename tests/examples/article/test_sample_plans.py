@@ -5,7 +5,7 @@ import pytest
 
 import sample_plans
 from diagrams.program import load_truth
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 
 
 @pytest.fixture(scope="module")
@@ -14,9 +14,9 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def told(found, tmp_path_factory):
+def output(found, tmp_path_factory):
     folder = tmp_path_factory.mktemp("sampled")
-    return tell(sample_plans, found, folder, "--searches=3", "--launches=3")
+    return run_main(sample_plans, found, folder, "--searches=3", "--launches=3")
 
 
 def test_planning_anew_perches_where_a_replayed_plan_misses(found):
@@ -43,8 +43,8 @@ def test_one_core_flies_thousands_of_samples_a_second(found):
     assert found.searches.flights_per_second > 1000.0
 
 
-def test_it_is_told_as_it_is(told, found):
-    receding, flown = told.figures["receding"], found.flown
+def test_the_result_is_reported(output, found):
+    receding, flown = output.figures["receding"], found.flown
     assert receding.pop("truth") == "set_wing"
     assert receding.pop("real_time_factor") == flown.real_time_factor
     assert receding == {
@@ -55,20 +55,20 @@ def test_it_is_told_as_it_is(told, found):
         "tracking_perched": 0,
     }
     for method, runs in found.searches.histories().items():
-        costs = told.figures[method.lower()]
+        costs = output.figures[method.lower()]
         assert costs["cost"] == np.median(runs, axis=0).tolist()
         assert np.all(np.array(costs["lowest"]) <= costs["cost"])
         assert np.all(np.array(costs["highest"]) >= costs["cost"])
     speed = found.searches.flights_per_second
-    assert told.figures["rollouts_per_second"] == speed
-    assert told.figures["seed"] == 0
-    assert f"planning anew: {flown.replanned.describe()}" in told.words
-    assert told.asked.call_args.args[1:4] == (3, 3, 0)
+    assert output.figures["rollouts_per_second"] == speed
+    assert output.figures["seed"] == 0
+    assert f"planning anew: {flown.replanned.describe()}" in output.words
+    assert output.asked.call_args.args[1:4] == (3, 3, 0)
 
 
-def test_it_is_drawn_and_animated(told):
-    assert told.size == (1425, 1500)
-    assert told.ink > 0.05
-    assert ">MPPI: set_wing<" in told.page
+def test_it_is_drawn_and_animated(output):
+    assert output.size == (1425, 1500)
+    assert output.ink > 0.05
+    assert ">MPPI: set_wing<" in output.page
     for words in ("planned anew", "replayed", "plan of the nominal model"):
-        assert f">{words}<" in told.page
+        assert f">{words}<" in output.page

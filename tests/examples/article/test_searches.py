@@ -55,7 +55,7 @@ def test_the_histories_are_the_costs_of_all(found):
     for name, costs in found.histories().items():
         assert costs.shape == (2, 101)
         np.testing.assert_array_equal(costs[1], found.plans[name][1].costs)
-        told = spread(costs)
-        np.testing.assert_array_equal(told["cost"], np.mean(costs, axis=0))
-        np.testing.assert_array_equal(told["lowest"], np.min(costs, axis=0))
-        np.testing.assert_array_equal(told["highest"], np.max(costs, axis=0))
+        output = spread(costs)
+        np.testing.assert_array_equal(output["cost"], np.mean(costs, axis=0))
+        np.testing.assert_array_equal(output["lowest"], np.min(costs, axis=0))
+        np.testing.assert_array_equal(output["highest"], np.max(costs, axis=0))

@@ -8,7 +8,7 @@ import pytest
 from pydrake.symbolic import Polynomial
 
 import van_der_pol
-from tests.helpers.examples import tell
+from tests.helpers.examples import run_main
 from van_der_pol import (
     RAYS,
     SIZE,
@@ -41,10 +41,10 @@ def ellipse(found):
 
 
 @pytest.fixture(scope="module")
-def told(found, tmp_path_factory):
+def output(found, tmp_path_factory):
     folder, writes = tmp_path_factory.mktemp("region"), ("--json", "--figure")
     arguments = ("--rounds=1", "--headless")
-    return tell(van_der_pol, found, folder, *arguments, writes=writes)
+    return run_main(van_der_pol, found, folder, *arguments, writes=writes)
 
 
 def values(V, points):
@@ -172,16 +172,16 @@ def test_pivots_distinguish_definite_matrices(smallest):
 # ------------------------------------------------------------------------- program
 
 
-def test_the_result_is_reported(told, found):
-    figures = told.figures
+def test_the_result_is_reported(output, found):
+    figures = output.figures
     assert figures["rho"] == found.level
     assert figures["degree"] == {str(k): share for k, share in found.shares.items()}
     assert (figures["rounds"], figures["true_area"]) == (1, true_area())
     assert figures["seconds"] >= 0.0
-    assert "the level is 2.3045" in told.words
-    assert told.asked.call_args.args[0] == 1
+    assert "the level is 2.3045" in output.words
+    assert output.asked.call_args.args[0] == 1
 
 
-def test_it_is_drawn(told):
-    assert told.size == (1275, 975)
-    assert told.ink > 0.2  # The true region is shaded.
+def test_it_is_drawn(output):
+    assert output.size == (1275, 975)
+    assert output.ink > 0.2  # The true region is shaded.

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
-from diagrams.meshes import make_meshes, make_urdf, to_obj, write_files
 from diagrams.scene import ParseGlider
+from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters, load_parameters
+from tests.helpers.meshes import make_meshes, to_obj, write_files
 
 MESHES = make_meshes()
 
@@ -35,8 +36,8 @@ def test_an_obj_file_counts_vertices_from_one(name):
     assert faces.min() == 1 and faces.max() == len(mesh.vertices)
 
 
-def test_the_files_among_the_models_are_those_of_this_module(tmp_path):
-    """If not: python -c "from diagrams.meshes import *; write_files(...)"."""
+def test_the_files_among_the_models_are_those_that_are_made(tmp_path):
+    """If not: python -m tests.helpers.meshes."""
     write_files(tmp_path)
     there = {p.name: p.read_text() for p in models_path("glider").iterdir()}
     assert there == {p.name: p.read_text() for p in tmp_path.iterdir()}

@@ -1,4 +1,4 @@
-"""Marks on a glider in Meshcat: its trail, arrows of its forces, and a readout."""
+"""Overlays of a glider in Meshcat: trail, force arrows, and a readout."""
 
 import math
 
@@ -14,8 +14,8 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from diagrams.meshes import COLORS
 from diagrams.scene import FRAMES_PER_SECOND
+from diagrams.urdf import COLORS
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import STATE_NAMES, VELOCITY
@@ -37,12 +37,12 @@ _PITCH = STATE_NAMES.index("pitch")
 _INK = Rgba(0.45, 0.15, 0.6)
 
 
-@TemplateSystem.define("GliderMarks_", T_list=[float, AutoDiffXd])
-def GliderMarks_(T):
+@TemplateSystem.define("GliderOverlays_", T_list=[float, AutoDiffXd])
+def GliderOverlays_(T):
     class Impl(LeafSystem_[T]):
         """Draws trail and arrows and writes the readout; its twin does not.
 
-        state --> [ GliderMarks ]
+        state --> [ GliderOverlays ]
         forces -> [             ]
 
         Args:
@@ -50,29 +50,18 @@ def GliderMarks_(T):
             name: the glider's in Meshcat, as in AddScene.
             color: of the trail.
             period: between two frames [s].
-            num_states: width of the port `state`, in the order of STATE_NAMES; the
-                readout needs the velocity.
-            num_forces: width of the port `forces`, which may be left open; the
+            sizes: widths of the ports `state`, in the order of STATE_NAMES (the
+                readout needs the velocity), and `forces`, which may be left open; the
                 wing's and the elevator's along their normals come first [N].
         """
 
-        def _construct(
-            self,
-            meshcat,
-            name,
-            color,
-            period,
-            num_states,
-            num_forces,
-            *,
-            converter=None,
-        ):
+        def _construct(self, meshcat, name, color, period, sizes, converter=None):
             LeafSystem_[T].__init__(self, converter)
-            self._arguments = meshcat, name, color, period, num_states, num_forces
+            self._arguments = meshcat, name, color, period, sizes
             self._last = None
             self._pieces = 0
-            self.DeclareVectorInputPort("state", num_states)
-            self.DeclareVectorInputPort("forces", num_forces)
+            self.DeclareVectorInputPort("state", sizes[0])
+            self.DeclareVectorInputPort("forces", sizes[1])
             if T is float:
                 self.DeclareInitializationPublishEvent(publish=self._clear)
                 self.DeclarePeriodicPublishEvent(
@@ -95,8 +84,8 @@ def GliderMarks_(T):
             self._draw_trail(t, np.array([state[0], 0.0, state[1]]))
             if len(state) > max(VELOCITY):
                 speed = float(np.linalg.norm(state[VELOCITY]))
-                told = RigidTransform([t, speed, state[_PITCH]])
-                meshcat.SetTransform(readout_path(name), told, t)
+                numbers = RigidTransform([t, speed, state[_PITCH]])
+                meshcat.SetTransform(readout_path(name), numbers, t)
             forces = self.GetInputPort("forces")
             if forces.HasValue(context):
                 wing_elevator = forces.Eval(context)[:2]
@@ -127,7 +116,7 @@ def GliderMarks_(T):
     return Impl
 
 
-GliderMarks = GliderMarks_[None]  # The float instantiation.
+GliderOverlays = GliderOverlays_[None]  # The float instantiation.
 
 
 def trail_path(name: str) -> str:
@@ -136,7 +125,7 @@ def trail_path(name: str) -> str:
 
 
 def readout_path(name: str) -> str:
-    """Returns where Meshcat keeps what a page tells of a glider.
+    """Returns where Meshcat keeps the numbers that a page shows of a glider.
 
     Nothing is drawn there. Its translation is time [s], speed [m/s] and pitch [rad]: so
     numbers reach a page that is live, and are in a recording.
@@ -150,7 +139,7 @@ def arrow_paths(name: str) -> tuple[str, str]:
     return f"{glider}/body/wing_force", f"{glider}/elevator/elevator_force"
 
 
-def AddMarks(
+def AddOverlays(
     builder: DiagramBuilder,
     state: OutputPort,
     meshcat: Meshcat,
@@ -164,7 +153,7 @@ def AddMarks(
     """Adds trail, readout and arrows of ARROW_SCALE to a glider of AddScene.
 
     Args:
-        builder: gets the system "NAME_marks".
+        builder: gets the system "NAME_overlays".
         state: as in AddScene.
         meshcat: as in AddScene.
         name: as in AddScene.
@@ -178,12 +167,12 @@ def AddMarks(
     trail = Rgba(*hue[:3])
     width = 2 if forces is None else forces.size()
     period = 1.0 / frames_per_second
-    marks = GliderMarks(meshcat, name, trail, period, state.size(), width)
-    builder.AddNamedSystem(f"{name}_marks", marks)
-    builder.Connect(state, marks.GetInputPort("state"))
+    overlays = GliderOverlays(meshcat, name, trail, period, (state.size(), width))
+    builder.AddNamedSystem(f"{name}_overlays", overlays)
+    builder.Connect(state, overlays.GetInputPort("state"))
     if forces is None:
         return
-    builder.Connect(forces, marks.GetInputPort("forces"))
+    builder.Connect(forces, overlays.GetInputPort("forces"))
     parameters = GliderParameters() if parameters is None else parameters
     places = parameters.wing_offset, -parameters.elevator_offset
     arrow = Mesh(str(models_path("glider", "arrow.obj")))
