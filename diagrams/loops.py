@@ -100,11 +100,11 @@ def closed_loop(
     Raises:
         InputError: what is given does not fit together.
     """
-    fed_back = _states_fed_back(truth, regulator, planned, all_states)
     if command_rate is not None:
         check_command_rate(command_rate)
     if feedback_noise and command_rate is None:
         raise InputError("Feedback noise comes with each command; expected a rate.")
+    fed_back = _states_fed_back(truth, regulator, planned, all_states)
     builder = DiagramBuilder()
     glider, servo = add_glider(builder, truth)
     signal = glider.GetOutputPort("state")

@@ -23,7 +23,7 @@ from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION
 from glider.planning.plan import Plan
 from glider.simulation.flown_flights import INSTANT, FlownFlight
-from glider.sysid.refly import Motion
+from glider.simulation.refly import Motion
 
 Color = tuple[float, float, float, float]
 

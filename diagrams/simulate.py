@@ -101,7 +101,7 @@ def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.n
     std = MotionCapture().std
     if diagram.HasSubsystemNamed("estimator"):
         given = diagram.GetSubsystemByName("estimator").ekf.noise
-        std[: len(given)] = np.sqrt(given)
+        std[: len(given)] = np.sqrt(np.diag(given))
     return rng.normal(size=(count, tape_rows(rate), 4)) * std
 
 

@@ -610,11 +610,11 @@ def save_funnel_figure(path: Path, studies: dict[str, FunnelStudy]) -> None:
     scales |= {"xdot": (1.0, "m/s"), "zdot": (1.0, "m/s")}
     figure = Figure(figsize=(10.0, 2.9 * len(studies) + 3.0), layout="constrained")
     grid = figure.add_gridspec(len(studies) + 1, len(scales))
+    bands = [figure.add_subplot(grid[row, :]) for row in range(len(studies))]
     widths = {state: figure.add_subplot(grid[-1, k]) for k, state in enumerate(scales)}
-    for row, ((name, study), color) in enumerate(
-        zip(studies.items(), (RED, BLUE), strict=False)
+    for ax, (name, study), color in zip(
+        bands, studies.items(), (RED, BLUE), strict=False
     ):
-        ax = figure.add_subplot(grid[row, :])
         draw_band(ax, study.funnel, color)
         for k, flown in enumerate(study.flights):
             count = len(study.flights)

@@ -114,7 +114,7 @@ class Comparison:
         )
 
 
-def fly(
+def race(
     truth: GliderModel,
     model: GliderModel,
     problem: PerchingProblem,
@@ -240,7 +240,7 @@ def run(
     rng = np.random.default_rng([1 + seed, round(width)])
     starts = draw_launches(problem, spread, launches, rng)
     unsure = width if estimated else None
-    return fly(truth, model, problem, starts, unsure=unsure, progress=progress)
+    return race(truth, model, problem, starts, unsure=unsure, progress=progress)
 
 
 def save_figure(path: Path, found: Comparison) -> None:

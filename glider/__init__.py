@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 _HOMES = {
     "Campaign": "glider.campaign.logs",
-    "CampaignPlan": "glider.sysid.fit.simulate",
+    "CampaignPlan": "glider.simulation.campaigns",
     "EffectKind": "glider.physics.effects",
     "GliderModel": "glider.physics.model",
     "GliderPlant": "glider.systems.plant",
@@ -34,7 +34,7 @@ _HOMES = {
     "print_summary": "glider.report.terminal",
     "save_model": "glider.physics.model",
     "scalar": "glider.physics.formulas",
-    "simulate_campaign": "glider.sysid.fit.simulate",
+    "simulate_campaign": "glider.simulation.campaigns",
     "tracking_policy": "glider.control.tvlqr",
     "tracking_regulator": "glider.control.tvlqr_drake",
     "write_report": "glider.report.folder",
@@ -45,7 +45,7 @@ _MODULES = {
     "effects": "glider.physics.effects",
     "funnels": "glider.funnels",
     "reach": "glider.planning.reach",
-    "refly": "glider.sysid.refly",
+    "refly": "glider.simulation.refly",
     "throws": "glider.throws",
 }
 """Name to a module that is public as a whole."""
@@ -74,11 +74,11 @@ if TYPE_CHECKING:  # The same names, for mypy and editors.
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
     from glider.report.wording import headline
+    from glider.simulation import refly
+    from glider.simulation.campaigns import CampaignPlan, simulate_campaign
     from glider.simulation.flown_flights import Perches
     from glider.simulation.fly import fly
     from glider.simulation.monte_carlo import LaunchSpread, draw_launches
-    from glider.sysid import refly
-    from glider.sysid.fit.simulate import CampaignPlan, simulate_campaign
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
     from glider.systems.plant import GliderPlant

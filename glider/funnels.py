@@ -22,18 +22,26 @@ from glider.verification.dynamics.confidence import (
     make_confidence,
 )
 from glider.verification.funnel.build import make_funnel
-from glider.verification.funnel.funnel import Funnel, load_funnel, save_funnel
+from glider.verification.funnel.funnel import (
+    Funnel,
+    load_funnel,
+    save_funnel,
+    tube_outline,
+    tube_radii,
+)
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
-from glider.verification.funnel.tube import tube_outline, tube_radii
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.proof.words import describe_proof, remainder_status
-from glider.verification.sos.solving import SolverError
+from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
-from glider.verification.trials.falsify import Falsification, falsify_funnel
-from glider.verification.trials.falsify_set import falsify_set
-from glider.verification.trials.flights import fly_inside
+from glider.verification.trials.falsify import (
+    Falsification,
+    falsify_funnel,
+    falsify_set,
+)
+from glider.verification.trials.funnel_flights import fly_inside
 
 __all__ = [
     "LAUNCH_SIZES",

@@ -26,7 +26,7 @@ from diagrams.playback import GREEN, GREY, RED, Track
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel, save_model
-from glider.sysid import refly
+from glider.simulation import refly
 from residual_study import WORDS, ResidualStudy, learn_residuals
 
 

@@ -6,7 +6,7 @@ from pydrake.systems.primitives import TrajectoryAffineSystem
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.flights import funnel_policy
+from glider.verification.trials.funnel_flights import funnel_policy
 
 TABLE = 441
 """Number of times that a regulator's gains are given at."""

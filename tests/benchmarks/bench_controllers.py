@@ -15,7 +15,7 @@ import argparse
 import numpy as np
 
 from diagrams.program import load_truth
-from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, fly
+from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, race
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.monte_carlo import LaunchSpread, draw_launches
@@ -66,7 +66,7 @@ def main(
                     problem, LaunchSpread().scaled(times), launches, rng
                 )
                 unsure = times if estimated else None
-                raced = fly(truth, model, problem, starts, unsure=unsure)
+                raced = race(truth, model, problem, starts, unsure=unsure)
                 took.append(raced.seconds)
                 failures += raced.failures
                 for controller, flown in raced.flights.items():

@@ -306,7 +306,7 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"feedback_noise": True}, "a rate is needed"),
+        ({"feedback_noise": True}, "expected a rate"),
         ({"command_rate": -1.0}, "rate is -1.0"),
         ({"planned": NOMINAL}, "wants 8"),
         ({}, "`planned`"),

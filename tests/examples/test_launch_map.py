@@ -65,7 +65,7 @@ def test_launches_are_drawn_within_the_box_and_shared_by_workers(monkeypatch):
             seconds=1.0,
         )
 
-    monkeypatch.setattr(launch_map, "find_reach", find)
+    monkeypatch.setattr(launch_map.reach, "find_reach", find)
     launch_map.run(50, seed=1)
     drawn = asked[-1]
     assert drawn.shape == (50, 7)
@@ -75,5 +75,5 @@ def test_launches_are_drawn_within_the_box_and_shared_by_workers(monkeypatch):
 
 
 def test_launches_that_are_no_states_are_refused():
-    with pytest.raises(InputError, match=r"\(3,\)"):
+    with pytest.raises(InputError, match=r"\[3\]"):
         reach.find_reach(GliderModel(), PerchingProblem(), np.zeros(3))

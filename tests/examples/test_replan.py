@@ -11,7 +11,7 @@ from tests.helpers.flights import NOMINAL, PROBLEM
 
 @pytest.fixture(scope="module")
 def raced():
-    return replan.fly(load_truth("set_wing"), NOMINAL, PROBLEM, [PROBLEM.launch])
+    return replan.race(load_truth("set_wing"), NOMINAL, PROBLEM, [PROBLEM.launch])
 
 
 def test_planning_again_perches_a_wing_that_is_set_otherwise(raced):
@@ -30,7 +30,7 @@ def test_all_perch_on_a_filters_estimate_from_motion_capture():
     start = np.array(PROBLEM.launch)
     start[1] += 0.02
     seeing, filtering = (
-        replan.fly(NOMINAL, NOMINAL, PROBLEM, [start], unsure=unsure)
+        replan.race(NOMINAL, NOMINAL, PROBLEM, [start], unsure=unsure)
         for unsure in (None, 1.0)
     )
     for name in replan.CONTROLLERS:
@@ -61,7 +61,7 @@ def test_the_result_is_reported(raced, tmp_path):
 
 def test_launches_get_wider(monkeypatch):
     asked = []
-    monkeypatch.setattr(replan, "fly", lambda *args, **kwargs: asked.append(args))
+    monkeypatch.setattr(replan, "race", lambda *args, **kwargs: asked.append(args))
     for width in (1.0, 3.0):
         replan.run(NOMINAL, 40, width=width)
     near, far = (np.std(starts[:, 1]) for *_, starts in asked)

@@ -7,9 +7,7 @@ from examples import watch_log
 from glider.campaign.reader import load_campaign
 from glider.physics.model import save_model
 from tests.helpers.examples import run_main
-from tests.helpers.examples import tell
 from tests.simulation.test_refly import CORRECTED
-from tests.sysid.test_refly import CORRECTED
 
 CAMPAIGN = "attached_lift"
 
