@@ -61,7 +61,7 @@ def describe(study: BasisStudy) -> str:
     for signs, errors in study.choice.items():
         best = min(errors, key=errors.__getitem__)
         lines.append(
-            f"{signs}: left-out flights choose '{best}', {errors[best]:.4f} off"
+            f"{signs}: held-out flights choose '{best}', {errors[best]:.4f} off"
         )
     found, traced = study.signs, (effect.kind for effect in study.traced.effects)
     lines.append(

@@ -118,7 +118,7 @@ def test_it_is_said_drawn_and_animated(output):
         output.words
     )
     assert "the tracer names angle_sign" in output.words
-    assert "consistent_signs: left-out flights choose 'best 3'" in output.words
+    assert "consistent_signs: held-out flights choose 'best 3'" in output.words
     assert output.size == (1425, 1200)
     assert output.ink > 0.05
     for words in ("Held-out flight", "flight", "published signs", "consistent signs"):
@@ -132,4 +132,4 @@ def test_the_options_reach_the_story(study, tmp_path):
 
 def test_a_negative_ridge_is_one_sentence(capsys):
     assert run(lambda: basis_model.main(["--headless", "--ridge", "-1"])) == 2
-    assert "the ridge is -1.0; a finite ridge >= 0" in capsys.readouterr().err
+    assert "the ridge is -1.0; expected a finite ridge >= 0" in capsys.readouterr().err

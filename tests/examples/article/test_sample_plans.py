@@ -62,7 +62,7 @@ def test_the_result_is_reported(output, found):
     speed = found.searches.flights_per_second
     assert output.figures["rollouts_per_second"] == speed
     assert output.figures["seed"] == 0
-    assert f"planning anew: {flown.replanned.describe()}" in output.words
+    assert f"replanning: {flown.replanned.describe()}" in output.words
     assert output.asked.call_args.args[1:4] == (3, 3, 0)
 
 
@@ -70,5 +70,5 @@ def test_it_is_drawn_and_animated(output):
     assert output.size == (1425, 1500)
     assert output.ink > 0.05
     assert ">MPPI: set_wing<" in output.page
-    for words in ("planned anew", "replayed", "plan of the nominal model"):
+    for words in ("replanned", "replayed", "plan of the nominal model"):
         assert f">{words}<" in output.page
