@@ -16,6 +16,7 @@ funnel_regulator: the funnel's own feedback as a Drake System. SolverError: ther
 funnel.
 """
 
+from glider.verification.check_report import describe_proof, remainder_status
 from glider.verification.dynamics.confidence import (
     ConfidenceSet,
     describe_set,
@@ -33,7 +34,6 @@ from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
-from glider.verification.proof.words import describe_proof, remainder_status
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
 from glider.verification.trials.falsify import (

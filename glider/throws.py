@@ -17,8 +17,7 @@ from glider.experiments.findings import Findings, findings_of, load_findings
 from glider.experiments.proposal import Proposal, next_throw
 from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.experiments.throws import fly_throw
-from glider.report.next_throw import draw_proposal, write_proposal
-from glider.report.next_throw_words import sentences
+from glider.report.next_throw import draw_proposal, sentences, write_proposal
 
 __all__ = [
     "Findings",

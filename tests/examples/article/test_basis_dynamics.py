@@ -66,7 +66,9 @@ def test_how_angles_are_counted_does_not_matter_where_it_is_said(exercise):
 
 
 def test_an_unknown_way_to_count_angles_is_refused(exercise):
-    with pytest.raises(InputError, match="'sideways'; expected one of nose_up, nose_down"):
+    with pytest.raises(
+        InputError, match="'sideways'; expected one of nose_up, nose_down"
+    ):
         exercise.frame("sideways")
 
 

@@ -57,7 +57,9 @@ def test_the_tracer_names_the_sign_fault_and_nothing_else(study, output):
     [effect] = study.traced.effects
     assert effect.kind == "angle_sign"
     assert effect.share_of_residual > 0.99
-    assert output.figures["traced"] == {"angle_sign": {"share": effect.share_of_residual}}
+    assert output.figures["traced"] == {
+        "angle_sign": {"share": effect.share_of_residual}
+    }
 
 
 def test_the_exercises_own_numbers_show_the_fault(study, output):
