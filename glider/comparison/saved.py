@@ -4,10 +4,9 @@ import dataclasses
 from pathlib import Path
 
 from glider.errors import InputError
-from glider.files.reports import find_report
-from glider.files.schema import convert, parse_json, read_text
 from glider.physics.model import load_model
 from glider.physics.parameters import GliderParameters
+from glider.sysid.report_file import read_report
 from glider.sysid.result import Report
 
 
@@ -31,18 +30,7 @@ def load_report(path: Path) -> SavedReport:
     Raises:
         InputError: it is no report, or one of another version.
     """
-    file = find_report(path)
-    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
-    if isinstance(data, dict) and "as_drawn" in (data.get("errors") or ()):
-        raise InputError(
-            f"{file}: was written by an older version of drake-glider; expected a "
-            "report of this one: run close-the-loop again."
-        )
-    try:
-        report = convert(data, Report, str(file))
-    except InputError as error:
-        again = "run close-the-loop again if another version wrote it"
-        raise InputError(f"{str(error).rstrip('.')} ({again}).") from None
+    report, file = read_report(path)
     return SavedReport(**vars(report), path=file, given=_given(file, report))
 
 

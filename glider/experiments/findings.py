@@ -1,16 +1,13 @@
-"""What an analysis said of a campaign, as far as the next throw depends on it."""
+"""What an analysis found of a campaign, as far as the next throw depends on it."""
 
 import dataclasses
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from glider.errors import InputError
-from glider.files.reports import find_report
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel, load_model
-from glider.sysid.result import Result
+from glider.sysid.report_file import read_report
+from glider.sysid.result import Report, Result
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -19,13 +16,13 @@ class Findings:
 
     Attributes:
         model: the corrected glider.
-        kinds: of the effects that it has a name for.
+        kinds: of the effects that were identified.
         rivals: kind to those that would do as well in its place.
         combinations: further sets that were fitted.
         flights: names that were used; None for all.
         grades: grades that were used; None for all.
-        own: kinds of the caller's own.
-        campaign: name of the campaign that was analysed; None where nobody tells.
+        own: user effects.
+        campaign: name of the campaign that was analysed; None where unspecified.
     """
 
     model: GliderModel
@@ -54,60 +51,35 @@ class Findings:
         return list(dict.fromkeys(every))
 
 
-def findings_of(result: Result) -> Findings:
-    """Returns what a result of `close_the_loop` found."""
-    return _findings(
-        result.model,
-        {e.kind: e.indistinguishable_from for e in result.effects},
-        [c.kinds for c in result.combinations],
-        result.settings,
-        result.own_effects,
-        result.campaign,
-    )
-
-
 def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findings:
     """Reads what close-the-loop wrote: report.json, and model.yaml beside it.
 
     Raises:
-        InputError: they are not there, or lack what is needed.
+        InputError: they are not there, or of another version.
     """
-    path = find_report(folder)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        rivals = {
-            str(e["kind"]): tuple(map(str, e["indistinguishable_from"]))
-            for e in data["effects"]
-        }
-        combinations = [tuple(map(str, c["kinds"])) for c in data["combinations"]]
-        settings, name = dict(data["settings"]), str(data["campaign"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{path}: is no report ({type(error).__name__}: {error}); one that "
-            "close-the-loop of this version wrote is needed."
-        ) from None
+    report, path = read_report(folder)
     model = load_model(path.with_name("model.yaml"), own_effects)
-    return _findings(model, rivals, combinations, settings, tuple(own_effects), name)
+    return _findings(report, model, own_effects)
+
+
+def findings_of(result: Result) -> Findings:
+    """Findings of a result of `close_the_loop`."""
+    return _findings(result, result.model, result.own_effects)
 
 
 def _findings(
-    model: GliderModel,
-    rivals: dict[str, tuple[str, ...]],
-    combinations: Sequence[tuple[str, ...]],
-    settings: Mapping[str, Any],
-    own: tuple[EffectKind, ...],
-    campaign: str,
+    report: Report, model: GliderModel, own_effects: Sequence[EffectKind]
 ) -> Findings:
     carried = {e.kind.kind for e in model.effects if e.kind.stage != "log"}
-    kinds = tuple(kind for kind in rivals if kind in carried)
-    flights, grades = settings.get("flights"), settings.get("grades")
+    effects = [e for e in report.effects if e.kind in carried]
+    flights, grades = report.settings.get("flights"), report.settings.get("grades")
     return Findings(
         model=model,
-        kinds=kinds,
-        rivals={kind: rivals[kind] for kind in kinds},
-        combinations=tuple(combinations),
+        kinds=tuple(e.kind for e in effects),
+        rivals={e.kind: tuple(e.indistinguishable_from) for e in effects},
+        combinations=tuple(c.kinds for c in report.combinations),
         flights=None if flights is None else tuple(flights),
         grades=None if grades is None else tuple(grades),
-        own=own,
-        campaign=campaign,
+        own=tuple(own_effects),
+        campaign=report.campaign,
     )
