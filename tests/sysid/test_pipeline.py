@@ -1,11 +1,15 @@
 """The undeclared-effect test: the pipeline sees logs only, and must name the cause."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from glider.campaign.logs import split_flights
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.sysid.pipeline import close_the_loop
+from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
 
@@ -157,6 +161,55 @@ def test_effects_can_be_restricted_and_the_same_call_gives_the_same_result():
     assert kinds_of(result) == ["wind"]
     assert again.effects == result.effects
     assert again.errors == result.errors
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    """Flights with drag, and the index of one that is held out."""
+    campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10)
+    _, unseen = split_flights(campaign, 0.3, 0)
+    return campaign, campaign.flights.index(unseen[0])
+
+
+def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dragged):
+    """Its elevator is frozen and its pose stands still where it begins."""
+    campaign, one = dragged
+    whole = close_the_loop(campaign, effects=["profile_drag"])
+    rows = int(0.35 * len(campaign.flights[one].time))
+
+    def freeze(flight):
+        elevator, pose = flight.elevator.copy(), flight.pose.copy()
+        elevator[:rows] = elevator[0]
+        pose[:6] = pose[0]
+        return dataclasses.replace(flight, elevator=elevator, pose=pose)
+
+    broken = change(campaign, freeze, only=one)
+    result = close_the_loop(broken, effects=["profile_drag"])
+    assert result.verdict == whole.verdict == "effect_found"
+    for model, errors in result.errors.items():
+        assert all(map(np.isfinite, dataclasses.astuple(errors))), model
+    assert any("no elevator row counts" in words for words in result.warnings)
+
+
+def test_a_held_out_flight_that_stands_out_is_scored_apart(dragged):
+    """It is no part of the errors, and no search is repeated for it."""
+    campaign, one = dragged
+    name = campaign.flights[one].name
+    steps = []
+    result = close_the_loop(
+        change(campaign, scale(1, -1, 1), only=one),
+        effects=["profile_drag"],
+        progress=steps.append,
+    )
+    assert result.outlying.names == (name,)
+    assert name not in result.held_out_flights and name not in result.fit_flights
+    assert name in [excluded.file for excluded in result.set_aside]
+    alone = result.outlying.errors["corrected"].position_rms_m
+    assert alone > 20.0 * result.errors["corrected"].position_rms_m
+    assert not any("again" in step for step in steps)
+    assert kinds_of(result) == ["profile_drag"]
+    whole = close_the_loop(campaign, effects=["profile_drag"])
+    assert whole.outlying is None
 
 
 @pytest.mark.parametrize(
