@@ -7,7 +7,7 @@ from pathlib import Path
 from glider.sysid import plausibility
 from glider.sysid.fit import folds
 from glider.sysid.likelihood import curves, outliers, task, uncertainty
-from glider.sysid.search import fits, pruning, signs, subsets, tracing, weighing
+from glider.sysid.search import fits, pruning, signs, subsets, support, tracing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -43,33 +43,33 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
-    "curve_price": f"{pruning.CURVE_PRICE:.0f}",
+    "curve_price": f"{pruning.CURVE_THRESHOLD:.0f}",
     "curves": f"{curves.COUNT}",
-    "doubted": f"{weighing.DOUBTED:.0f}",
-    "field_price": f"{tracing.FIELD_PRICE:.0f}",
-    "flights_of_price": f"{fits.FLIGHTS_OF_PRICE}",
+    "doubted": f"{support.DOUBTED:.0f}",
+    "field_price": f"{tracing.FIELD_THRESHOLD:.0f}",
+    "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
     "folds": f"{folds.FOLDS}",
     "gain_error": f"{plausibility.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "allowed": f"{uncertainty.ALLOWED:g}",
-    "least_support": f"{weighing.LEAST_SUPPORT:.0%}",
+    "least_support": f"{support.LEAST_SUPPORT:.0%}",
     "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
     "moment_share": f"{plausibility.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
-    "plain_moment": f"{fits.PLAIN_MOMENT:.1f}",
-    "plain_price": f"{fits.PLAIN_PRICE:.1f}",
-    "plain_price_of_more": f"{fits.PLAIN_PRICE_OF_MORE:.1f}",
-    "plain_support": f"{weighing.PLAIN_SUPPORT:.0%}",
-    "price": f"{fits.PRICE:.0f}",
-    "price_of_more": f"{fits.PRICE_OF_MORE:.0f}",
+    "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",
+    "plain_price": f"{fits.SIMPLE_THRESHOLD:.1f}",
+    "plain_price_of_more": f"{fits.SIMPLE_COEFFICIENT_THRESHOLD:.1f}",
+    "plain_support": f"{support.SIMPLE_SUPPORT:.0%}",
+    "price": f"{fits.EVIDENCE_THRESHOLD:.0f}",
+    "price_of_more": f"{fits.COEFFICIENT_THRESHOLD:.0f}",
     "prior_scales": f"{task.PRIOR_SCALES:g}",
-    "resamples": f"{weighing.RESAMPLES}",
-    "rival_gap": f"{weighing.RIVAL_GAP:.0f}",
+    "resamples": f"{support.RESAMPLES[0]} to {support.RESAMPLES[1]}",
+    "rival_gap": f"{support.RIVAL_GAP:.0f}",
     "shape_scales": f"{task.SHAPE_SCALES:g}",
-    "stand_in": f"{weighing.LEAST_STAND_IN:.0%}",
+    "stand_in": f"{support.LEAST_STAND_IN:.0%}",
     "tie": f"{folds.WORSE[0] - 1.0:.1%}",
     "worse": f"{folds.WORSE[1] - 1.0:.0%}",
-    "z_apart": f"{outliers.Z_APART:.0f}",
+    "z_apart": f"{outliers.Z_EXTREME:.0f}",
 }
 
 autodoc_member_order = "bysource"

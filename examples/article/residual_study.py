@@ -20,8 +20,8 @@ from glider.physics.effects import NO_FIELD
 from glider.physics.effects.field import COEFFICIENTS, FieldData, make_field
 from glider.sysid.fit.prediction import RolloutModel, measure_errors, rollout_scales
 from glider.sysid.likelihood.scales import start_scales
-from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
+from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.result import Errors
 
@@ -151,7 +151,7 @@ def _try(
 ) -> ResidualModel:
     arrays = NO_FIELD if field is None else make_field(field)
     flown = RolloutModel(
-        theta=theta, field=arrays, scales=start_scales(noise), own_trims=False
+        theta=theta, field=arrays, scales=start_scales(noise), per_flight_trims=False
     )
     scales = rollout_scales(flown, unseen, flown.scales)
     flown = dataclasses.replace(flown, scales=scales)

@@ -13,8 +13,8 @@ from glider.sysid.fit.prediction import measure_errors
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, start_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import prepare
+from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.result import Result

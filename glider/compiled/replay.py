@@ -304,7 +304,7 @@ def roll_out(
         elevator: (K, 3) its path at the start, middle and end of each step [rad].
         rate: (K,) its mean rates [rad/s].
         wind: (K, 2) velocity of the air [m/s].
-        bank: (K,) factor of the wing's area, see `glider.sysid.replay.attitude`.
+        bank: (K,) factor of the wing's area, see `glider.sysid.replay.record`.
         numbers: parameters (9,) and coefficients, one after the other.
         field: the residual field.
     """

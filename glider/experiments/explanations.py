@@ -11,17 +11,17 @@ from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.evidence import Evidence, eliminate
 from glider.sysid.likelihood.model_fit import (
     FitResult,
-    beforehand,
     fit_model,
     grams_of,
     linear_flights,
+    prior_of,
     start_of,
 )
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import theta_of
-from glider.sysid.search.sets_in_models import begin
+from glider.sysid.search.fits import begin
 from glider.sysid.search.subsets import Members, Scorer
 
 MOST = 5
@@ -218,7 +218,7 @@ def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     """A model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
     directions = slopes(task.layout, model.theta, model.free)
     grams = grams_of(linear_flights(task, model, directions), model.scales)
-    _, _, prior = beforehand(task, model, model.free)
+    _, _, prior = prior_of(task, model, model.free)
     precision = np.sum(grams, axis=0)[:-1, :-1] + np.diag(prior)
     size = np.linalg.slogdet(precision)[1] if len(prior) else 0.0
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)

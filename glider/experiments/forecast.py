@@ -31,8 +31,8 @@ from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import whiten
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.record import Record, prepare
+from glider.sysid.replay.smoothing import Noise
 
 Grams = tuple[np.ndarray, ...]
 """By the true explanation: products of the columns X_0, e_0, X_1, e_1, ..., (c, c)."""

@@ -24,11 +24,11 @@ from glider.sysid.likelihood.scales import (
     start_scales,
     typical_flights,
 )
-from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import flow_along
 from glider.sysid.replay.signals import logged_elevator, node_signals
 from glider.sysid.replay.signs import signs_of, turn, turn_campaign
+from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
@@ -182,7 +182,7 @@ def _predicted(
         theta=theta_of(model),
         field=model.residual_field,
         scales=scales,
-        own_trims=not make_vehicle(campaign).trim_is_known,
+        per_flight_trims=not make_vehicle(campaign).trim_is_known,
     )
     scales = rollout_scales(flown, others, scales)
     return record, predict(dataclasses.replace(flown, scales=scales), record)

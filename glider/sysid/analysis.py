@@ -30,7 +30,7 @@ from glider.sysid.evaluation import (
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
-from glider.sysid.likelihood.outliers import find_apart, find_outlying
+from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import (
@@ -50,9 +50,9 @@ from glider.sysid.outcome import (
     vehicle_of,
 )
 from glider.sysid.plausibility import find_doubt
-from glider.sysid.replay.noise import Noise, measure_noise
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.signs import Signs, turn_campaign
+from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
 from glider.sysid.result import (
@@ -70,8 +70,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
-from glider.sysid.search.traced import SearchResult
-from glider.sysid.search.tracing import FIELD_PRICE, trace
+from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
 from glider.sysid.verdict import judge
 
 
@@ -284,7 +284,7 @@ class Analysis:
         with self.stage("trace"):
             task = split.fit_task(everything)
             traced = trace(task, noise, self.rng, self.progress)
-            if apart := find_apart(split.all_task(everything), traced.model):
+            if apart := find_extreme(split.all_task(everything), traced.model):
                 fitted = split.fitted
                 split = split.without(apart, campaign)
                 if again := set(fitted) - set(split.fitted):
@@ -303,12 +303,12 @@ class Analysis:
             known = uncertainty_of(task, with_allowed_curves(task, judged))
             spreads = spreads_of(task, traced.model)
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline = traced.plate
+            baseline = traced.bare
             if traced.forces is None:
                 # It meets the log as it is, signs and all.
                 names = [record.name for record in task.records]
                 as_logged = task.on(flights.among(names).logged)
-                free = self.vehicle.own
+                free = self.vehicle.baseline_slots
                 bare = dataclasses.replace(baseline, coordinates=np.zeros(0), free=free)
                 baseline = fit_model(as_logged, bare)
         return Findings(
@@ -386,7 +386,7 @@ class Analysis:
             residual_after=tables.after,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
-            own_effects=vehicle.layout.own,
+            own_effects=vehicle.layout.user_kinds,
             seed=int(str(settings["seed"])),
             settings={**settings, "notes": list(vehicle.notes)},
         )
@@ -426,7 +426,7 @@ def _excluded(
 def _left(task: Task, model: FitResult, corrected: Errors, noise: Noise) -> Residual:
     """Returns the residual of the corrected model, and over what it varies."""
     found = survey(task, model).gains
-    real = [key for key, gain in found.items() if gain > FIELD_PRICE]
+    real = [key for key, gain in found.items() if gain > FIELD_THRESHOLD]
     real.sort(key=lambda key: -found[key])
     return Residual(
         ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
@@ -453,7 +453,7 @@ def _without_elevator(records: Sequence[Record]) -> tuple[str, ...]:
         "its launch is fitted on; the elevator is assumed where its commands have it."
         for record in records
         if record.has_servo
-        and not record.seen[: beginning_rows(record, own_trims=False), 3].any()
+        and not record.seen[: beginning_rows(record, per_flight_trims=False), 3].any()
     )
 
 

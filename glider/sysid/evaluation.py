@@ -27,9 +27,9 @@ from glider.sysid.result import (
     OutlyingFlights,
     ResidualTable,
 )
-from glider.sysid.search.attitude import forces_alone
-from glider.sysid.search.traced import SearchResult
-from glider.sysid.verdict import is_of_the_plate
+from glider.sysid.search.force_search import forces_alone
+from glider.sysid.search.support import SearchResult
+from glider.sysid.verdict import changes_baseline_alone
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -114,10 +114,10 @@ def evaluate(
                 for name, model in models.items()
             },
         )
-    own_trims = models["corrected"].own_trims
+    per_flight_trims = models["corrected"].per_flight_trims
     return Evaluation(
         errors=errors,
-        held_out=_flights(kept.corrected, predictions, own_trims, signs),
+        held_out=_flights(kept.corrected, predictions, per_flight_trims, signs),
         unpredicted=tuple(n for n in unseen.names if n not in kept.names),
         outlying=apart,
     )
@@ -162,8 +162,8 @@ def evaluate_in_folds(
     models, nominal = [baseline, traced.model], None
     if traced.forces is not None:
         models = [forces_alone(task, model, traced.forces) for model in models]
-    elif task.vehicle.is_known and is_of_the_plate(traced.model):
-        nominal = traced.plate
+    elif task.vehicle.is_known and changes_baseline_alone(traced.model):
+        nominal = traced.bare
     searched = {record.name for record in task.records}
     scales = traced.model.scales
     return hold_out(everything, *models, scales, rng, searched, nominal)
@@ -213,7 +213,7 @@ def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
 def _flights(
     records: Sequence[Record],
     predictions: Mapping[str, list[Prediction]],
-    own_trims: bool,
+    per_flight_trims: bool,
     signs: Signs,
 ) -> tuple[HeldOutFlight, ...]:
     """Returns the held-out flights as logged, beside what each model predicted."""
@@ -221,7 +221,7 @@ def _flights(
     turned = np.array([1.0, 1.0, signs.pitch])
     as_logged = {"corrected": turned}
     for i, record in enumerate(records):
-        rows = beginning_rows(record, own_trims)
+        rows = beginning_rows(record, per_flight_trims)
         flights.append(
             HeldOutFlight(
                 name=record.name,

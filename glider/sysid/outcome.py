@@ -15,9 +15,9 @@ from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.scales import (
     FLOOR,
     NAMES,
-    OWN_VALUES,
+    PER_FLIGHT,
     fit_scales,
-    own_values,
+    flight_values,
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
@@ -33,9 +33,9 @@ from glider.sysid.result import (
     Spread,
 )
 from glider.sysid.search.fields import FoundField
-from glider.sysid.search.fits import PRICE
+from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.peaks import find_peaks
-from glider.sysid.search.traced import SearchResult
+from glider.sysid.search.support import SearchResult
 
 FAMILIES = {
     "c_lift": (
@@ -121,7 +121,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     flights = error_flights(task, model)
     _, base = fit_scales(flights, model.scales)
     found = {}
-    own = own_values(flights, model.scales)
+    own = flight_values(flights, model.scales)
     names = [record.name for record in task.records]
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
         least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
@@ -129,9 +129,11 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         lost = fit_scales(flights, least, others)[1] - base
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
-        shows = lost > PRICE and getattr(model.scales, scale) > least_std
-        if shows or (kind == "elevator_trim" and task.own_trims):  # Then it is told.
-            values = [float(o[OWN_VALUES[kind][coefficient]]) for o in own]
+        shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
+        if shows or (
+            kind == "elevator_trim" and task.per_flight_trims
+        ):  # Then it is told.
+            values = [float(o[PER_FLIGHT[kind][coefficient]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),
                 unit=unit,

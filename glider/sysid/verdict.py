@@ -8,9 +8,9 @@ from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.signs import Signs
-from glider.sysid.replay.vehicle import OWN_KINDS
+from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
-from glider.sysid.search.traced import SearchResult
+from glider.sysid.search.support import SearchResult
 
 AllErrors = Mapping[str, Errors | None]
 """Model to its errors on flights that it was not fitted to."""
@@ -79,14 +79,14 @@ def judge(
     return "effect_found", "The effects are identified and hold on held-out flights."
 
 
-def is_of_the_plate(model: FitResult) -> bool:
+def changes_baseline_alone(model: FitResult) -> bool:
     """Whether all effects of a model are other values of the plate's own parameters.
 
     The re-identified baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
     bare = model.extra is None and not model.has_curves
-    return bool(model.kinds) and bare and set(model.kinds) <= set(OWN_KINDS)
+    return bool(model.kinds) and bare and set(model.kinds) <= set(BASELINE_KINDS)
 
 
 def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:

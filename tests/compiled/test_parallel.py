@@ -18,8 +18,8 @@ from glider.sysid.fit.prediction import RolloutModel, measure_errors
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of
-from glider.sysid.search.fits import scoring
-from glider.sysid.search.weighing import weigh
+from glider.sysid.search.fits import marginal_scorer
+from glider.sysid.search.support import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
 
@@ -94,9 +94,12 @@ def test_a_cluster_of_processes_finds_what_threads_find():
         def traced():
             model = fit_model(task, start, iterations=1)
             known = uncertainty_of(task, model)
-            weighed = weigh(task, model, scoring, np.random.default_rng(0))
+            weighed = weigh(task, model, marginal_scorer, np.random.default_rng(0))
             flown = RolloutModel(
-                theta=model.theta, field=NO_FIELD, scales=model.scales, own_trims=False
+                theta=model.theta,
+                field=NO_FIELD,
+                scales=model.scales,
+                per_flight_trims=False,
             )
             errors, _ = measure_errors(flown, task.records)
             support = weighed["profile_drag"].support

@@ -20,8 +20,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.nodes import true_nodes
-from glider.sysid.replay.signals import pose_signals, replayed_path
+from glider.sysid.replay.signals import pose_signals, replayed_path, true_nodes
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error
@@ -106,7 +105,7 @@ def test_flights_are_those_of_the_plant():
         theta=theta,
         field=model.residual_field,
         scales=start_scales(noise),
-        own_trims=False,
+        per_flight_trims=False,
     )
     start = find_launch(known, record, len(record.time)).state
     start[7:] = 0.0
@@ -251,7 +250,7 @@ def test_an_own_actuator_that_makes_no_rate_of_its_own_is_refused():
 
 def test_the_library_keeps_its_layout():
     assert layout_of(()) is LIBRARY_LAYOUT
-    assert LIBRARY_LAYOUT.own == ()
+    assert LIBRARY_LAYOUT.user_kinds == ()
     assert LIBRARY_LAYOUT.kinds == KINDS
     shared = LIBRARY_LAYOUT.slots[: LIBRARY_LAYOUT.num_compiled]
     assert LAYOUT.slots[: len(shared)] == shared

@@ -9,10 +9,10 @@ from glider.experiments.explanations import choice_of_shapes
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
-    beforehand,
     fit_model,
     grams_of,
     linear_flights,
+    prior_of,
 )
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -40,7 +40,7 @@ def worth(task, model, late):
     own = fit_model(task, own, free_scales=())
     directions = slopes(task.layout, own.theta, own.free)
     gram = np.sum(grams_of(linear_flights(task, own, directions), own.scales), axis=0)
-    prior = beforehand(task, own, own.free)[2]
+    prior = prior_of(task, own, own.free)[2]
     return -own.cost + 0.5 * np.log(prior[0] / (gram[0, 0] + prior[0]))
 
 

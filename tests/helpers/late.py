@@ -12,7 +12,7 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.smoothing import Noise
 
 LATE = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.002),))
 

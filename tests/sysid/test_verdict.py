@@ -18,7 +18,7 @@ from glider.sysid.result import (
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import FLOWN, is_of_the_plate, judge
+from glider.sysid.verdict import FLOWN, changes_baseline_alone, judge
 
 RIGHT = Signs()
 NO_CURVES = ResidualCurves(terms=(), data=None)
@@ -253,7 +253,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
 )
 def test_only_the_plates_own_numbers_are_of_the_plate(kinds, curves, extra, expected):
     model = types.SimpleNamespace(kinds=kinds, has_curves=curves > 0, extra=extra)
-    assert is_of_the_plate(model) is expected
+    assert changes_baseline_alone(model) is expected
 
 
 def test_all_verdicts_have_been_seen():

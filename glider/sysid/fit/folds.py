@@ -20,10 +20,10 @@ from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.model_fit import (
     FitResult,
-    beforehand,
     field_of,
     grams_of,
     linear_flights,
+    prior_of,
     with_constants,
     with_prior,
 )
@@ -156,7 +156,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
         theta=model.theta,
         field=field_of(task, model),
         scales=scales,
-        own_trims=task.own_trims,
+        per_flight_trims=task.per_flight_trims,
     )
     scales = rollout_scales(flown, task.records, scales)
     return dataclasses.replace(flown, scales=scales)
@@ -259,7 +259,7 @@ class _Refits:
         """Returns the model without some flights, and their costs under it [nats]."""
         model, index = self.model, list(self.model.free)
         rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
-        own, mean, precision = beforehand(self.task, model, index)
+        own, mean, precision = prior_of(self.task, model, index)
         count, free = len(model.coordinates), len(index)
         wide = np.full(count, np.inf)
         step = bounded_step(

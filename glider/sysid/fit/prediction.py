@@ -22,10 +22,9 @@ from glider.sysid.likelihood.scales import (
     smoothed_start,
     typical_flights,
 )
-from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.signals import pose_signals, trimmed
+from glider.sysid.replay.signals import pose_signals, sensed, trimmed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
@@ -47,13 +46,13 @@ class RolloutModel:
         field: its residual field.
         scales: of errors along its rollouts, and of what differs from flight to
             flight, see `rollout_scales`.
-        own_trims: whether each flight has an elevator angle of its own.
+        per_flight_trims: whether each flight has an elevator angle of its own.
     """
 
     theta: np.ndarray
     field: Field
     scales: Scales
-    own_trims: bool
+    per_flight_trims: bool
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,9 +75,9 @@ class Prediction:
         return bool(np.isfinite(self.pose).all() and np.isfinite(self.translated).all())
 
 
-def beginning_rows(record: Record, own_trims: bool) -> int:
+def beginning_rows(record: Record, per_flight_trims: bool) -> int:
     """Returns how many nodes the launch state is fitted on."""
-    share = BEGINNING_WITH_TRIM if own_trims else BEGINNING
+    share = BEGINNING_WITH_TRIM if per_flight_trims else BEGINNING
     rows = int(np.searchsorted(record.time, share * record.time[-1]))
     return min(max(rows, _FEWEST_ROWS), len(record.time))
 
@@ -101,7 +100,7 @@ def rollout_scales(
     )
     flights = []
     for record in typical_flights(records):
-        rows = beginning_rows(record, model.own_trims)
+        rows = beginning_rows(record, model.per_flight_trims)
         flights.append(linearize(record.first(rows), model.theta, model.field))
     costs = negative_log_likelihood([f.error_only() for f in flights], still)
     flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
@@ -139,7 +138,7 @@ def find_launch(model: RolloutModel, record: Record, rows: int) -> Launch:
 
 def predict(model: RolloutModel, record: Record, whole: bool = False) -> Prediction:
     """Predicts one flight from its beginning, or fits the whole of it."""
-    rows = len(record.time) if whole else beginning_rows(record, model.own_trims)
+    rows = len(record.time) if whole else beginning_rows(record, model.per_flight_trims)
     launch = find_launch(model, record, rows)
     layout = record.layout
     elevator, rate = pose_signals(record, model.theta)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
-from glider.sysid.likelihood.evidence import Evidence, eliminate
+from glider.sysid.likelihood.information import Evidence, eliminate, solve
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
     FitResult,
-    beforehand,
     grams_of,
     linear_flights,
+    prior_of,
     with_prior,
 )
 from glider.sysid.likelihood.scales import Scales, fit_scales
@@ -71,7 +71,7 @@ class Candidates:
         """
         task, model = self.task, self.model
         slots = [d.slot for d in self.directions]
-        value, mean, precision = beforehand(task, model, slots)
+        value, mean, precision = prior_of(task, model, slots)
         restored = np.zeros(grams.shape[-1])
         restored[-1] = 1.0
         for j, slot in enumerate(slots):
@@ -195,14 +195,11 @@ def saturated_scales(
         the scales, and the change of all columns there (m,).
     """
     slots = [d.slot for d in candidates.directions]
-    own, mean, precision = beforehand(candidates.task, candidates.model, slots)
+    own, mean, precision = prior_of(candidates.task, candidates.model, slots)
     for _ in range(rounds):
         gram = candidates.grams(scales).sum(axis=0)
         total = with_prior(gram, own, mean, precision)
-        scale = 1.0 / np.sqrt(np.diag(total)[:-1])
-        system = total[:-1, :-1] * scale[:, None] * scale
-        system += 1e-10 * np.eye(len(scale))
-        change = scale * np.linalg.solve(system, scale * total[:-1, -1])
+        change = solve(total)
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)
     return scales, change

@@ -6,19 +6,37 @@ R is the flight's information. Sums, steps, cross-validation and standard errors
 over flights need no more than these matrices.
 """
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve, lapack
 from scipy.special import ndtri, stdtrit  # scipy.stats takes 0.4 s to import.
+
+
+def solve_scaled(
+    matrix: np.ndarray, right: np.ndarray, ridge: float = 1e-10
+) -> np.ndarray:
+    """Solves A x = b for coefficients of any units, (..., m).
+
+    Rows and columns are scaled to a diagonal of one, where `ridge` is added.
+
+    Args:
+        matrix: A, (..., m, m), positive definite.
+        right: b, (..., m).
+        ridge: share of the diagonal.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scaled = matrix * scale[..., :, None] * scale[..., None, :]
+    scaled = scaled + ridge * np.eye(matrix.shape[-1])
+    return scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
 
 
 def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
     """Returns the minimiser δθ of [δθ; -1]' R [δθ; -1] + Σ ridge δθ²."""
     m = information.shape[0] - 1
-    if m == 0:
-        return np.zeros(0)
     hessian = information[:m, :m] + np.diag(np.broadcast_to(ridge, m))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled = hessian * scale[:, None] * scale + 1e-10 * np.eye(m)
-    return scale * np.linalg.solve(scaled, scale * information[:m, m])
+    return solve_scaled(hessian, information[:m, m])
 
 
 def bounded_step(
@@ -77,11 +95,86 @@ def covariance(
     least = 1e-12 * np.eye(m)
     classical = np.linalg.inv(total * square + least) * square * max(1.0, dispersion)
     flights = len(information)
-    scores = scale * information[:, :m, m]
-    others = (total - hessians) * square + least
-    changes = scale * np.linalg.solve(others, scores[:, :, None])[:, :, 0]
+    changes = solve_scaled(total - hessians, information[:, :m, m], 1e-12)
     jackknife = np.square(changes).sum(axis=0) * (flights - 1.0) / max(flights, 1.0)
     if flights > 1:
         jackknife *= (stdtrit(flights - 1, 0.975) / ndtri(0.975)) ** 2
     grow = np.sqrt(np.maximum(jackknife / np.diag(classical), 1.0))
     return classical * grow[:, None] * grow
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """Squares of columns summed over flights, those that always act eliminated.
+
+    Attributes:
+        gram: (m + 1, m + 1) of the candidates' columns and, last, the error.
+        precision: (m,) of the candidates' coefficients beforehand.
+        lower: (m,) least changes that are physical.
+        upper: (m,) largest.
+    """
+
+    gram: np.ndarray
+    precision: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def log_marginal(self, columns: Sequence[int]) -> float:
+        """Returns the log marginal likelihood that columns gain over none [nats].
+
+        ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus infinity where a
+        coefficient would not be physical.
+        """
+        if not columns:
+            return 0.0
+        # Asked for by the ten thousand: LAPACK itself, whose wrappers take ten times
+        # as long as it does.
+        index = np.array(columns)
+        a, b = self.gram[index[:, None], index], self.gram[index, -1]
+        precision = self.precision[index]
+        diagonal = a.ravel()[:: len(index) + 1]
+        diagonal += precision
+        factor, failed = lapack.dpotrf(a, lower=1)
+        if failed:
+            return -np.inf
+        half, _ = lapack.dtrtrs(factor, b, lower=1)
+        step, _ = lapack.dtrtrs(factor, half, lower=1, trans=1)
+        slack = 1e-9 + 2.0 / np.sqrt(diagonal)
+        if (step < self.lower[index] - slack).any() or (
+            step > self.upper[index] + slack
+        ).any():
+            return -np.inf
+        ratio = precision / np.square(factor.diagonal())
+        return float(0.5 * (half @ half + np.log(ratio).sum()))
+
+    def step(self, columns: Sequence[int]) -> np.ndarray:
+        """Returns the coefficients of columns, counted from nothing."""
+        index = list(columns)
+        if not index:
+            return np.zeros(0)
+        a = self.gram[np.ix_(index, index)] + np.diag(self.precision[index])
+        return solve_scaled(a, self.gram[index, -1], 0.0)
+
+
+def eliminate(
+    gram: np.ndarray, always: Sequence[int], precision: np.ndarray, mean: np.ndarray
+) -> np.ndarray:
+    """Returns a Gram matrix with columns solved for and left out.
+
+    Args:
+        gram: (M + 1, M + 1), the error last.
+        always: indices of the columns.
+        precision: (len(always),) beforehand.
+        mean: (len(always),) of their changes beforehand.
+    """
+    always = list(always)
+    keep = [j for j in range(len(gram)) if j not in set(always)]
+    if not always:
+        return gram
+    corner = gram[np.ix_(always, always)] + np.diag(precision)
+    side = gram[np.ix_(always, keep)].copy()
+    side[:, -1] += precision * mean
+    scale = 1.0 / np.sqrt(np.diag(corner))
+    corner = corner * scale[:, None] * scale + 1e-11 * np.eye(len(always))
+    side = side * scale[:, None]
+    return gram[np.ix_(keep, keep)] - side.T @ cho_solve(cho_factor(corner), side)

@@ -9,10 +9,15 @@ from glider.compiled.filter_error import OWN_STATES, PROCESSES
 from glider.compiled.replay import advance_nodes, measure_nodes, slopes_along
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, Field
 from glider.sysid.likelihood.directions import Direction
-from glider.sysid.replay.nodes import sensed, true_nodes
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import flow_variables
-from glider.sysid.replay.signals import logged_elevator, pose_signals, trimmed
+from glider.sysid.replay.signals import (
+    logged_elevator,
+    pose_signals,
+    sensed,
+    trimmed,
+    true_nodes,
+)
 from glider.sysid.replay.theta import OFFSET, Layout
 
 

@@ -1,7 +1,7 @@
 """Coefficients, curves and scales fitted together to the flights of a campaign.
 
 Gauss-Newton on the filter's innovations, which are linear in the coefficients about
-each linearisation, and Fisher scoring for the scales in between.
+each linearisation, and Fisher marginal_scorer for the scales in between.
 """
 
 import dataclasses
@@ -26,8 +26,8 @@ from glider.sysid.likelihood.scales import (
     whiten,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
 from glider.sysid.replay.record import Record
+from glider.sysid.replay.smoothing import Noise
 
 FEWEST_ITERATIONS = 2
 """Before a fit may stop: the first step changes the scales too."""
@@ -126,7 +126,7 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
     return [flight.error_only() for flight in linear_flights(task, model, ())]
 
 
-def beforehand(
+def prior_of(
     task: Task, model: FitResult, slots: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns value, mean beforehand and precision of slots, then of the curves."""
@@ -182,7 +182,7 @@ def fit_model(
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
-        own, mean, precision = beforehand(task, current, index)
+        own, mean, precision = prior_of(task, current, index)
         shapes = [k for k, i in enumerate(index) if task.is_shape(i)]
         mean[shapes] = model.theta[[index[k] for k in shapes]]
         value += 0.5 * float(precision @ (own - mean) ** 2)
@@ -277,7 +277,7 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     strength = model.strength
     for _ in range(rounds):
         trial = dataclasses.replace(model, strength=strength)
-        own, mean, precision = beforehand(task, trial, index)
+        own, mean, precision = prior_of(task, trial, index)
         total = with_prior(gram, own, mean, precision)
         covariance = np.linalg.inv(total[:-1, :-1])
         curve = slice(len(index), None)

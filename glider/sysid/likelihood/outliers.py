@@ -18,18 +18,19 @@ again 42, with positions 5 % too large 3.
 import numpy as np
 
 from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.model_fit import (
     FitResult,
-    beforehand,
     error_flights,
+    prior_of,
     start_of,
     with_prior,
 )
-from glider.sysid.likelihood.scales import OWN_VALUES, Scales, own_values
+from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.smoothing import Noise
 
-ROUGHLY = Scales(
+COARSE_SCALES = Scales(
     position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
 )
 """Scales under which flights are compared: what any one model lacks costs little."""
@@ -75,18 +76,14 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns what each flight's error costs over its measurements (flights,)."""
     model = start_of(task, noise, with_curves=task.vehicle.knows_forces)
     candidates = gather(task, model)
-    grams = candidates.grams(ROUGHLY)
+    grams = candidates.grams(COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     slots = [d.slot for d in candidates.directions]
-    own, mean, precision = beforehand(task, model, slots)
+    own, mean, precision = prior_of(task, model, slots)
     weights = np.ones(len(grams))
     for _ in range(_ROUNDS):
         total = with_prior(np.tensordot(weights, grams, 1), own, mean, precision)
-        scale = 1.0 / np.sqrt(np.diag(total)[:-1])
-        system = total[:-1, :-1] * scale[:, None] * scale
-        system += 1e-10 * np.eye(len(scale))
-        change = scale * np.linalg.solve(system, scale * total[:-1, -1])
-        left = np.append(-change, 1.0)
+        left = np.append(-solve(total), 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / (_HEAVY * np.median(squares)), 1.0)
@@ -95,7 +92,7 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
 
 _LEAST_SQUARE = 1e-6
 """Mean square below which flights are equally good: errors of a thousandth of
-`ROUGHLY`. Of logs without noise the rest is rounding, of any size and sign."""
+`COARSE_SCALES`. Of logs without noise the rest is rounding, of any size and sign."""
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:
@@ -112,15 +109,15 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     return outlying & (np.mean(outlying) <= MOST)
 
 
-Z_APART = 10.0
+Z_EXTREME = 10.0
 """Deviations of a flight's own wind, trim or zero of the pitch from the middle one from
 which on it is no spread over flights: of Gaussian ones 1e-20 of flights are so far."""
 
-LEAST_APART = 0.3
+LEAST_EXTREME = 0.3
 """... and how far off it is at least, in the coefficient's scale."""
 
 
-def find_apart(task: Task, model: FitResult) -> dict[str, str]:
+def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     """Returns flights that need a wind, trim or pitch zero far from all others', why.
 
     What one flight has of its own may take up that its positions are in another length
@@ -134,15 +131,15 @@ def find_apart(task: Task, model: FitResult) -> dict[str, str]:
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}
     flights = error_flights(task, model)
-    own = own_values(flights, model.scales)
+    own = flight_values(flights, model.scales)
     found: dict[str, str] = {}
-    for kind, places in OWN_VALUES.items():
+    for kind, places in PER_FLIGHT.items():
         for name, place in places.items():
             slot = task.layout.index[kind, name]
             units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
             apart = np.abs(own[:, place] - np.median(own[:, place]))
             deviation = 1.4826 * float(np.median(apart))
-            least = max(Z_APART * deviation, LEAST_APART * task.layout.scale[slot])
+            least = max(Z_EXTREME * deviation, LEAST_EXTREME * task.layout.scale[slot])
             for i in np.flatnonzero(apart > least).tolist():
                 found.setdefault(
                     task.records[i].name,

@@ -8,8 +8,9 @@ import numpy as np
 
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
+from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import OFFSET
 
 Flight = TypeVar("Flight")
@@ -214,37 +215,35 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     precision = 1.0 / np.maximum(variances, 1e-16)
     # The last column's own start is where the constants lie beforehand.
     wanted = flight.start[:, 0]
-    scale = 1.0 / np.sqrt(np.diag(gram)[:-1] + precision)
-    system = (gram[:-1, :-1] + np.diag(precision)) * scale[:, None] * scale
-    change = scale * np.linalg.solve(system, scale * gram[:-1, -1])
-    return wanted + change
+    return wanted + solve(gram, precision)
 
 
-def own_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
+def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' own winds (x, z) [m/s], trims and pitch zeros [rad], (F, 4)."""
 
     def one(flight: LinearFlight) -> np.ndarray:
-        return _own_values(flight, scales)
+        return _flight_values(flight, scales)
 
     return np.array(in_parallel(one, flights))
 
 
-def _own_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
+def _flight_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
     n = flight.by_x.shape[1]
     return flight.constants.values + smoothed_start(flight, scales)[n + PROCESSES :]
 
 
-OWN_VALUES = {
+PER_FLIGHT = {
     "wind": {"x": 0, "z": 1},
     "elevator_trim": {"angle": 2},
     "pitch_offset": {"angle": 3},
 }
-"""Effects that flights may have of their own: coefficient to column of `own_values`."""
+"""Effects that may vary from flight to flight: coefficient to column of
+`flight_values`."""
 
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
     """Returns what a flight has of its own, given all its rows."""
-    own = _own_values(flight, scales)
+    own = _flight_values(flight, scales)
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
     return Constants.of(np.clip(own, -largest, largest))
 
@@ -282,7 +281,7 @@ def fit_scales(
     iterations: int = 8,
     tolerance: float = 0.05,
 ) -> tuple[Scales, float]:
-    """Maximises the likelihood of the scales by Fisher scoring.
+    """Maximises the likelihood of the scales by Fisher marginal_scorer.
 
     Args:
         flights: each with one column, its error.

@@ -40,7 +40,7 @@ class Task:
         return self.vehicle.layout
 
     @property
-    def own_trims(self) -> bool:
+    def per_flight_trims(self) -> bool:
         """Whether the elevator stands at an unknown angle of its own in each flight."""
         return not self.vehicle.trim_is_known
 

@@ -6,14 +6,13 @@ import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
 from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.evidence import eliminate
-from glider.sysid.likelihood.information import covariance
+from glider.sysid.likelihood.information import covariance, eliminate
 from glider.sysid.likelihood.model_fit import (
     STRENGTH_RANGE,
     FitResult,
-    beforehand,
     grams_of,
     linear_flights,
+    prior_of,
 )
 from glider.sysid.likelihood.task import Task
 
@@ -49,7 +48,7 @@ def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
     directions = slopes(task.layout, model.theta, model.free)
     flights = linear_flights(task, model, directions)
     grams = np.stack(grams_of(flights, model.scales))
-    _, _, precision = beforehand(task, model, model.free)
+    _, _, precision = prior_of(task, model, model.free)
     return Uncertainty(
         free=model.free, covariance=covariance(grams, 1.0, precision), flights=grams
     )
@@ -84,7 +83,7 @@ def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
     scales, _ = saturated_scales(columns, model.scales, 2)
     gram = columns.grams(scales).sum(axis=0)
     known = slice(0, len(index))
-    own, mean, precision = beforehand(task, bent, index)
+    own, mean, precision = prior_of(task, bent, index)
     change = (mean - own)[known]
     reduced = eliminate(gram, range(len(index)), precision[known], change)
     information = reduced[:-1, :-1]

@@ -7,13 +7,12 @@ import numpy as np
 
 from glider.campaign.checks.clocks import find_stops
 from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.planarity import normal
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
 from glider.physics.effects import Replay
-from glider.sysid.replay.attitude import in_plane, planar_pitch
-from glider.sysid.replay.noise import Noise
-from glider.sysid.replay.smoothing import smoothing_maps
+from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 _GAP = 1.6
@@ -44,10 +43,10 @@ class Record:
         trim_is_moment: whether an elevator trim of the flight's own makes a moment and
             no force, see `glider.sysid.replay.signals.trimmed`.
         bank: (n - 1,) factor of the wing's force in the plane where it is rolled, see
-            `glider.sysid.replay.attitude`; one without attitude.
+            `glider.sysid.replay.record`; one without attitude.
         side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
         replays: what `glider.sysid.replay.signals` was asked last, by its settings.
-        undone: what `glider.sysid.replay.nodes` was asked last, by the numbers of
+        undone: what `glider.sysid.replay.signals` was asked last, by the numbers of
             the vehicle and of its sensors.
     """
 
@@ -228,3 +227,35 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ]
     filled = np.concatenate([*parts, time[-1:]])
     return filled, np.concatenate([[0], np.cumsum(more)])
+
+
+def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
+    """Returns the pitch of the wing's normal in the plane, at some rows [rad]."""
+    assert flight.attitude is not None
+    _, roll, yaw = flight.attitude[rows].T
+    n = normal(flight.pose[rows, 2], roll, yaw)
+    return np.unwrap(np.arctan2(n[:, 0], n[:, 2]))
+
+
+def in_plane(
+    pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns what a planar glider makes of a rolled one.
+
+    Args:
+        pitch: (n,) smoothed [rad].
+        roll_and_yaw: (n, 2) smoothed [rad].
+        sideways: (n,) smoothed velocity along y [m/s].
+
+    Returns:
+        the factor of the wing's force in each interval (n - 1,), and the air velocity
+        (x, z) there that the sideways motion is like (n - 1, 2) [m/s].
+    """
+    n = normal(pitch, *roll_and_yaw.T)
+    square = n[:, 0] ** 2 + n[:, 2] ** 2
+    air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
+    return _middle(square), _middle(air)
+
+
+def _middle(values: np.ndarray) -> np.ndarray:
+    return 0.5 * (values[1:] + values[:-1])

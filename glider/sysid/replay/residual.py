@@ -12,9 +12,8 @@ import numpy as np
 from glider.compiled.replay import flow_at
 from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS
-from glider.sysid.replay.nodes import true_nodes
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.signals import node_signals, trimmed
+from glider.sysid.replay.signals import node_signals, trimmed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import ResidualTable
 

@@ -33,7 +33,7 @@ class Layout:
     """Meaning of each entry of theta and of a flown state; see the module.
 
     Attributes:
-        own: a user's own kinds of effects, beside the library's.
+        user_kinds: user effects, beside the library's.
         kinds: name to kind, of both.
         compiled_kinds: the effects that the compiled dynamics hold.
         replayed_kinds: the effects on clocks and paths of the log's signals, which are
@@ -50,7 +50,7 @@ class Layout:
         sensor_slots: indices into theta of the compiled sensor effects.
     """
 
-    own: tuple[EffectKind, ...]
+    user_kinds: tuple[EffectKind, ...]
     kinds: dict[str, EffectKind]
     compiled_kinds: tuple[EffectKind, ...]
     replayed_kinds: tuple[EffectKind, ...]
@@ -66,7 +66,7 @@ class Layout:
 
     def __reduce__(self):
         """Returns how another process gets it: by its own kinds, made once there."""
-        return layout_of, (self.own,)
+        return layout_of, (self.user_kinds,)
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Returns where a kind's coefficients lie in theta."""
@@ -120,15 +120,15 @@ class Layout:
 
 
 @functools.cache
-def layout_of(own: tuple[EffectKind, ...]) -> Layout:
+def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
     """Returns the layout of the library and of a user's own kinds.
 
     Raises:
         InputError: an own kind cannot be used.
     """
-    check_user_effects(own)
-    kinds = {**KINDS, **{e.kind: e for e in own}}
-    flown = tuple(e for e in (*LIBRARY, *own) if e.stage != "log")
+    check_user_effects(user_kinds)
+    kinds = {**KINDS, **{e.kind: e for e in user_kinds}}
+    flown = tuple(e for e in (*LIBRARY, *user_kinds) if e.stage != "log")
     held = tuple(e for e in flown if not e.is_replayed)
     replayed = tuple(e for e in flown if e.is_replayed)
     in_theta = (*held, *replayed)
@@ -143,7 +143,7 @@ def layout_of(own: tuple[EffectKind, ...]) -> Layout:
     lower, upper, scale = np.array(bounds).T.copy()
     state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
     return Layout(
-        own=own,
+        user_kinds=user_kinds,
         kinds=kinds,
         compiled_kinds=held,
         replayed_kinds=replayed,

@@ -17,10 +17,10 @@ from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
 
-OWN = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
+BASELINE_PARAMETERS = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
 """Parameters of a flat-plate glider that flights can tell, given its mass."""
 
-OWN_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
+BASELINE_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
 """Effects that are other values of these: refitted, the plate does what they do."""
 
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
@@ -54,7 +54,7 @@ class Vehicle:
         layout: of theta.
         theta: the nominal model, unknown entries at a start value.
         nuisance: indices into theta that are unknown and fitted with everything.
-        own: indices of the flat plate's own parameters, for the refitted plate.
+        baseline_slots: indices of the parameters that the flat-plate baseline refits.
         kinds: effects that these logs could show.
         trim_is_known: False where the elevator stands elsewhere in each flight.
         is_known: whether the nominal model is complete, the elevator's angle included.
@@ -68,7 +68,7 @@ class Vehicle:
     layout: Layout
     theta: np.ndarray
     nuisance: tuple[int, ...]
-    own: tuple[int, ...]
+    baseline_slots: tuple[int, ...]
     kinds: tuple[str, ...]
     trim_is_known: bool
     is_known: bool
@@ -98,7 +98,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             notes.append(f"'{name}' is not told: {assumed[name]:g} is assumed.")
     parameters = GliderParameters(**{**assumed, **_servo_of(campaign), **known})
 
-    unknown = [name for name in OWN if name not in known]
+    unknown = [name for name in BASELINE_PARAMETERS if name not in known]
     if "mass" not in known and has_scale:
         unknown.append("mass")
     nuisance = [index["parameters", name] for name in unknown]
@@ -151,7 +151,14 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
         prior=prior,
         nuisance=tuple(sorted(nuisance)),
-        own=tuple(sorted({*nuisance, *(index["parameters", name] for name in OWN)})),
+        baseline_slots=tuple(
+            sorted(
+                {
+                    *nuisance,
+                    *(index["parameters", name] for name in BASELINE_PARAMETERS),
+                }
+            )
+        ),
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
         trim_is_known=campaign.elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and campaign.elevator != "fixed",

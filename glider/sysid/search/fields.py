@@ -17,10 +17,10 @@ from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
     FitResult,
-    beforehand,
     fit_model,
     grams_of,
     linear_flights,
+    prior_of,
 )
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.residual import flow_variables
@@ -183,7 +183,7 @@ def _gain(
     gram = np.sum(grams_of(wide, model.scales), axis=0)
     if not np.all(np.isfinite(gram)):
         return -np.inf, np.full(count, np.nan), np.full((count, count), np.nan)
-    own, mean, precision = beforehand(task, model, model.free)
+    own, mean, precision = prior_of(task, model, model.free)
     m = len(own)
     if now is not None:  # The weights count from nothing: their share is given back.
         gram[:, -1] += gram[:, m:-1] @ now

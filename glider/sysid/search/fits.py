@@ -1,4 +1,4 @@
-"""Fits of sets of effects to known gliders, and what they are worth."""
+"""Models with sets of effects: begun, fitted, and what they are worth."""
 
 import dataclasses
 from collections.abc import Callable
@@ -10,23 +10,71 @@ from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.sets_in_models import begin
-from glider.sysid.search.subsets import Members, Scorer
+from glider.sysid.search.subsets import Members, Scorer, SetEvidence
 
-PRICE = 10.0
-"""Evidence that an effect must bring [nats], of up to `FLIGHTS_OF_PRICE` flights."""
 
-PLAIN_PRICE = 6.6
-"""The same where it alone and air explain the flights: of noise alone the best of the
-library brings it in one campaign of a hundred (χ² of one number, 36 of them tried).
-Beside a second one both pay PRICE: that one must bring 13 nats, for a small effect may
-stand in for what the first one's formula gets wrong."""
+def begin(
+    candidates: Candidates, evidence: SetEvidence, members: Members, scales: Scales
+) -> FitResult:
+    """Returns a set of effects with the coefficients that its evidence gives it."""
+    task, model = candidates.task, candidates.model
+    kinds = tuple(kind for kind, _ in members)
+    theta = model.theta.copy()
+    for kind in model.kinds:
+        if kind not in kinds:
+            slots = list(task.layout.slots_of(kind))
+            theta[slots] = task.vehicle.theta[slots]
+    columns = [c for _, variant in members for c in variant]
+    always = set(candidates.always)
+    kept = [d for j, d in enumerate(candidates.directions) if j not in always]
+    for column, change in zip(columns, evidence.step(columns), strict=True):
+        direction = kept[column]
+        for slot, shape in direction.shapes:
+            theta[slot] = shape
+        base = theta[direction.slot]
+        if not task.is_shape(direction.slot):
+            base = task.prior(direction.slot, base)[0]
+        theta[direction.slot] = np.clip(
+            base + change,
+            task.layout.lower[direction.slot],
+            task.layout.upper[direction.slot],
+        )
+    return dataclasses.replace(
+        model, kinds=kinds, theta=theta, free=task.free(kinds), scales=scales
+    )
 
-FLIGHTS_OF_PRICE = 40
+
+def without(task: Task, model: FitResult, *gone: str) -> FitResult:
+    """Returns a model without some of its effects."""
+    kinds = tuple(k for k in model.kinds if k not in gone)
+    theta = model.theta.copy()
+    slots = [i for kind in gone for i in task.layout.slots_of(kind)]
+    theta[slots] = task.vehicle.theta[slots]
+    return dataclasses.replace(model, kinds=kinds, theta=theta, free=task.free(kinds))
+
+
+def bare_of(task: Task, model: FitResult) -> FitResult:
+    """Returns a model without effects, curves and fields."""
+    bare = dataclasses.replace(
+        model, extra=None, coordinates=np.zeros(0), cost=np.inf, freedom=0.0
+    )
+    return without(task, bare, *model.kinds)
+
+
+EVIDENCE_THRESHOLD = 10.0
+"""Evidence that an effect must bring [nats], of up to `THRESHOLD_FLIGHTS` flights."""
+
+SIMPLE_THRESHOLD = 6.6
+"""The same where it alone and moving air explain the flights: with noise alone, the
+best of the library exceeds it in one campaign of a hundred (χ² of one coefficient, 36
+of them tried). Two effects must bring EVIDENCE_THRESHOLD each, 13 nats more than one: a
+small effect may stand in for an error of the first one's formula."""
+
+THRESHOLD_FLIGHTS = 40
 """Flights from which on the price grows with them: what making flights linear gets
 wrong in each adds up as evidence does. The price was tried on 12 to 40."""
 
-PRICE_OF_MORE, PLAIN_PRICE_OF_MORE = 4.0, 1.6
+COEFFICIENT_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 4.0, 1.6
 """Evidence that each further coefficient of an effect must bring [nats]: plainly, that
 which makes χ² of two numbers as rare."""
 
@@ -43,9 +91,9 @@ class Search:
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
     _near: "tuple[Task, FitResult, FirstOrder | None] | None" = None
 
-    def price(self, model: FitResult) -> float:
+    def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the price of its effects [nats]."""
-        return price_of(self.task, model)
+        return penalized_cost(self.task, model)
 
     def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model and remembers it."""
@@ -67,7 +115,7 @@ class Search:
         return self._near[2]
 
 
-def price_of(task: Task, model: FitResult) -> float:
+def penalized_cost(task: Task, model: FitResult) -> float:
     """Returns a model's cost with the price of its effects [nats]."""
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
@@ -79,10 +127,10 @@ def price_of(task: Task, model: FitResult) -> float:
 
 def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
     """Returns the evidence that each effect of a model must bring, at least."""
-    effect, coefficient = PRICE, PRICE_OF_MORE
-    if is_plain(model, model.scales):
-        effect, coefficient = PLAIN_PRICE, PLAIN_PRICE_OF_MORE
-    effect = price_of_kind(len(task.records), effect)
+    effect, coefficient = EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD
+    if is_simple(model, model.scales):
+        effect, coefficient = SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD
+    effect = threshold_of_kind(len(task.records), effect)
     return EvidenceThreshold(effect=effect, coefficient=coefficient)
 
 
@@ -118,11 +166,11 @@ def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder 
     grams = candidates.grams(scales)
     if not np.all(np.isfinite(grams)):
         return None
-    score = scoring(candidates, grams, np.ones(len(task.records)), scales)
+    score = marginal_scorer(candidates, grams, np.ones(len(task.records)), scales)
     return FirstOrder(candidates=candidates, scales=scales, score=score)
 
 
-def scoring(
+def marginal_scorer(
     candidates: Candidates,
     grams: np.ndarray,
     counts: np.ndarray,
@@ -133,7 +181,7 @@ def scoring(
     In a marginal likelihood each number has paid for its room beforehand: about a model
     of one effect at most and air, a member need only be more likely than that none of
     the library acts. A set of many members is so proposed cheaply; fitted, it pays as
-    `price_of` asks.
+    `penalized_cost` asks.
 
     Args:
         candidates: about a model.
@@ -143,26 +191,26 @@ def scoring(
     """
     evidence, variants = candidates.evidence(np.tensordot(counts, grams, 1))
     model = candidates.model
-    is_fair = is_plain(model, scales or model.scales)
-    base = float(np.log(len(candidates.task.kinds))) if is_fair else PRICE
-    price = price_of_kind(len(candidates.task.records), base)
+    is_fair = is_simple(model, scales or model.scales)
+    base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
+    price = threshold_of_kind(len(candidates.task.records), base)
     return Scorer(evidence, variants, lambda kind: price)
 
 
-def price_of_kind(flights: int, base: float) -> float:
+def threshold_of_kind(flights: int, base: float) -> float:
     """Returns the evidence that an effect must bring, from that of few flights."""
-    return base * max(1.0, flights / FLIGHTS_OF_PRICE)
+    return base * max(1.0, flights / THRESHOLD_FLIGHTS)
 
 
-def is_plain(model: FitResult, scales: Scales) -> bool:
+def is_simple(model: FitResult, scales: Scales) -> bool:
     """Whether one effect at most and air explain the flights, and nothing else.
 
     Beside another effect a small one may stand in for what that one's formula gets
     wrong: it has to bring more.
     """
     is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
-    return is_bare and not model.has_force_errors and scales.moment < PLAIN_MOMENT
+    return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT
 
 
-PLAIN_MOMENT = 0.3
+SIMPLE_MOMENT = 0.3
 """Moment of no known form from which on a formula lacks something [rad/s²]."""

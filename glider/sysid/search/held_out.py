@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates
+from glider.sysid.likelihood.information import solve_scaled
 
 
 class HeldOutEvidence:
@@ -64,10 +65,7 @@ class HeldOutEvidence:
         precision = self._precision[index]
         system = grams[:, index[:, None], index] + np.diag(precision)
         side = grams[:, index, -1] + precision * (self._mean - self._value)[index]
-        scale = 1.0 / np.sqrt(np.diagonal(system, axis1=1, axis2=2))
-        system = system * scale[:, :, None] * scale[:, None, :]
-        solved = np.linalg.solve(system, (scale * side)[..., None])
-        return scale * solved[..., 0]
+        return solve_scaled(system, side, 0.0)
 
     def _costs(self, index: np.ndarray) -> np.ndarray:
         """Returns each flight's cost by what the others say of some columns (n,)."""

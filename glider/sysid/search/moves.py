@@ -5,11 +5,10 @@ import heapq
 from collections.abc import Collection, Iterable, Mapping
 
 from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult
-from glider.sysid.search.fits import FirstOrder, Search
+from glider.sysid.search.fits import FirstOrder, Search, without
 from glider.sysid.search.pruning import without_needless_curves
-from glider.sysid.search.sets_in_models import without
 from glider.sysid.search.subsets import Members, best_set, climb
-from glider.sysid.search.weighing import EffectSupport, shown_by
+from glider.sysid.search.support import EffectSupport, shown_by
 
 
 def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
@@ -76,7 +75,7 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     near = search.near(model)
     if near is None:
         return None
-    free = near.score.priced(lambda kind: 0.0)
+    free = near.score.with_penalty(lambda kind: 0.0)
     members = free.by_first(model.kinds)
     for _ in range(FEW_MORE):
         members = max(free.larger(members), key=free, default=members)
@@ -87,11 +86,11 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     own = set(model.kinds)
     thinner: FitResult | None = many
     while thinner and thinner.cost + thinner.freedom < model.cost + model.freedom:
-        best = min(best, thinner, key=search.price)
+        best = min(best, thinner, key=search.penalized_cost)
         if set(thinner.kinds) <= own:  # Where the search has been.
             break
         thinner = _thinner(search, thinner)
-    is_better = search.price(best) < search.price(model)
+    is_better = search.penalized_cost(best) < search.penalized_cost(model)
     return best if is_better and set(best.kinds) != own else None
 
 
@@ -105,7 +104,7 @@ def _thinner(search: Search, model: FitResult) -> FitResult | None:
     for kind in heapq.nsmallest(MOST_TRIED, shown, key=shown.__getitem__):
         search.progress(f"is {kind} needed?")
         fewer = search.fit(without(search.task, model, kind), iterations=4)
-        if search.price(fewer) < search.price(model):
+        if search.penalized_cost(fewer) < search.penalized_cost(model):
             return fewer
     return None
 
@@ -189,5 +188,5 @@ def _best_fitted(
         others = ", ".join(sorted(kinds.difference(model.kinds)))
         search.progress(f"{others} after all?")
         tried.append(search.fit_with_strength(near.begin(members), iterations=4))
-    best = min(tried, key=search.price, default=model)
-    return best if search.price(best) < search.price(model) else None
+    best = min(tried, key=search.penalized_cost, default=model)
+    return best if search.penalized_cost(best) < search.penalized_cost(model) else None

@@ -1,17 +1,51 @@
-"""Moves of a search to fewer effects, all else refitted."""
+"""Moves of a search to fewer effects and to means over flights, all else refitted."""
 
 import dataclasses
 
 import numpy as np
 
-from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.likelihood.model_fit import FitResult, error_flights
+from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search.fits import Search
-from glider.sysid.search.means import with_means
-from glider.sysid.search.sets_in_models import without
+from glider.sysid.search.fits import Search, without
 from glider.sysid.search.subsets import best_of_sizes
-from glider.sysid.search.weighing import shown_by
+from glider.sysid.search.support import shown_by
+
+
+def with_means(search: Search, model: FitResult) -> FitResult:
+    """Returns a model with what flights have of their own, where its mean is not zero.
+
+    To first order a spread that took up the mean hides it; both are fitted anew.
+    """
+    task = search.task
+    flights = error_flights(task, model)
+    own = flight_values(flights, model.scales)
+    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
+    is_off = np.abs(mean) > OFF * error
+    for kind, places in PER_FLIGHT.items():
+        slots = {task.layout.index[kind, name]: k for name, k in places.items()}
+        is_free = bool(set(slots) & set(model.free))
+        if kind not in task.kinds or is_free or not is_off[list(slots.values())].any():
+            continue
+        theta = model.theta.copy()
+        for slot, place in slots.items():
+            theta[slot] += mean[place]
+        kinds = (*model.kinds, kind)
+        if model.extra is None and frozenset(kinds) in search.fitted:
+            continue
+        search.progress(f"{kind} in all flights?")
+        other = dataclasses.replace(
+            model, kinds=kinds, theta=theta, free=task.free(kinds)
+        )
+        other = search.fit_with_strength(other, iterations=4)
+        if search.penalized_cost(other) < search.penalized_cost(model):
+            model = other
+    return model
+
+
+OFF = 5.0
+"""Standard errors by which a mean over flights is off zero."""
 
 
 def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
@@ -28,7 +62,7 @@ def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]
         for kind in sorted(model.kinds, key=shown.__getitem__):
             search.progress(f"is {kind} needed?")
             fewer = search.fit(without(search.task, model, kind), iterations=4)
-            if search.price(fewer) < search.price(model):
+            if search.penalized_cost(fewer) < search.penalized_cost(model):
                 model = fewer
                 break
             lost[kind] = fewer.cost - model.cost
@@ -62,17 +96,19 @@ def with_fewer(search: Search, model: FitResult) -> FitResult | None:
             continue
         search.progress(f"fitting {', '.join(sorted(kinds))} instead")
         fewer = search.fit_with_strength(near.begin(members), iterations=4)
-        lost = search.price(fewer) - search.price(model)
+        lost = search.penalized_cost(fewer) - search.penalized_cost(model)
         if lost < 0.0:
             return fewer
         if lost > FAR:
             break
     if frozenset() in search.fitted or score(sizes[-1]) - score(()) > WEAK:
         return None
-    search.progress("fitting the plate instead")
+    search.progress("fitting the flat plate instead")
     fewer = search.fit_with_strength(near.begin(()), iterations=4)
     fewer = with_means(search, fewer)
-    return fewer if search.price(fewer) < search.price(model) else None
+    return (
+        fewer if search.penalized_cost(fewer) < search.penalized_cost(model) else None
+    )
 
 
 WEAK = 3000.0
@@ -100,7 +136,7 @@ def without_a_pair(search: Search, model: FitResult) -> FitResult | None:
         fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
         fewer = search.fit_with_strength(fewer, iterations=4)
         fewer = search.fit_with_strength(fewer, iterations=4)
-        if search.price(fewer) < search.price(model):
+        if search.penalized_cost(fewer) < search.penalized_cost(model):
             return fewer
     return None
 
@@ -139,8 +175,8 @@ def without_needless_curves(search: Search, model: FitResult) -> FitResult:
     bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
     bare = search.fit(bare, iterations=4)
     gained = bare.cost - model.cost - model.freedom
-    return model if gained > CURVE_PRICE else bare
+    return model if gained > CURVE_THRESHOLD else bare
 
 
-CURVE_PRICE = 15.0
+CURVE_THRESHOLD = 15.0
 """Evidence that curves beside the formulas must bring [nats]."""

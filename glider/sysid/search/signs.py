@@ -9,12 +9,12 @@ import numpy as np
 from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign, Flight
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, start_of
-from glider.sysid.likelihood.outliers import ROUGHLY
+from glider.sysid.likelihood.outliers import COARSE_SCALES
 from glider.sysid.likelihood.scales import negative_log_likelihood
 from glider.sysid.likelihood.task import make_task
-from glider.sysid.replay.noise import measure_noise
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.signs import Signs, turn
+from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 
 LEAST_GAIN = 20.0
@@ -85,8 +85,8 @@ def _cost(
     model = start_of(task, noise, with_curves=False)
     kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
     model = dataclasses.replace(
-        model, kinds=kinds, free=task.free(kinds), scales=ROUGHLY
+        model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
     )
     fitted = fit_model(task, model, iterations=2, free_scales=())
     flights_now = error_flights(task, fitted)
-    return negative_log_likelihood(flights_now, ROUGHLY)
+    return negative_log_likelihood(flights_now, COARSE_SCALES)

@@ -41,7 +41,7 @@ class Scorer:
         price: Callable[[str], float],
     ):
         """Takes the price of a member by its kind [nats]."""
-        self.evidence, self.variants, self.price = evidence, variants, price
+        self.evidence, self.variants, self.penalty = evidence, variants, price
         self._kept: dict[frozenset[Member], float] = {}
 
     def __call__(self, members: Members) -> float:
@@ -50,19 +50,19 @@ class Scorer:
         if key not in self._kept:
             columns = [c for _, variant in members for c in variant]
             self._kept[key] = self.evidence.log_marginal(columns)
-        return self._kept[key] - sum(self.price(kind) for kind, _ in members)
+        return self._kept[key] - sum(self.penalty(kind) for kind, _ in members)
 
     def for_newcomers(self, price: float, members: Members) -> "Scorer":
         """Returns the scorer with the price of all others but members raised [nats]."""
         known = {kind for kind, _ in members}
 
-        def price_of(kind: str) -> float:
-            own = self.price(kind)
+        def penalized_cost(kind: str) -> float:
+            own = self.penalty(kind)
             return own if kind in known else max(price, own)
 
-        return self.priced(price_of)
+        return self.with_penalty(penalized_cost)
 
-    def priced(self, price: Callable[[str], float]) -> "Scorer":
+    def with_penalty(self, price: Callable[[str], float]) -> "Scorer":
         """Returns the scorer with other prices of members, by their kind [nats]."""
         other = Scorer(self.evidence, self.variants, price)
         other._kept = self._kept
@@ -78,7 +78,7 @@ class Scorer:
     def lost(self, members: Members) -> dict[str, float]:
         """Returns what is lost without each member, its price not taken [nats]."""
         return {
-            kind: self(members) - self(fewer) + self.price(kind)
+            kind: self(members) - self(fewer) + self.penalty(kind)
             for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
         }
 
@@ -99,7 +99,7 @@ class Scorer:
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
         few = {kind: own for kind, own in self.variants.items() if kind in kinds}
-        return Scorer(self.evidence, few, self.price)
+        return Scorer(self.evidence, few, self.penalty)
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member more."""

@@ -12,18 +12,19 @@ import numpy as np
 
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
-from glider.sysid.search.attitude import trace_along_attitude
+from glider.sysid.replay.smoothing import Noise
 from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
 from glider.sysid.search.fits import (
-    PLAIN_MOMENT,
+    SIMPLE_MOMENT,
     Progress,
     Search,
-    scoring,
+    bare_of,
+    marginal_scorer,
     threshold_of,
     to_first_order,
+    without,
 )
-from glider.sysid.search.means import with_means
+from glider.sysid.search.force_search import search_forces
 from glider.sysid.search.moves import (
     left_of_many,
     with_a_rival,
@@ -33,15 +34,14 @@ from glider.sysid.search.moves import (
     with_weaker_curves,
 )
 from glider.sysid.search.pruning import (
-    CURVE_PRICE,
+    CURVE_THRESHOLD,
     prune,
     with_fewer,
+    with_means,
     without_needless_curves,
 )
-from glider.sysid.search.sets_in_models import plate_of, without
 from glider.sysid.search.subsets import Members, Scorer, best_set
-from glider.sysid.search.traced import SearchResult
-from glider.sysid.search.weighing import EffectSupport, weakest, weigh
+from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
 ROUNDS = 8
 """Rounds at most."""
@@ -59,7 +59,7 @@ def trace(
         progress: called with a line of text as the work goes on.
     """
     if not task.vehicle.knows_forces:
-        return trace_along_attitude(task, noise, rng, progress)
+        return search_forces(task, noise, rng, progress)
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
     search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
@@ -77,26 +77,26 @@ def trace(
     pruned, field = model, None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
-        field = beyond_names(search, model)
+        field = unmodelled_field(search, model)
         model = model if field is None else field.model
     model = without_needless_curves(search, model)
     if model.has_curves and len(model.kinds) <= 1 and field is None:
-        model = named_instead(search, model)
+        model = effects_instead_of_curves(search, model)
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
-        model, evidence = prune(search, min(model, again, key=search.price))
+        model, evidence = prune(search, min(model, again, key=search.penalized_cost))
     model, evidence, weighed = supported(
         search, model, evidence, field is not None, rng
     )
     if field is not None:
         field = dataclasses.replace(field, model=model)
-    plate = model
+    bare = model
     if model.kinds or model.extra is not None or model.has_curves:
-        progress("fitting the plate alone")
-        plate = search.fit(plate_of(task, model))
+        progress("fitting the flat plate alone")
+        bare = search.fit(bare_of(task, model))
     combinations = sorted(
         (
-            (m.kinds, search.price(plate) - search.price(m))
+            (m.kinds, search.penalized_cost(bare) - search.penalized_cost(m))
             for m in search.fitted.values()
             if m.kinds
         ),
@@ -104,7 +104,7 @@ def trace(
     )
     return SearchResult(
         model=model,
-        plate=plate,
+        bare=bare,
         evidence=evidence,
         weighed=weighed,
         alone=search.alone,
@@ -130,7 +130,7 @@ def supported(
     search.progress("weighing the effects")
     dropped: set[str] = set()
     while True:
-        weighed = weigh(task, model, scoring, rng)
+        weighed = weigh(task, model, marginal_scorer, rng)
         other = None if beside_field else with_a_rival(search, model, weighed)
         if other is None:
             weak = weakest(weighed, evidence, beside_field)
@@ -155,10 +155,10 @@ def leaves_something(model: FitResult) -> bool:
 
 def leaves_a_form(model: FitResult) -> bool:
     """Whether a model leaves what air that moves does not: errors of its forms."""
-    return model.scales.moment > PLAIN_MOMENT or model.strength > 0.5
+    return model.scales.moment > SIMPLE_MOMENT or model.strength > 0.5
 
 
-def beyond_names(search: Search, model: FitResult) -> FoundField | None:
+def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
     """Returns a field that is worth its price, on top of the effects or in their place.
 
     A field in the place of effects comes first: effects bend far to be like one.
@@ -166,39 +166,41 @@ def beyond_names(search: Search, model: FitResult) -> FoundField | None:
     task = search.task
     found = survey(task, model)
     scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
-    if not scale * found.most >= FIELD_PRICE:
+    if not scale * found.most >= FIELD_THRESHOLD:
         return None
     options = fit_fields(task, model, found)
     if model.kinds:
         nothing = without(task, model, *model.kinds)
         bare = min(
             fit_fields(task, nothing, survey(task, nothing)),
-            key=lambda o: search.price(o.model),
+            key=lambda o: search.penalized_cost(o.model),
             default=None,
         )
         if bare is not None and np.isfinite(bare.model.cost):
             again = by_sets(search, bare.model)
             options += [bare, dataclasses.replace(bare, model=again)]
-    best = min(options, key=lambda o: search.price(o.model))
-    gained = search.price(model) - search.price(best.model)
-    if gained > FIELD_PRICE:
+    best = min(options, key=lambda o: search.penalized_cost(o.model))
+    gained = search.penalized_cost(model) - search.penalized_cost(best.model)
+    if gained > FIELD_THRESHOLD:
         return dataclasses.replace(best, evidence=gained)
     return None
 
 
-def named_instead(search: Search, model: FitResult) -> FitResult:
+def effects_instead_of_curves(search: Search, model: FitResult) -> FitResult:
     """Returns a set without curves in the place of curves that are not worth theirs.
 
     Beside a wrong name or none, curves take up what a small effect has a name for: they
-    stay where they bring CURVE_PRICE more than the best names do.
+    stay where they bring CURVE_THRESHOLD more than the best names do.
     """
-    bare = plate_of(search.task, model)
+    bare = bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
-    is_worth = search.price(named) < search.price(model) + CURVE_PRICE
+    is_worth = (
+        search.penalized_cost(named) < search.penalized_cost(model) + CURVE_THRESHOLD
+    )
     return named if named.kinds and is_worth else model
 
 
-FIELD_PRICE = 40.0
+FIELD_THRESHOLD = 40.0
 """Evidence that a field without a name must bring [nats]."""
 
 
@@ -216,10 +218,10 @@ def by_sets(search: Search, model: FitResult) -> FitResult:
         kinds = frozenset(kind for kind, _ in members)
         if kinds in tried:
             break
-        search.progress(f"fitting {', '.join(sorted(kinds)) or 'the plate'}")
+        search.progress(f"fitting {', '.join(sorted(kinds)) or 'the flat plate'}")
         model = with_means(search, search.fit_with_strength(near.begin(members)))
         tried[kinds] = model
-    return min(tried.values(), key=search.price, default=model)
+    return min(tried.values(), key=search.penalized_cost, default=model)
 
 
 def best_members(

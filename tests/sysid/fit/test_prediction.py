@@ -17,7 +17,7 @@ from glider.sysid.fit.prediction import (
     rollout_scales,
 )
 from glider.sysid.likelihood.scales import start_scales
-from glider.sysid.replay.nodes import true_nodes
+from glider.sysid.replay.signals import true_nodes
 from glider.sysid.replay.theta import theta_of
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -37,9 +37,9 @@ def test_the_launch_is_fitted_on_the_beginning_only(windy):
     """What happens later does not change the prediction."""
     task, model = windy
     record = task.records[1]
-    rows = beginning_rows(record, own_trims=False)
+    rows = beginning_rows(record, per_flight_trims=False)
     assert 10 <= rows < 0.3 * len(record.time)
-    assert beginning_rows(record, own_trims=True) > 1.5 * rows
+    assert beginning_rows(record, per_flight_trims=True) > 1.5 * rows
     pose = record.pose.copy()
     pose[rows:] += 5.0
     spoilt = dataclasses.replace(record, pose=pose)
@@ -95,7 +95,7 @@ def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
     """The elevator then starts where its commands have it: no error is NaN."""
     campaign, masks = without_elevator_at_first(fly(WIND, flights=4), 0.35)
     task, noise = task_of(campaign, masks=masks)
-    rows = beginning_rows(task.records[0], own_trims=False)
+    rows = beginning_rows(task.records[0], per_flight_trims=False)
     assert not task.records[0].seen[:rows, 3].any()
     truth = dataclasses.replace(
         begin(task, noise), theta=theta_of(GliderModel(effects=(WIND,)))
@@ -129,5 +129,7 @@ def test_a_flights_own_trim_is_found_on_its_beginning(windy):
     trimmed = fly(WIND, KINDS["elevator_trim"](angle=0.05), flights=2)
     record = task_of(trimmed)[0].records[0]
     scales = dataclasses.replace(model.scales, trim=0.05)
-    own = RolloutModel(theta=model.theta, field=NO_FIELD, scales=scales, own_trims=True)
+    own = RolloutModel(
+        theta=model.theta, field=NO_FIELD, scales=scales, per_flight_trims=True
+    )
     assert predict(own, record).trim == pytest.approx(0.05, abs=0.02)

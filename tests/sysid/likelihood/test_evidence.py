@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from glider.sysid.likelihood.evidence import Evidence, eliminate
+from glider.sysid.likelihood.information import Evidence, eliminate
 
 WIDE = np.full(5, 1e6)
 

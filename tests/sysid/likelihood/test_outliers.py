@@ -8,7 +8,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.outliers import (
-    find_apart,
+    find_extreme,
     find_outlying,
     mean_squares,
     stand_out,
@@ -81,9 +81,9 @@ def test_flights_without_any_error_have_no_outliers(campaign, monkeypatch):
 def test_a_flight_that_needs_far_other_values_is_apart():
     """Its lengths are another's: own values take that up, and no square stands out."""
     campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10, duration=0.6)
-    assert find_apart(*fit_kinds(campaign, "profile_drag")) == {}
+    assert find_extreme(*fit_kinds(campaign, "profile_drag")) == {}
     odd = b.change(campaign, b.scale(1.1, 1.1, 1), only=ODD)
     assert outlying(odd) == {}
-    found = find_apart(*fit_kinds(odd, "profile_drag"))
+    found = find_extreme(*fit_kinds(odd, "profile_drag"))
     assert set(found) == {NAME}
     assert "no other flight needs" in found[NAME]

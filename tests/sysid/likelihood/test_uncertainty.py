@@ -10,10 +10,10 @@ from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
-    beforehand,
     fit_model,
     grams_of,
     linear_flights,
+    prior_of,
     with_prior,
 )
 from glider.sysid.likelihood.uncertainty import (
@@ -44,7 +44,7 @@ def log_evidence(task, model, strength):
     model = dataclasses.replace(model, strength=strength)
     index = list(model.free)
     flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
-    own, mean, precision = beforehand(task, model, index)
+    own, mean, precision = prior_of(task, model, index)
     total = with_prior(
         np.sum(grams_of(flights, model.scales), axis=0), own, mean, precision
     )

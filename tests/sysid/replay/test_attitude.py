@@ -7,9 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from glider.campaign.checks.planarity import normal
-from glider.sysid.replay.attitude import in_plane, planar_pitch
-from glider.sysid.replay.noise import measure_noise
-from glider.sysid.replay.record import prepare
+from glider.sysid.replay.record import in_plane, planar_pitch, prepare
+from glider.sysid.replay.smoothing import measure_noise
 from tests.helpers.tasks import fly
 
 ATTITUDES = [

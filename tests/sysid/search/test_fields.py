@@ -68,7 +68,7 @@ def test_a_survey_without_a_finite_field_finds_none(vent, monkeypatch):
         assert found.leading == []
         assert found.most == -np.inf
         monkeypatch.setattr(tracing, "survey", lambda *_, found=found: found)
-        assert tracing.beyond_names(Search(task, print), plate) is None
+        assert tracing.unmodelled_field(Search(task, print), plate) is None
 
 
 def peaks_of(task, plate, found):

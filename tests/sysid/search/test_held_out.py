@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.model_fit import beforehand, with_prior
+from glider.sysid.likelihood.model_fit import prior_of, with_prior
 from glider.sysid.search.held_out import HeldOutEvidence
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -31,7 +31,7 @@ def cost_without(candidates, grams, left_out, columns):
     """Returns a flight's cost with columns fitted to the others, one by one."""
     task, model = candidates.task, candidates.model
     slots = [d.slot for d in candidates.directions]
-    own, mean, precision = beforehand(task, model, slots)
+    own, mean, precision = prior_of(task, model, slots)
     rest = sum(g for i, g in enumerate(grams) if i != left_out)
     total = with_prior(rest, own, mean, precision)
     some = [*candidates.always, *columns]

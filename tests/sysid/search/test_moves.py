@@ -13,8 +13,8 @@ from glider.sysid.search.moves import (
     with_weaker_curves,
 )
 from glider.sysid.search.pruning import prune, without_needless_curves
-from glider.sysid.search.tracing import named_instead
-from glider.sysid.search.weighing import EffectSupport
+from glider.sysid.search.support import EffectSupport
+from glider.sysid.search.tracing import effects_instead_of_curves
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
 
@@ -26,7 +26,7 @@ def test_what_was_dropped_makes_room_for_another():
     found = with_another(search, bare, dropped={"mass"})
     assert found is not None
     assert found.kinds == ("frame_tilt",)
-    assert search.price(found) < search.price(bare)
+    assert search.penalized_cost(found) < search.penalized_cost(bare)
     assert with_another(search, found, dropped={"mass"}) is None
     assert with_another(search, bare, dropped=offered) is None
 
@@ -47,7 +47,7 @@ def test_a_rival_takes_the_place_of_what_was_named_for_it():
     found = with_a_rival(search, named, weighed(0.5))
     assert found is not None
     assert found.kinds == ("servo_lag",)
-    assert search.price(found) < search.price(named)
+    assert search.penalized_cost(found) < search.penalized_cost(named)
     assert with_a_rival(search, named, weighed(0.5)) is None  # It is known by now.
 
 
@@ -62,7 +62,7 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
     )
     found = with_a_shaped_one(search, model)
     assert found is not None
-    assert search.price(found) < search.price(model)
+    assert search.penalized_cost(found) < search.penalized_cost(model)
     found, _ = prune(search, found)
     assert found.kinds == ("attached_lift",)
     assert with_a_shaped_one(search, found) is None
@@ -83,7 +83,7 @@ def test_an_effect_is_found_that_curves_had_explained():
     found = with_weaker_curves(search, model)
     assert found is not None
     assert set(found.kinds) == {"profile_drag", "induced_drag"}
-    assert search.price(found) < search.price(model)
+    assert search.penalized_cost(found) < search.penalized_cost(model)
     assert with_weaker_curves(search, found) is None  # They have nothing left to do.
     bare = dataclasses.replace(model, coordinates=model.coordinates[:0])
     assert with_weaker_curves(search, bare) is None
@@ -98,7 +98,7 @@ def test_two_that_stand_in_for_one_are_thinned_out_beside_it():
     found = left_of_many(search, model)
     assert found is not None
     assert found.kinds == ("frame_tilt",)
-    assert search.price(found) < search.price(model)
+    assert search.penalized_cost(found) < search.penalized_cost(model)
     assert left_of_many(search, found) is None
 
 
@@ -110,7 +110,7 @@ def test_names_take_the_place_of_curves_that_explain_no_more():
         search = Search(own, lambda text: None)
         model = search.fit_with_strength(start_of(own, noise, with_curves=True))
         assert without_needless_curves(search, model) is model
-        found = named_instead(search, model)
+        found = effects_instead_of_curves(search, model)
         if expected:
             assert found.kinds == ("profile_drag",) and not found.has_curves
         else:

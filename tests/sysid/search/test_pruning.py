@@ -12,7 +12,7 @@ def test_a_tilted_frame_is_no_turned_pitch_with_a_thrust():
     found = with_fewer(search, pair)
     assert found is not None
     assert found.kinds == ("frame_tilt",)
-    assert search.price(found) < search.price(pair)
+    assert search.penalized_cost(found) < search.penalized_cost(pair)
     assert with_fewer(search, found) is None
 
 

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from glider.sysid.likelihood.evidence import Evidence
-from glider.sysid.search.fits import price_of_kind
+from glider.sysid.likelihood.information import Evidence
+from glider.sysid.search.fits import threshold_of_kind
 from glider.sysid.search.subsets import (
     MOST_EFFECTS,
     Scorer,
@@ -15,10 +15,10 @@ from glider.sysid.search.subsets import (
     climb,
 )
 
-PRICE = 3.0
+EVIDENCE_THRESHOLD = 3.0
 
 
-def scorer(table, variants, price=PRICE):
+def scorer(table, variants, price=EVIDENCE_THRESHOLD):
     count = table.shape[1] - 1
     evidence = Evidence(
         gram=table.T @ table,
@@ -75,7 +75,7 @@ class Told:
 def test_a_climb_finds_one_in_the_place_of_two():
     """No swap, drop or addition betters the pair."""
     variants = {"turn": [(0,)], "thrust": [(1,)], "tilt": [(2,)]}
-    score = Scorer(Told(), variants, lambda kind: PRICE)
+    score = Scorer(Told(), variants, lambda kind: EVIDENCE_THRESHOLD)
     pair = (("turn", (0,)), ("thrust", (1,)))
     steps = [*score.swapped(pair), *score.smaller(pair), *score.larger(pair)]
     assert all(score(other) < score(pair) for other in steps)
@@ -94,7 +94,9 @@ def test_newcomers_may_cost_more(decoyed):
     first, second = ("a", (0,)), ("b", (1,))
     dear = decoyed.for_newcomers(50.0, (first,))
     assert dear((first,)) == decoyed((first,))
-    assert dear((first, second)) == decoyed((first, second)) - (50.0 - PRICE)
+    assert dear((first, second)) == decoyed((first, second)) - (
+        50.0 - EVIDENCE_THRESHOLD
+    )
     unchanged = decoyed.for_newcomers(0.0, ())
     assert unchanged((first, second)) == decoyed((first, second))
     assert best_set(decoyed.for_newcomers(1e6, (first,)), (first,)) == (first,)
@@ -103,7 +105,10 @@ def test_newcomers_may_cost_more(decoyed):
 def test_a_member_costs_its_price_and_order_does_not_count(decoyed):
     pair = (("a", (0,)), ("b", (1,)))
     assert decoyed(pair) == decoyed(pair[::-1])
-    assert decoyed(pair) == decoyed.evidence.log_marginal([0, 1]) - 2.0 * PRICE
+    assert (
+        decoyed(pair)
+        == decoyed.evidence.log_marginal([0, 1]) - 2.0 * EVIDENCE_THRESHOLD
+    )
     assert decoyed(()) == 0.0
 
 
@@ -153,5 +158,5 @@ def test_a_set_grows_to_the_most_effects_and_no_farther():
 
 
 def test_the_price_grows_with_many_flights_only():
-    assert price_of_kind(6, 10.0) == price_of_kind(40, 10.0) == 10.0
-    assert price_of_kind(400, 10.0) == 100.0
+    assert threshold_of_kind(6, 10.0) == threshold_of_kind(40, 10.0) == 10.0
+    assert threshold_of_kind(400, 10.0) == 100.0

@@ -20,22 +20,21 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.noise import Noise
+from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import EvidenceThreshold
+from glider.sysid.search.fits import bare_of, begin
 from glider.sysid.search.held_out import HeldOutEvidence
-from glider.sysid.search.sets_in_models import begin, plate_of
 from glider.sysid.search.subsets import Scorer, best_set
-from glider.sysid.search.traced import SearchResult
-from glider.sysid.search.weighing import weigh
+from glider.sysid.search.support import SearchResult, weigh
 
-ROUNDS = 4
+FORCE_ROUNDS = 4
 """Rounds at most: the strength of the errors depends on the set, and the set on it."""
 
-PRICE = 3.0
+HELD_OUT_THRESHOLD = 3.0
 """What an effect must gain on flights left out [nats]: e^3 is twenty to one, and about
 twenty effects are asked."""
 
-PRICE_OF_MORE = 2.0
+HELD_OUT_COEFFICIENT_THRESHOLD = 2.0
 """What each further coefficient of an effect must gain [nats]."""
 
 EVERY_GLIDER_HAS = (
@@ -48,7 +47,7 @@ EVERY_GLIDER_HAS = (
 )
 """Effects that need no cause of their own: no wing's lift is a flat plate's."""
 
-PRICE_OF_A_CAUSE = 8.0
+UNCOMMON_THRESHOLD = 8.0
 """What another effect must gain more [nats]."""
 
 FORCE_ERROR = 0.06
@@ -79,15 +78,15 @@ _OF_MOMENT = (
 """Unknown numbers of a vehicle that are hardly seen in the forces."""
 
 
-def price_of_kind(task: Task, kind: str) -> float:
+def held_out_threshold(task: Task, kind: str) -> float:
     """Returns what an effect must gain on flights left out [nats]."""
     slots = task.layout.slots_of(kind)
     sizes = sum(not task.is_shape(i) for i in slots)
-    cause = 0.0 if kind in EVERY_GLIDER_HAS else PRICE_OF_A_CAUSE
-    return PRICE + PRICE_OF_MORE * (sizes - 1) + cause
+    cause = 0.0 if kind in EVERY_GLIDER_HAS else UNCOMMON_THRESHOLD
+    return HELD_OUT_THRESHOLD + HELD_OUT_COEFFICIENT_THRESHOLD * (sizes - 1) + cause
 
 
-def trace_along_attitude(
+def search_forces(
     task: Task, noise: Noise, rng: np.random.Generator, progress: Callable[[str], None]
 ) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show."""
@@ -96,48 +95,54 @@ def trace_along_attitude(
     model = dataclasses.replace(start, scales=scales, has_force_errors=True)
     alone: dict[str, float] = {}
     tried: list[frozenset[str]] = []
-    for _ in range(ROUNDS):
+    for _ in range(FORCE_ROUNDS):
         progress("searching for effects along the measured attitude")
         candidates = gather(task, model)
         grams = candidates.grams(model.scales)
-        score = scoring(candidates, grams, np.ones(len(grams)))
+        score = held_out_scorer(candidates, grams, np.ones(len(grams)))
         alone = alone or score.alone()
         members = best_set(score)
-        model = refit(task, begin(candidates, score.evidence, members, model.scales))
+        model = refit_forces(
+            task, begin(candidates, score.evidence, members, model.scales)
+        )
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
     progress("weighing the effects")
-    weighed = weigh(task, model, scoring, rng)
-    plate = model
+    weighed = weigh(task, model, held_out_scorer, rng)
+    bare = model
     if model.kinds:
-        progress("fitting the plate alone")
-        plate = fit_model(task, plate_of(task, model), free_scales=())
+        progress("fitting the flat plate alone")
+        bare = fit_model(task, bare_of(task, model), free_scales=())
     progress("fitting the moment")
     return SearchResult(
         model=with_moment(task, model, noise),
-        plate=with_moment(task, plate, noise),
+        bare=with_moment(task, bare, noise),
         evidence=score.lost(members),
         weighed=weighed,
         alone=alone,
         combinations=tuple(score.ranked()),
         threshold=EvidenceThreshold(
-            effect=PRICE, coefficient=PRICE_OF_MORE, uncommon=PRICE_OF_A_CAUSE
+            effect=HELD_OUT_THRESHOLD,
+            coefficient=HELD_OUT_COEFFICIENT_THRESHOLD,
+            uncommon=UNCOMMON_THRESHOLD,
         ),
         field=None,
         forces=model,
     )
 
 
-def scoring(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Scorer:
+def held_out_scorer(
+    candidates: Candidates, grams: np.ndarray, counts: np.ndarray
+) -> Scorer:
     """Returns what sets gain on flights left out that count so often, less a price."""
     evidence = HeldOutEvidence(candidates, grams, counts)
     variants = candidates.columns_of_kinds()
     task = candidates.task
-    return Scorer(evidence, variants, lambda kind: price_of_kind(task, kind))
+    return Scorer(evidence, variants, lambda kind: held_out_threshold(task, kind))
 
 
-def refit(task: Task, model: FitResult) -> FitResult:
+def refit_forces(task: Task, model: FitResult) -> FitResult:
     """Returns a model fitted to the forces, and the errors that it leaves there."""
     return with_error_of_forces(task, fit_model(task, model, free_scales=()))
 
@@ -172,7 +177,7 @@ rougher, must not turn the flights' axes or their winds."""
 
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
-    """Returns a model as a refit of its forces to other flights takes it.
+    """Returns a model as a refit_forces of its forces to other flights takes it.
 
     The moment stays as it is.
 

@@ -10,18 +10,18 @@ from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.fits import (
-    PLAIN_MOMENT,
-    PLAIN_PRICE,
-    PRICE,
-    is_plain,
-    price_of,
-    scoring,
+    EVIDENCE_THRESHOLD,
+    SIMPLE_MOMENT,
+    SIMPLE_THRESHOLD,
+    is_simple,
+    marginal_scorer,
+    penalized_cost,
 )
 from glider.sysid.search.subsets import Scorer
-from glider.sysid.search.weighing import (
+from glider.sysid.search.support import (
     DOUBTED,
     LEAST_SUPPORT,
-    PLAIN_SUPPORT,
+    SIMPLE_SUPPORT,
     EffectSupport,
     shown_by,
     weakest,
@@ -34,7 +34,7 @@ def weighed(effect, *kinds, offered, flights=8):
     task, noise = task_of(fly(effect, flights=flights))
     task = dataclasses.replace(task, kinds=offered)
     model = fit_model(task, begin(task, noise, kinds))
-    return weigh(task, model, scoring, np.random.default_rng(0)), task, model
+    return weigh(task, model, marginal_scorer, np.random.default_rng(0)), task, model
 
 
 def test_a_strong_effect_is_chosen_by_all_and_has_no_rival():
@@ -91,44 +91,55 @@ def test_what_flights_drawn_again_choose_is_a_rival_and_backs_it():
     task, noise = task_of(fly(drag, flights=3))
     start = begin(task, noise)
     task = dataclasses.replace(task, kinds=())
-    for moment, rivals in ((0.5 * PLAIN_MOMENT, ("other",)), (2.0 * PLAIN_MOMENT, ())):
+    for moment, rivals in (
+        (0.5 * SIMPLE_MOMENT, ("other",)),
+        (2.0 * SIMPLE_MOMENT, ()),
+    ):
         scales = dataclasses.replace(start.scales, moment=moment)
         model = dataclasses.replace(start, kinds=("right",), scales=scales)
         found = weigh(task, model, chances, np.random.default_rng(0))["right"]
         assert found.rivals == rivals
         assert found.inclusion < LEAST_SUPPORT
         assert found.support == (1.0 if rivals else found.inclusion)
-        assert found.enough == (PLAIN_SUPPORT if rivals else LEAST_SUPPORT)
+        assert found.enough == (SIMPLE_SUPPORT if rivals else LEAST_SUPPORT)
 
 
 def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
     """Beside others or curves, or a moment of no form, it has to bring more."""
     task, noise = task_of(fly(flights=3))
     rough, fine = (
-        dataclasses.replace(begin(task, noise).scales, moment=times * PLAIN_MOMENT)
+        dataclasses.replace(begin(task, noise).scales, moment=times * SIMPLE_MOMENT)
         for times in (2.0, 0.5)
     )
     model = dataclasses.replace(begin(task, noise), scales=fine)
     curved = dataclasses.replace(model, coordinates=np.zeros(task.curves.count))
-    assert is_plain(model, fine)
-    assert not is_plain(model, rough)
-    assert not is_plain(curved, fine)
-    assert is_plain(dataclasses.replace(model, kinds=("mass",)), fine)
-    assert not is_plain(dataclasses.replace(model, kinds=("mass", "thrust")), fine)
-    assert not is_plain(dataclasses.replace(model, has_force_errors=True), fine)
+    assert is_simple(model, fine)
+    assert not is_simple(model, rough)
+    assert not is_simple(curved, fine)
+    assert is_simple(dataclasses.replace(model, kinds=("mass",)), fine)
+    assert not is_simple(dataclasses.replace(model, kinds=("mass", "thrust")), fine)
+    assert not is_simple(dataclasses.replace(model, has_force_errors=True), fine)
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
     grams, once = candidates.grams(model.scales), np.ones(3)
-    plain = scoring(candidates, grams, once)
-    assert plain.price("mass") == pytest.approx(np.log(2.0))
-    assert scoring(candidates, grams, once, rough).price("mass") == PRICE
+    plain = marginal_scorer(candidates, grams, once)
+    assert plain.penalty("mass") == pytest.approx(np.log(2.0))
+    assert (
+        marginal_scorer(candidates, grams, once, rough).penalty("mass")
+        == EVIDENCE_THRESHOLD
+    )
     named = dataclasses.replace(model, kinds=("mass",), cost=0.0)
-    assert price_of(task, named) == PLAIN_PRICE
-    assert price_of(task, dataclasses.replace(named, scales=rough)) == PRICE
+    assert penalized_cost(task, named) == SIMPLE_THRESHOLD
+    assert (
+        penalized_cost(task, dataclasses.replace(named, scales=rough))
+        == EVIDENCE_THRESHOLD
+    )
 
 
 def test_without_effects_there_is_nothing_to_weigh():
     task, noise = task_of(fly(flights=2, duration=0.3))
-    assert weigh(task, begin(task, noise), scoring, np.random.default_rng(0)) == {}
+    assert (
+        weigh(task, begin(task, noise), marginal_scorer, np.random.default_rng(0)) == {}
+    )
 
 
 def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
@@ -144,7 +155,7 @@ def test_the_least_supported_is_doubted_unless_much_is_lost_without_it():
     assert weakest(both, sure, beside_field=True) == "camber"
     assert weakest({"mass": of(1.0)}, {"mass": 20.0}) is None
     assert weakest({}, {}) is None
-    assert weakest({"mass": of(0.8, enough=PLAIN_SUPPORT)}, {"mass": 20.0}) is None
+    assert weakest({"mass": of(0.8, enough=SIMPLE_SUPPORT)}, {"mass": 20.0}) is None
 
 
 def test_what_is_not_free_has_no_standard_error():
@@ -159,3 +170,15 @@ def test_what_is_not_free_has_no_standard_error():
     assert known.covariance[0, 0] == pytest.approx(
         known.std(index["profile_drag", "cd0"]) ** 2
     )
+
+
+def test_an_effect_in_doubt_is_resampled_more_often():
+    """Of 25 draws the share is known to 0.07: that settles all and none only."""
+
+    def settled(support, draws):
+        found = EffectSupport(rivals=(), inclusion=0.0, support=support, enough=0.85)
+        return found.is_settled(draws)
+
+    assert settled(1.0, 25) and settled(0.6, 25)
+    assert not settled(0.92, 25) and not settled(0.76, 25)
+    assert settled(0.92, 200) and settled(0.76, 200)

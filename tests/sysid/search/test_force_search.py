@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from glider.sysid.replay.signals import trimmed
-from glider.sysid.search.attitude import (
+from glider.sysid.search.force_search import (
     EVERY_GLIDER_HAS,
+    HELD_OUT_COEFFICIENT_THRESHOLD,
+    HELD_OUT_THRESHOLD,
     OF_FORCES,
-    PRICE,
-    PRICE_OF_A_CAUSE,
-    PRICE_OF_MORE,
-    price_of_kind,
-    trace_along_attitude,
+    UNCOMMON_THRESHOLD,
+    held_out_threshold,
+    search_forces,
 )
 from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
@@ -30,7 +30,7 @@ def throws():
 def traced(throws):
     task, noise, truth = throws
     rng = np.random.default_rng(0)
-    return task, trace_along_attitude(task, noise, rng, lambda text: None), truth
+    return task, search_forces(task, noise, rng, lambda text: None), truth
 
 
 @pytest.mark.slow
@@ -38,7 +38,7 @@ def test_what_every_throw_has_is_named(traced):
     _, found, truth = traced
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
     assert truth.wrong(found.model.kinds) == ()
-    assert all(found.evidence[kind] > PRICE for kind in found.model.kinds)
+    assert all(found.evidence[kind] > HELD_OUT_THRESHOLD for kind in found.model.kinds)
     assert found.combinations[0][1] > 0.0
 
 
@@ -62,10 +62,10 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
 
 def test_an_effect_that_needs_a_cause_costs_more(throws):
     task, *_ = throws
-    assert price_of_kind(task, "camber") == PRICE
-    assert price_of_kind(task, "thrust") == PRICE + PRICE_OF_A_CAUSE
-    assert price_of_kind(task, "marker_offset") == (
-        PRICE + PRICE_OF_MORE + PRICE_OF_A_CAUSE
+    assert held_out_threshold(task, "camber") == HELD_OUT_THRESHOLD
+    assert held_out_threshold(task, "thrust") == HELD_OUT_THRESHOLD + UNCOMMON_THRESHOLD
+    assert held_out_threshold(task, "marker_offset") == (
+        HELD_OUT_THRESHOLD + HELD_OUT_COEFFICIENT_THRESHOLD + UNCOMMON_THRESHOLD
     )
     assert set(EVERY_GLIDER_HAS) <= set(task.layout.kinds)
 

@@ -1,0 +1,218 @@
+"""Support of each effect of a set: evidence, rivals, resampled flights."""
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.model_fit import FitResult
+from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.result import EvidenceThreshold
+from glider.sysid.search.fields import FoundField
+from glider.sysid.search.fits import is_simple
+from glider.sysid.search.subsets import Members, Scorer, climb
+
+RESAMPLES = 25, 200
+"""Sets of flights, drawn with replacement, that the search is repeated on: at least,
+and at most where so few leave an effect's support in doubt."""
+
+RIVAL_GAP = 6.0
+"""Difference of evidence below which two effects are indistinguishable [nats]: the odds
+of the better one are then below 400 to 1."""
+
+LEAST_STAND_IN = 0.1
+"""Share of resampled flights that choose another effect in place of a single one, above
+which it is a rival, too: the flights at hand might as well have been those."""
+
+RESAMPLED_SHARE = 0.5
+"""Share of its threshold that a single effect must reach on resampled flights: they
+show whether it depends on a few flights, and need not prove it again."""
+
+MOST_RIVALS = 0.5
+"""Share of the library above which rivals do not support an effect: where anything
+helps, the error has another form."""
+
+_NEAR = 25.0
+"""Loss of evidence up to which an effect is offered to resampled searches [nats]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EffectSupport:
+    """Support of an effect of the chosen set.
+
+    Attributes:
+        rivals: kinds that would do as well in its place, on these flights or on flights
+            drawn from them.
+        inclusion: share of the resampled flights that choose it.
+        support: share that choose it or one of its rivals.
+        enough: least support of an effect that is claimed.
+    """
+
+    rivals: tuple[str, ...]
+    inclusion: float
+    support: float
+    enough: float
+
+    def is_settled(self, draws: int) -> bool:
+        """Whether the support is two standard errors of so many draws off its limit."""
+        error = math.sqrt(self.enough * (1.0 - self.enough) / draws)
+        return abs(self.support - self.enough) > 2.0 * error
+
+
+Scoring = Callable[[Candidates, np.ndarray, np.ndarray], Scorer]
+"""Makes a scorer of candidates, of flights and of how often each counts."""
+
+
+def weigh(
+    task: Task, model: FitResult, scoring: Scoring, rng: np.random.Generator
+) -> dict[str, EffectSupport]:
+    """Returns the support of each effect of a model."""
+    if not model.kinds:
+        return {}
+    candidates = gather(task, model)
+    grams = candidates.grams(model.scales)
+    score = scoring(candidates, grams, np.ones(len(grams)))
+    chosen = score.by_first(model.kinds)
+    near, rivals = _near_and_rivals(score, chosen)
+    is_single = is_simple(model, model.scales)
+    share = RESAMPLED_SHARE if is_single else 1.0
+    enough = SIMPLE_SUPPORT if is_single else LEAST_SUPPORT
+    resampled: list[set[str]] = []
+
+    def support_of(kind: str) -> EffectSupport:
+        similar = rivals[kind]
+        if is_single:
+            similar = similar | _stand_ins(kind, resampled)
+        backers = {kind, *similar}
+        if len(similar) > MOST_RIVALS * len(score.variants):
+            backers = {kind}
+        chosen_by = sum(not backers.isdisjoint(s) for s in resampled)
+        return EffectSupport(
+            rivals=tuple(k for k in score.variants if k in similar),
+            inclusion=sum(kind in s for s in resampled) / len(resampled),
+            support=chosen_by / len(resampled),
+            enough=enough,
+        )
+
+    least, most = RESAMPLES
+    while True:
+        for _ in range(least):
+            drawn = rng.integers(len(grams), size=len(grams))
+            times = np.bincount(drawn, minlength=len(grams)).astype(float)
+            again = scoring(candidates, grams, times).among(near)
+            lenient = again.with_penalty(lambda kind: share * score.penalty(kind))
+            resampled.append({kind for kind, _ in climb(lenient, chosen)})
+        found = {kind: support_of(kind) for kind in model.kinds}
+        draws = len(resampled)
+        if draws >= most or all(f.is_settled(draws) for f in found.values()):
+            return found
+
+
+def _near_and_rivals(
+    score: Scorer, chosen: Members
+) -> tuple[set[str], dict[str, set[str]]]:
+    """Returns the effects to offer to resampled flights, and each member's rivals."""
+    kinds = {kind for kind, _ in chosen}
+    near, best = set(kinds), score(chosen)
+    rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
+    for other in (*score.larger(chosen), *score.swapped(chosen)):
+        kind, value = other[-1][0], score(other)
+        if value > best - _NEAR:
+            near.add(kind)
+        lost = kinds - {k for k, _ in other}
+        if lost and value > best - RIVAL_GAP and kind not in kinds:
+            (gone,) = lost
+            rivals[gone].add(kind)
+    return near, rivals
+
+
+def _stand_ins(kind: str, resampled: Sequence[set[str]]) -> set[str]:
+    """Returns the effects that resampled flights choose in place of another."""
+    counts = Counter(k for found in resampled if kind not in found for k in found)
+    return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
+
+
+LEAST_SUPPORT, SIMPLE_SUPPORT = 0.85, 0.5
+"""Shares of resampled flights by which an effect, or one that is similar, must be
+chosen: one that depends on a few flights is not claimed. A single effect that explains
+the flights but for moving air may show in a few of them: most draws are enough."""
+
+
+DOUBTED = 60.0
+"""Evidence up to which an effect is dropped for want of support [nats]: resampled
+searches are to first order, and an effect of more evidence is real."""
+
+
+def weakest(
+    weighed: dict[str, EffectSupport],
+    evidence: dict[str, float],
+    beside_field: bool = False,
+) -> str | None:
+    """Returns the effect that fewest resampled flights support, if too few.
+
+    Args:
+        weighed: support of each effect.
+        evidence: lost without it when all else is refitted [nats].
+        beside_field: whether a field acts too: the error of its Gaussians makes
+            evidence of any size for effects that are not there.
+    """
+    doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
+    kind = min(doubted, key=lambda k: weighed[k].support, default=None)
+    if kind is None or weighed[kind].support >= weighed[kind].enough:
+        return None
+    return kind
+
+
+def shown_by(task: Task, model: FitResult) -> dict[str, float]:
+    """Returns the evidence of each effect beside the others, by Wald's test [nats].
+
+    Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
+    """
+    known = uncertainty_of(task, model)
+    found = {}
+    for kind in model.kinds:
+        slots = [i for i in task.layout.slots_of(kind) if i in known.free]
+        slots = [i for i in slots if not task.is_shape(i)] or slots
+        places = [known.free.index(i) for i in slots]
+        value = model.theta[slots] - task.vehicle.theta[slots]
+        block = known.covariance[np.ix_(places, places)]
+        found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
+    return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """Outcome of a search.
+
+    Attributes:
+        model: with the effects that were found.
+        bare: the model without any, fitted.
+        evidence: kind to the evidence lost without it [nats].
+        weighed: kind to its support.
+        alone: kind to its evidence as the only effect, to first order [nats].
+        combinations: kinds of each set that was fitted, and its penalized gain [nats].
+        threshold: of evidence, below which an effect is not taken.
+        field: residual field that no effect explains, or None.
+        forces: the model as it was judged, along the measured attitude, if it was not
+            judged as it is.
+    """
+
+    model: FitResult
+    bare: FitResult
+    evidence: dict[str, float]
+    weighed: dict[str, EffectSupport]
+    alone: dict[str, float]
+    combinations: tuple[tuple[tuple[str, ...], float], ...]
+    threshold: EvidenceThreshold
+    field: FoundField | None
+    forces: FitResult | None
+
+    @property
+    def judged(self) -> FitResult:
+        """The model as its effects were judged."""
+        return self.model if self.forces is None else self.forces
