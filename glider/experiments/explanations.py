@@ -8,7 +8,7 @@ import numpy as np
 from glider.experiments.findings import Findings
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.evidence import Evidence, eliminate
+from glider.sysid.likelihood.information import Evidence, eliminate
 from glider.sysid.likelihood.model_fit import (
     FitResult,
     fit_model,
