@@ -55,7 +55,7 @@ def GliderOverlays_(T):
                 wing's and the elevator's along their normals come first [N].
         """
 
-        def _construct(self, meshcat, name, color, period, sizes, converter=None):
+        def _construct(self, meshcat, name, color, period, sizes, *, converter=None):
             LeafSystem_[T].__init__(self, converter)
             self._arguments = meshcat, name, color, period, sizes
             self._last = None
