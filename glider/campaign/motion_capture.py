@@ -1,4 +1,4 @@
-"""Motion capture as an instrument: how fast it looks, how noisy it is, what it logs."""
+"""Motion capture as an instrument: its rate, its noise, and what it logs."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Flight
-from glider.errors import InputError, show
+from glider.errors import InputError, expect
 from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES
@@ -40,12 +40,9 @@ class MotionCapture:
         for name, value in dataclasses.asdict(self).items():
             least = "positive" if name == "rate" else "not negative"
             fits = value > 0.0 if name == "rate" else value >= 0.0
-            if not (math.isfinite(value) and fits):
-                raise InputError(
-                    f"MotionCapture: '{name}' is {show(value)}; a finite number, "
-                    f"{least}, "
-                    "is needed."
-                )
+            expected = f"a finite number, {least}"
+            field = f"MotionCapture: '{name}'"
+            expect(math.isfinite(value) and fits, field, value, expected)
 
     @property
     def std(self) -> np.ndarray:
@@ -65,9 +62,9 @@ class MotionCapture:
         rng: np.random.Generator,
         name: str,
     ) -> Flight:
-        """Returns what is logged of a flight, noise included.
+        """Logs a flight, noise included.
 
-        As in a real log, a new command shows in the first row after it was given.
+        As in a real log, a new command appears in the first row after it was given.
 
         Args:
             model: whose sensors show the pose.
@@ -89,7 +86,7 @@ class MotionCapture:
         shown = model.chain.measure(seen.T, model.numbers)
         noise = self.draw(rng, len(time))
         begins, rates = commands
-        signs = {"elevator": 1.0, "command": 1.0}  # That of the pitch is in the pose.
+        signs = {"elevator": 1.0, "command": 1.0}  # The pitch has its sign already.
         for effect in model.effects:
             if effect.kind.stage == "log":
                 signs |= effect.to_dict()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from glider.campaign.importing.mapping import Columns, Frame, Mapping, Units, given
 from glider.campaign.logs import MAX_ANGLE, Campaign
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
 
@@ -33,17 +33,16 @@ class Vehicle:
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
         known = given(self)
-        if known.pop("elevator") not in _ELEVATORS:
-            raise InputError(
-                f"field 'elevator' of vehicle is {show(self.elevator)}; expected "
-                "'fixed', 'fixed_per_flight' or 'servo'."
-            )
+        is_known = known.pop("elevator") in _ELEVATORS
+        kinds = "'fixed', 'fixed_per_flight' or 'servo'"
+        expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
-        if self.elevator_limits and max(map(abs, self.elevator_limits)) > MAX_ANGLE:
-            raise InputError(
-                f"field 'elevator_limits' is {show(self.elevator_limits)}; "
-                "expected radians (this looks like degrees)."
-            )
+        expect(
+            max(map(abs, self.elevator_limits or [0.0])) <= MAX_ANGLE,
+            "field 'elevator_limits'",
+            self.elevator_limits,
+            "radians (this looks like degrees)",
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,22 +62,24 @@ class Settings:
         """Raises InputError where a value cannot be."""
         for name in ("pose_rate", "command_rate"):
             rate = getattr(self, name)
-            if rate is not None and not 0 < rate < math.inf:
-                raise InputError(
-                    f"field '{name}' is {show(rate)}; expected a positive number of Hz."
-                )
+            known = rate is None or 0 < rate < math.inf
+            expect(known, f"field '{name}'", rate, "a positive number of Hz")
         number = isinstance(self.clock, float) and math.isfinite(self.clock)
-        if self.clock not in (None, "same", "find") and not number:
-            raise InputError(
-                f"field 'clock' is {show(self.clock)}; expected 'same', 'find', or how "
-                "many seconds the elevator's clock is ahead of that of the poses."
-            )
+        expect(
+            number or self.clock in (None, "same", "find"),
+            "field 'clock'",
+            self.clock,
+            "'same', 'find', or how many seconds the elevator's clock is ahead of that "
+            "of the poses",
+        )
         join = self.join or ["*", "*"]
-        if len(join) < 2 or any(pattern.count("*") != 1 for pattern in join):
-            raise InputError(
-                f"field 'join' is {show(join)}; expected two or more names of files "
-                "with one * each: those with the same text for * are one recording."
-            )
+        expect(
+            len(join) > 1 and all(pattern.count("*") == 1 for pattern in join),
+            "field 'join'",
+            join,
+            "two or more names of files with one * each: those with the same text for "
+            "* are one recording",
+        )
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
 

@@ -54,15 +54,14 @@ class _Settings:
 
 
 def _settings_of(campaign: Campaign) -> _Settings:
-    vehicle: dict[str, object] = dict(campaign.vehicle)
-    if campaign.elevator_limits is not None:
-        vehicle["elevator_limits"] = list(campaign.elevator_limits)
-    if campaign.elevator_rate_limit is not None:
-        vehicle["elevator_rate_limit"] = campaign.elevator_rate_limit
-    if campaign.elevator != "servo":
-        vehicle["elevator"] = campaign.elevator
+    limits, servo = campaign.elevator_limits, campaign.elevator == "servo"
+    vehicle = campaign.vehicle | {
+        "elevator_limits": None if limits is None else list(limits),
+        "elevator_rate_limit": campaign.elevator_rate_limit,
+        "elevator": None if servo else campaign.elevator,
+    }
     return _Settings(
-        vehicle=vehicle,
+        vehicle={name: value for name, value in vehicle.items() if value is not None},
         pose_rate=campaign.pose_rate,
         command_rate=campaign.command_rate,
     )

@@ -4,10 +4,10 @@ A clock that runs 5 % slow makes gravity 10 % less and every force with it: othe
 effects explain that well. Only the clocks that wrote the log show it: its rows come at
 the rate of the cameras, its commands at that of the flight computer.
 
-The rate of the elevator is compared with the commands, over delays of up to
-0.35 s and with either sign (a turned sign is traced later). A delay, a lag or stops of
-the servo lower the correlation; another clock, another flight's commands or an empty
-column bring it to nothing.
+The rate of the elevator is compared with the commands, over delays of up to 0.35 s and
+with either sign (a turned sign is traced later). A delay, a lag or stops of the servo
+lower the correlation; another clock, another flight's commands or an empty column
+remove it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,15 +22,15 @@ _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator after its commands that are tried [s]: effects of the library
 (command_delay, servo_lag) stay below 0.3."""
 _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
-_BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, for which comes first [s].
+_BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes first [s].
 _LEADS = -0.015
 """Delay below which an elevator moves before its commands [s]: no servo does. Measured:
--0.005 to 0.025 in 20 campaigns, of three flights each, too: half a row, for a command
-is held until the next."""
+-0.005 to 0.025 in 20 campaigns, also of three flights each: half a row, as a command is
+held until the next."""
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
-for a servo at once, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for commands
-of another flight (20 campaigns, the best of all delays)."""
+for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
+commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03
 """An elevator that moves by less than this in all flights does not move [rad]."""
 _WINDOW = 0.04  # Time over which a rate is taken [s].
@@ -38,49 +38,42 @@ _MIN_RATES = 15  # Rates that a correlation is of, at least.
 _FOLLOWS_ALONE = 0.6
 """Share of the campaign's correlation that a flight alone must reach at its delay.
 Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
-fall below, for few rates correlate by chance."""
+fall below, as few rates correlate by chance."""
+_WIDE = 0.15  # Travel above which one flight alone can be judged [rad].
 _BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
-_NOISES = 6.0  # Noise beyond its limits from which on an elevator passes them [-].
-_WIDE = 0.15  # Travel from which on one flight alone can be judged [rad].
+_NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-].
 _OFF = 0.02
-"""Share by which a rate may differ from what was told: times are rounded to
+"""Share by which a rate may differ from the one given: times are rounded to
 milliseconds, and a command shows in the first row after it."""
-
-_FEWEST = 30
-"""Intervals that a rate is taken from, at least."""
-
+_FEWEST = 30  # Intervals that a rate is taken from, at least.
 _MOST_TICKS = 3
 """Ticks in an interval, at most: beyond, a rate that is off has lost count."""
 
 
-def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
+def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """Raises InputError where an elevator does not follow commands, or precedes them.
 
     Args:
         campaign: of flights; one without a servo passes.
-        masks: rows of the elevator to leave out, by the name of the flight.
+        masks: rows of the elevator to omit, by the name of the flight.
     """
     if campaign.elevator != "servo":
         return
     commanded = max(np.ptp(_integrate(f)) for f in campaign.flights)
-    moved = max(
-        np.ptp(np.asarray(f.elevator)[~masks[f.name].elevator], axis=0)
-        if (~masks[f.name].elevator).any()
-        else 0.0
-        for f in campaign.flights
-    )
+    kept = [_angles(f, masks) for f in campaign.flights]
+    moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
     if commanded < _MOVES and moved < _MOVES:
         return
     if moved < _MOVES:
         raise InputError(
             f"{campaign.path}: column 'elevator' moves by {moved:.2g} rad at most "
-            f"while commands move it by {commanded:.3g}; its measured angle is needed."
+            f"while commands move it by {commanded:.3g}; expected its measured angle."
         )
     if commanded < _MOVES:
         raise InputError(
             f"{campaign.path}: column 'elevator_rate_command' moves the elevator by "
             f"{commanded:.2g} rad at most while it moves by {moved:.3g}; "
-            "the commands that were given are needed."
+            "expected the commands that were given."
         )
     follows, _ = calc_correlation(campaign.flights, masks)
     if follows < _FOLLOWS:
@@ -89,154 +82,19 @@ def check_clocks(campaign: Campaign, masks: dict[str, Masks]) -> None:
         raise InputError(
             f"{campaign.path}: column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
-            f"delay up to {_DELAYS[-1]:.2g} s{hint}); both on the clock of 'time' are "
-            "needed."
+            f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
+            "'time'."
         )
     _, delay = calc_correlation(campaign.flights, masks, _BOTH_WAYS)
     if delay < _LEADS:
         raise InputError(
             f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
-            "'elevator_rate_command' tells it to; both on the clock of 'time' are "
-            "needed."
+            "'elevator_rate_command'; expected both on the clock of 'time'."
         )
-
-
-def check_limits(campaign: Campaign, masks: dict[str, Masks]) -> None:
-    """Raises InputError where the elevator's limits have the other sign.
-
-    It then goes far beyond them, and much less beyond the turned ones: that alone is no
-    servo that slides past its stop.
-
-    Args:
-        campaign: of flights, the signs of their angles turned right.
-        masks: rows of the elevator to leave out, by the name of the flight.
-    """
-    if campaign.elevator != "servo" or campaign.elevator_limits is None:
-        return
-    angles = _angles(campaign, masks)
-    lowest, highest = np.percentile(angles, [1.0, 99.0])
-
-    def excess(lower: float, upper: float) -> float:
-        return float(max(lower - lowest, highest - upper, 0.0))
-
-    lower, upper = campaign.elevator_limits
-    beyond = excess(lower, upper)
-    if beyond > _BEYOND and excess(-upper, -lower) < 0.5 * beyond:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
-            f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
-            "the travel that the servo has is needed (trailing edge down, up)."
-        )
-
-
-def find_stops(
-    campaign: Campaign, masks: Mapping[str, Masks], noise: float
-) -> tuple[float, float] | None:
-    """Returns where the elevator stops: at its limits, or beyond if it went there.
-
-    A servo that lags slides past the limits that its commands keep to; a model of it
-    that stops there flies another glider.
-
-    Args:
-        campaign: of flights with a servo.
-        masks: rows of the elevator to leave out, by the name of the flight.
-        noise: standard deviation of the measured angles [rad].
-
-    Returns:
-        the lowest and the highest angle [rad], or None where no limits are told.
-    """
-    if campaign.elevator_limits is None:
-        return None
-    angles = _angles(campaign, masks)
-    lower, upper = campaign.elevator_limits
-    lowest, highest = float(np.min(angles)), float(np.max(angles))
-    return (
-        lowest if lowest < lower - _NOISES * noise else lower,
-        highest if highest > upper + _NOISES * noise else upper,
-    )
-
-
-def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
-    """Returns the angles of all elevators, without the rows that are masked."""
-    return np.concatenate(
-        [
-            np.asarray(f.elevator)[~masks[f.name].elevator]
-            if f.name in masks
-            else np.asarray(f.elevator)
-            for f in campaign.flights
-        ]
-    )
-
-
-def find_unrelated(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
-    """Returns names of flights whose elevator does not follow, at the others' delay."""
-    if campaign.elevator != "servo":
-        return ()
-    usual, delay = calc_correlation(campaign.flights, masks)
-    near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
-    return tuple(
-        f.name
-        for f in campaign.flights
-        if np.ptp(_integrate(f)) > _WIDE
-        and calc_correlation([f], masks, near)[0] < _FOLLOWS_ALONE * usual
-    )
-
-
-def calc_correlation(
-    flights: Sequence[Flight], masks: dict[str, Masks], delays: np.ndarray = _DELAYS
-) -> tuple[float, float]:
-    """Returns how well elevators follow commands, 0 to 1, and at which delay [s]."""
-    correlation = _correlate(flights, masks, delays)
-    best = int(np.argmax(np.abs(correlation)))
-    return float(abs(correlation[best])), float(delays[best])
-
-
-def follow_sign(flights: Sequence[Flight], masks: dict[str, Masks]) -> int:
-    """Returns -1 where elevators clearly turn against their commands, else +1."""
-    correlation = _correlate(flights, masks, _DELAYS)
-    return -1 if correlation[np.argmax(np.abs(correlation))] < -_FOLLOWS else 1
-
-
-def _correlate(
-    flights: Sequence[Flight], masks: dict[str, Masks], delays: np.ndarray
-) -> np.ndarray:
-    """Returns the correlation of elevators with commands at each delay (k,)."""
-    pairs = [_rates(f, masks[f.name].elevator, delays) for f in flights]
-    rate = np.concatenate([elevator for elevator, _ in pairs])
-    commands = np.concatenate([commands for _, commands in pairs], axis=1)
-    known = np.isfinite(commands)
-    commands = np.where(known, commands, 0.0)
-    square = (known @ rate**2) * np.sum(commands**2, axis=1)
-    correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
-    correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
-    return correlation
-
-
-def _integrate(flight: Flight) -> np.ndarray:
-    """Returns the angle that commands would have moved the elevator by (n,) [rad]."""
-    assert flight.command is not None
-    moved = np.cumsum(flight.command[:-1] * np.diff(flight.time))
-    return np.concatenate([[0.0], moved])
-
-
-def _rates(
-    flight: Flight, faulty: np.ndarray, delays: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns mean rates (k,) of the elevator and (delays, k) of earlier commands."""
-    assert flight.elevator is not None
-    time, angle = flight.time[~faulty], flight.elevator[~faulty]
-    if len(time) < 2:
-        return np.empty(0), np.empty((len(delays), 0))
-    begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
-    ends = np.stack([begin, begin + _WINDOW])
-    rate = np.diff(np.interp(ends, time, angle), axis=0)[0]
-    path, at = _integrate(flight), ends - delays[:, None, None]
-    earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
-    return rate, earlier[:, 1] - earlier[:, 0]
 
 
 def check_rates(campaign: Campaign) -> tuple[str, ...]:
-    """Returns a warning where the rows do not come at the campaign's pose_rate.
+    """Warns where the rows do not come at the campaign's pose_rate.
 
     Raises:
         InputError: the commands do not come at their rate either, by the same share:
@@ -255,21 +113,148 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
         if commands is not None and abs(commands - rows) < _OFF:
             raise InputError(
                 f"{campaign.path}: {words}, and commands at {rate / commands:.4g} Hz "
-                f"where field 'command_rate' says {rate:.4g}; column 'time' in seconds "
-                f"is needed (it runs {rows:.3g} times too fast), or both rates as they "
-                "are."
+                f"where field 'command_rate' says {rate:.4g}; expected column 'time' "
+                f"in seconds (it runs {rows:.3g} times too fast), or the true rates."
             )
     return (f"The {words}: is the clock of 'time' right?",)
 
 
+def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
+    """Raises InputError where the elevator's limits have the other sign.
+
+    It then goes far beyond them, and much less beyond the turned ones: that alone is no
+    servo that slides past its stop.
+
+    Args:
+        campaign: of flights, the signs of their angles corrected.
+        masks: rows of the elevator to omit, by the name of the flight.
+    """
+    if campaign.elevator != "servo" or campaign.elevator_limits is None:
+        return
+    angles = np.concatenate([_angles(f, masks) for f in campaign.flights])
+    lowest, highest = np.percentile(angles, [1.0, 99.0])
+
+    def excess(lower: float, upper: float) -> float:
+        return float(max(lower - lowest, highest - upper, 0.0))
+
+    lower, upper = campaign.elevator_limits
+    beyond = excess(lower, upper)
+    if beyond > _BEYOND and excess(-upper, -lower) < 0.5 * beyond:
+        raise InputError(
+            f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
+            f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
+            "expected the travel that the servo has (trailing edge down, up)."
+        )
+
+
+def find_stops(
+    campaign: Campaign, masks: Mapping[str, Masks], noise: float
+) -> tuple[float, float] | None:
+    """Where the elevator stops: at its limits, or beyond if it went there.
+
+    A servo that lags slides past the limits that its commands keep to; a model of it
+    that stops there flies another glider.
+
+    Args:
+        campaign: of flights with a servo.
+        masks: rows of the elevator to omit, by the name of the flight.
+        noise: standard deviation of the measured angles [rad].
+
+    Returns:
+        the lowest and the highest angle [rad], or None where no limits are given.
+    """
+    if campaign.elevator_limits is None:
+        return None
+    angles = np.concatenate([_angles(f, masks) for f in campaign.flights])
+    lower, upper = campaign.elevator_limits
+    lowest, highest = float(np.min(angles)), float(np.max(angles))
+    return (
+        lowest if lowest < lower - _NOISES * noise else lower,
+        highest if highest > upper + _NOISES * noise else upper,
+    )
+
+
+def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, ...]:
+    """Names of flights whose elevator does not follow, at the delay of the others."""
+    if campaign.elevator != "servo":
+        return ()
+    usual, delay = calc_correlation(campaign.flights, masks)
+    near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
+    return tuple(
+        f.name
+        for f in campaign.flights
+        if np.ptp(_integrate(f)) > _WIDE
+        and calc_correlation([f], masks, near)[0] < _FOLLOWS_ALONE * usual
+    )
+
+
+def calc_correlation(
+    flights: Sequence[Flight], masks: Mapping[str, Masks], delays: np.ndarray = _DELAYS
+) -> tuple[float, float]:
+    """How well elevators follow commands, 0 to 1, and at which delay [s]."""
+    correlation = _correlate(flights, masks, delays)
+    best = int(np.argmax(np.abs(correlation)))
+    return float(abs(correlation[best])), float(delays[best])
+
+
+def follow_sign(flights: Sequence[Flight], masks: Mapping[str, Masks]) -> int:
+    """-1 where elevators clearly turn against their commands, else +1."""
+    correlation = _correlate(flights, masks, _DELAYS)
+    return -1 if correlation[np.argmax(np.abs(correlation))] < -_FOLLOWS else 1
+
+
+def _correlate(
+    flights: Sequence[Flight], masks: Mapping[str, Masks], delays: np.ndarray
+) -> np.ndarray:
+    """Correlation of elevators with commands at each delay (k,)."""
+    pairs = [_rates(f, masks[f.name].elevator, delays) for f in flights]
+    rate = np.concatenate([elevator for elevator, _ in pairs])
+    commands = np.concatenate([commands for _, commands in pairs], axis=1)
+    known = np.isfinite(commands)
+    commands = np.where(known, commands, 0.0)
+    square = (known @ rate**2) * np.sum(commands**2, axis=1)
+    correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
+    correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
+    return correlation
+
+
+def _rates(
+    flight: Flight, faulty: np.ndarray, delays: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean rates (k,) of the elevator and (delays, k) of earlier commands."""
+    assert flight.elevator is not None
+    time, angle = flight.time[~faulty], flight.elevator[~faulty]
+    if len(time) < 2:
+        return np.empty(0), np.empty((len(delays), 0))
+    begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
+    ends = np.stack([begin, begin + _WINDOW])
+    rate = np.diff(np.interp(ends, time, angle), axis=0)[0]
+    path, at = _integrate(flight), ends - delays[:, None, None]
+    earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
+    return rate, earlier[:, 1] - earlier[:, 0]
+
+
+def _integrate(flight: Flight) -> np.ndarray:
+    """The angle by which commands would have moved the elevator (n,) [rad]."""
+    assert flight.command is not None
+    moved = np.cumsum(flight.command[:-1] * np.diff(flight.time))
+    return np.concatenate([[0.0], moved])
+
+
+def _angles(flight: Flight, masks: Mapping[str, Masks]) -> np.ndarray:
+    """The elevator's angles (k,) that are not masked [rad]."""
+    angles = np.asarray(flight.elevator)
+    return angles[~masks[flight.name].elevator] if flight.name in masks else angles
+
+
 def _switches(flight: Flight) -> np.ndarray:
-    """Returns the times of the rows with a new command [s]."""
+    """Times of the rows with a new command [s]."""
     assert flight.command is not None
     return flight.time[1:][np.diff(flight.command) != 0.0]
 
 
 def _pace(clocks: Iterable[np.ndarray], rate: float) -> float | None:
-    """Returns how much longer ticks last than at a rate, or None where few are seen.
+    """How much longer ticks last than at a rate; None where few are seen.
 
     Args:
         clocks: times of ticks in each flight, of which some may be missing [s].

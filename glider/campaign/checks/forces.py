@@ -35,19 +35,19 @@ class ForceFit(NamedTuple):
 
     sign: int  # Of the pitch, +1 as logged.
     constant: np.ndarray  # (2,) in x and z of the log [m/s²].
-    forces: np.ndarray  # (4,) A: normal, along by normal flow; alike by axial [1/m].
+    forces: np.ndarray  # (4,) A: normal, along by normal flow; then by axial [1/m].
     wind: np.ndarray  # (2,) [m/s]
     misfit: float  # Robust RMS of what is left [m/s²].
 
 
 def usable_motion(flight: Flight, masks: dict[str, Masks]) -> Motion:
-    """Returns the motion over the rows of a flight that may be used."""
+    """Motion over the usable rows of a flight."""
     usable = masks[flight.name].usable
     return calc_motion(flight.time[usable], flight.pose[usable], stride=_STRIDE)
 
 
 def join(motions: list[Motion]) -> Motion:
-    """Returns the motions of flights one after the other."""
+    """Motions of flights one after the other."""
     return Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
 
 
@@ -65,7 +65,7 @@ def fit_forces(
 
 
 def calc_heading(motion: Motion, sign: int) -> float:
-    """Returns the mean cosine of the angle of attack, weighted by speed²: 1 ahead."""
+    """Mean cosine of the angle of attack, weighted by speed²: 1 ahead."""
     body, _ = body_axes(sign * motion.pose[:, 2])
     velocity = motion.velocity[:, :2]
     along = np.sum(velocity * body, axis=1) * motion.speed
@@ -73,7 +73,7 @@ def calc_heading(motion: Motion, sign: int) -> float:
 
 
 def body_axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns body axis and wing normal, (k, 2) each, in x and z."""
+    """Body axis and wing normal, (k, 2) each, in x and z."""
     body = np.stack([np.cos(pitch), -np.sin(pitch)], axis=1)
     normal = np.stack([np.sin(pitch), np.cos(pitch)], axis=1)
     return body, normal
@@ -108,7 +108,7 @@ def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
         rest = target.reshape(-1) - design @ solution
         weight = huber_weights(rest)
         forces = solution[:4]
-        if iteration > 0:  # The first has no forces yet that a wind could change.
+        if iteration > 0:  # Without forces a wind changes nothing.
             change = _STEP * solution[_WIND_AT]
             change *= min(1.0, 2.0 / max(float(np.hypot(*change)), 1e-12))
             wind = np.clip(wind + change, -_MAX_WIND, _MAX_WIND)
@@ -127,7 +127,7 @@ def huber_weights(rest: np.ndarray) -> np.ndarray:
 
 
 def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
-    """Returns accelerations (4, k, 2) by each entry of the matrix A."""
+    """Accelerations (4, k, 2) by each entry of the matrix A."""
     body, normal = body_axes(sign * motion.pose[:, 2])
     air = motion.velocity[:, :2] - wind
     speed = np.hypot(air[:, 0], air[:, 1])
@@ -141,7 +141,7 @@ def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
 
 
 def _offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
-    """Returns accelerations (k, 2) of points 1 m ahead of and above the center."""
+    """Accelerations (k, 2) of points 1 m ahead of and above the center."""
     body, normal = body_axes(sign * motion.pose[:, 2])
     square = motion.velocity[:, 2:] ** 2
     turning = sign * motion.acceleration[:, 2:]

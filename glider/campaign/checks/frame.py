@@ -40,8 +40,8 @@ _SIZE = 1.9
 _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 """Columns that change by less in every flight do not change [m, m, rad]."""
 _CLEARLY = 1.25
-"""Ratio of misfits, with gravity as told and with the constant free, from which on the
-data contradict what is told."""
+"""Ratio of misfits, with the given gravity and with the constant free, above which the
+data contradict it."""
 _PATH = 0.01
 """Median angle of attack below which the pitch is taken for that of the path [rad]; the
 plate of the default glider needs 0.15 at 7 m/s to carry it."""
@@ -53,7 +53,7 @@ passes: mass and areas may be off by 6 (the library's bounds)."""
 def check_frame(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[str, ...]]:
-    """Turns axes that are surely turned, and says so; refuses what cannot be.
+    """Corrects axes that are certainly turned, and reports it; refuses what cannot be.
 
     Angles are left as they are logged.
 
@@ -62,7 +62,7 @@ def check_frame(
         masks: rows to leave out, by the name of the flight.
 
     Raises:
-        InputError: axes, units or gravity are wrong in a way that is not mended.
+        InputError: axes, units or gravity are wrong and cannot be corrected.
     """
     gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
     motion = join([usable_motion(f, masks) for f in campaign.flights])
@@ -85,7 +85,7 @@ def _check_columns(campaign: Campaign, motion: Motion) -> None:
         if all(np.ptp(f.pose[:, k]) < least for f in campaign.flights):
             raise InputError(
                 f"{campaign.path}: column '{name}' does not change in any flight; "
-                "one that moves with the glider is needed."
+                "expected one that moves with the glider."
             )
     pitch = motion.pose[:, 2]
     scale = np.pi / 180.0
@@ -95,12 +95,12 @@ def _check_columns(campaign: Campaign, motion: Motion) -> None:
     if wide and fit_forces(as_degrees).misfit * 2.0 < fit_forces(motion).misfit:
         raise InputError(
             f"{campaign.path}: column 'pitch' fits the motion in degrees "
-            f"(from {pitch.min():.3g} to {pitch.max():.3g}); radians are needed."
+            f"(from {pitch.min():.3g} to {pitch.max():.3g}); expected radians."
         )
 
 
 def _check_attitude(campaign: Campaign, motion: Motion) -> None:
-    """Refuses a pitch that was made from the path: it tells nothing of the attitude."""
+    """Refuses a pitch that was made from the path: it is no attitude."""
     velocity = motion.velocity[:, :2]
     fast = motion.speed > 0.5 * np.median(motion.speed)
     for sign in (1, -1):
@@ -110,7 +110,7 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
         if median < _PATH:
             raise InputError(
                 f"{campaign.path}: column 'pitch' is the direction of the path (they "
-                f"differ by {median:.2g} rad); the measured attitude is needed."
+                f"differ by {median:.2g} rad); expected the measured attitude."
             )
 
 
@@ -121,20 +121,20 @@ def _check_down(
     gravity: float,
     warnings: list[str],
 ) -> Campaign:
-    """Returns the campaign with z up; refuses another direction or size of the fall."""
+    """Turns z up; refuses another direction or size of the fall."""
     x, z = fit.constant
     if np.hypot(x, z + gravity) < _NEAR * gravity:
         return campaign
-    told = fit_forces(motion, np.array([0.0, -gravity]))
-    if told.misfit < _CLEARLY * fit.misfit:
+    given = fit_forces(motion, np.array([0.0, -gravity]))
+    if given.misfit < _CLEARLY * fit.misfit:
         return campaign
     size, angle = float(np.hypot(x, z)), float(np.arctan2(x, -z))
     small = size < gravity / _SIZE
     if small or size > _SIZE * gravity:
         raise InputError(
             f"{campaign.path}: where the air is slow the flights accelerate by "
-            f"{size:.3g} m/s², and 'gravity' is {gravity:.4g}; positions in meters, "
-            "times in seconds, z along the vertical and the right gravity are needed."
+            f"{size:.3g} m/s², and 'gravity' is {gravity:.4g}; expected positions in "
+            "meters, times in seconds, z along the vertical and the right gravity."
         )
     if abs(angle) <= _UPRIGHT:
         return campaign
@@ -142,11 +142,11 @@ def _check_down(
         toward = "+x" if x > 0.0 else "-x"
         raise InputError(
             f"{campaign.path}: the flights fall along {toward}, at {size:.3g} m/s²; "
-            "column 'z' must point up and 'x' along the throw (are they exchanged?)."
+            "expected 'z' to point up and 'x' along the throw (are they exchanged?)."
         )
     warnings.append(
         f"column 'z' pointed down (the flights fell along +z at {size:.3g} m/s²): "
-        "it was turned, and the angles left as they are"
+        "it was turned; the angles were kept as they are"
     )
     return _turn(campaign, z=True)
 
@@ -156,14 +156,14 @@ def _check_time(
 ) -> None:
     """Refuses flights that gain energy from still air: time runs backwards.
 
-    A few glides alone do not determine forces and gravity at once: it must hold with
-    gravity as told, too.
+    A few glides alone do not determine forces and gravity together: it must hold with
+    the given gravity as well.
     """
     down = np.array([0.0, np.copysign(gravity, fit.constant[1])])
     if _pushes(fit) and _pushes(fit_forces(motion, down)):
         raise InputError(
             f"{campaign.path}: the air pushes the gliders along instead of slowing "
-            "them; rows in the order of time are needed (do they run backwards?)."
+            "them; expected rows in the order of time (do they run backwards?)."
         )
 
 
@@ -175,44 +175,44 @@ def _pushes(fit: ForceFit) -> bool:
 def _check_ahead(
     campaign: Campaign, motion: Motion, fit: ForceFit, warnings: list[str]
 ) -> Campaign:
-    """Returns the campaign with x ahead; refuses flights tail first."""
+    """Turns x ahead; refuses flights tail first."""
     heading, back = calc_heading(motion, fit.sign), np.mean(motion.velocity[:, 0]) < 0.0
     if back and heading < 0.0:
         warnings.append(
             "column 'x' pointed backwards (the flights went along -x, tail first): "
-            "it was turned, and the angles left as they are"
+            "it was turned; the angles were kept as they are"
         )
         return _turn(campaign, x=True)
     if back:
         raise InputError(
             f"{campaign.path}: the flights go along -x, with the nose there; "
-            "column 'x' must point along the throw."
+            "expected 'x' to point along the throw."
         )
     if heading < 0.0:
         raise InputError(
             f"{campaign.path}: the flights go tail first (column 'pitch' is off by "
-            "half a turn); pitch 0 must mean the nose along x."
+            "half a turn); expected pitch 0 to mean the nose along x."
         )
     return campaign
 
 
 def _check_force(campaign: Campaign, fit: ForceFit) -> None:
-    """Refuses a vehicle whose force of the wing is of another order than measured."""
+    """Refuses a vehicle whose wing force is of another order than measured."""
     names = ("air_density", "wing_area", "mass")
     if not all(name in campaign.vehicle for name in names):
         return
     density, area, mass = (campaign.vehicle[name] for name in names)
-    told, measured = density * area / mass, -float(fit.forces[0])
-    if measured > 0.0 and not 1.0 / _FORCE < measured / told < _FORCE:
+    given, measured = density * area / mass, -float(fit.forces[0])
+    if measured > 0.0 and not 1.0 / _FORCE < measured / given < _FORCE:
         raise InputError(
             f"{campaign.path}: the wing's force is {measured:.3g} V² sin alpha "
-            f"and air_density * wing_area / mass is {told:.3g}; "
-            "kg/m³, m² and kg are needed in campaign.yaml."
+            f"and air_density * wing_area / mass is {given:.3g}; "
+            "expected kg/m³, m² and kg in campaign.yaml."
         )
 
 
 def _turn(campaign: Campaign, *, x: bool = False, z: bool = False) -> Campaign:
-    """Returns the campaign with an axis turned, and y too: a frame stays right-handed.
+    """Turns an axis of the campaign, and y with it: the frame stays right-handed.
 
     Of the measured attitude y turns, with the angle about the axis that turns.
     """

@@ -1,4 +1,4 @@
-"""What is set aside: rows by masks, and the sentence that tells it."""
+"""What is excluded: rows by masks, and the sentence that reports it."""
 
 import dataclasses
 
@@ -7,12 +7,12 @@ import numpy as np
 from glider.campaign.logs import Flight
 
 ALL = "all"
-"""What `ExcludedRows.rows` says of a whole flight."""
+"""`ExcludedRows.rows` of a whole flight."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExcludedRows:
-    """Rows of a file that are not to be used, and why."""
+    """Rows of a file that are not used, and why."""
 
     file: str  # E.g. "flight_003.csv".
     rows: str  # Lines of the file (the header is line 1), e.g. "41-80", or ALL.
@@ -21,7 +21,7 @@ class ExcludedRows:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Masks:
-    """Rows of one flight that are to be set aside: True where so."""
+    """Rows of one flight that are excluded: True where so."""
 
     pose: np.ndarray  # (n,) of x, z and pitch.
     elevator: np.ndarray  # (n,)
@@ -33,18 +33,18 @@ class Masks:
 
 
 def no_masks(flight: Flight) -> Masks:
-    """Returns masks that set nothing aside."""
+    """Masks that exclude nothing."""
     none = np.zeros(len(flight.time), dtype=bool)
     return Masks(pose=none, elevator=none.copy())
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Returns first and last (inclusive) of each run of True in flags (n,)."""
+    """First and last (inclusive) of each run of True in flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def name_rows(flags: np.ndarray) -> str:
-    """Returns rows as lines of the file, e.g. "12, 41-80"."""
+    """Rows as lines of the file, e.g. "12, 41-80"."""
     parts = [f"{a + 2}" if a == b else f"{a + 2}-{b + 2}" for a, b in stretches(flags)]
     return ", ".join(parts)

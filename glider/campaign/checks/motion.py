@@ -34,7 +34,7 @@ class Motion(NamedTuple):
 
 
 def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motion:
-    """Fits a cubic round every `stride`-th row, but where many rows are missing.
+    """Fits a cubic about every `stride`-th row, except where many rows are missing.
 
     Args:
         time: (n,) of the usable rows [s].

@@ -41,10 +41,10 @@ class Planarity:
 
 
 def planarity(flight: Flight) -> Planarity | None:
-    """Returns how planar a throw is; None where y, roll and yaw are not logged.
+    """How planar a throw is; None where y, roll and yaw are not logged.
 
     The plane is that of the log's x and z: a throw that is straight but not along x
-    shows as yaw and sideways speed alike.
+    shows as both yaw and sideways speed.
     """
     if flight.attitude is None:
         return None
@@ -61,7 +61,7 @@ def planarity(flight: Flight) -> Planarity | None:
 
 
 def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Returns the wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
+    """The wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
     return np.stack(
         [
             np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
@@ -73,10 +73,10 @@ def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
 
 
 def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Returns rows (n,) from which on a throw is none in the plane: True where so.
+    """Rows (n,) from the first on in which a throw leaves the plane: True where so.
 
     Once its wing has been turned more than half out of the plane, a glider has turned
-    off its course, and no planar model tells what follows.
+    off its course, and no planar model predicts what follows.
 
     Args:
         flight: without attitude nothing is found.

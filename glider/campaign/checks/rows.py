@@ -1,7 +1,7 @@
 """Rows of a log that show no flight: frozen, standing, sticking out, displaced.
 
 Nothing here knows where down is or what a glider does: only that it moves smoothly,
-and that cameras have noise. Rows are set aside, never mended.
+and that cameras have noise. Rows are excluded, never corrected.
 """
 
 import dataclasses
@@ -14,17 +14,18 @@ from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_dif
 from glider.campaign.checks.standing import find_standing
 from glider.campaign.logs import Campaign, Flight
 
-_EQUAL_POSES = 3  # As many equal rows of x, z and pitch at once are frozen.
-_EQUAL_NUMBERS = 5  # As many equal rows of one column may be.
+_EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
+_EQUAL_NUMBERS = 5  # Equal rows of one column that may be frozen.
 _SURELY = 6.0  # Standard deviations by which a frozen column should have moved.
 _QUANTA = 5.0  # Digits of the log by which it should have.
-_LONG_STEP = 3.0  # Steps longer than this many median ones are told as a gap.
-_UNCOMMANDED = 0.05
-"""Gap over which a flight with a servo is cut [s]: the commands in it are lost, too,
-and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
+_REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
+_LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
+_UNCOMMANDED = 0.05
+"""Gap over which a flight with a servo is cut [s]: the commands in it are lost as well,
+and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
-_NEAR_STOP = 0.02  # An elevator as close to its stop may rest there [rad].
+_NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,34 +47,59 @@ def find_faults(campaign: Campaign) -> Faults:
     elevator_noise = _measure_elevator_noise(campaign)
     masks, excluded, warnings = {}, [], []
     for flight in campaign.flights:
-        faults = {
-            "is not a number": ~np.all(np.isfinite(flight.pose), axis=1),
-            "does not change while the glider moves: frozen": _frozen(
-                flight, noise, digits
-            ),
-        }
-        usable = ~np.logical_or.reduce(list(faults.values()))
-        faults["lies still, or is held"] = find_standing(flight, usable)
-        usable &= ~faults["lies still, or is held"]
-        own = np.clip(_flight_noise(flight, usable), noise, 3.0 * noise)
-        track = Track(time=flight.time, pose=flight.pose, noise=own)
-        verdict = find_one_motion(track, usable)
-        faults["sticks out of the motion round it"] = verdict.sticks_out
-        faults["the track jumps, and goes on displaced"] = verdict.displaced
-        usable &= ~(verdict.sticks_out | verdict.displaced)
-        faults["beyond a gap whose commands are not known"] = _cut_off(flight, usable)
-        pose = np.logical_or.reduce(list(faults.values()))
-        excluded += _tell(flight, "pose", faults)
+        of_pose = _pose_faults(flight, noise, digits)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
-        excluded += _tell(flight, "elevator", of_servo)
+        pose = np.logical_or.reduce(list(of_pose.values()))
         elevator = np.logical_or.reduce([np.zeros_like(pose), *of_servo.values()])
         masks[flight.name] = Masks(pose=pose, elevator=elevator)
-        warnings += _tell_gaps(flight)
+        for what, faults in (("pose", of_pose), ("elevator", of_servo)):
+            excluded += [
+                ExcludedRows(
+                    file=flight.name, rows=name_rows(flags), why=f"{what}: {why}"
+                )
+                for why, flags in faults.items()
+                if flags.any()
+            ]
+        warnings += _describe_gaps(flight)
     return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
+def pieces_with_commands(time: np.ndarray) -> np.ndarray:
+    """The piece that each row (n,) is in: gaps that hide commands are cut.
+
+    Args:
+        time: (n,) of a flight's rows [s].
+    """
+    steps = np.diff(time)
+    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
+    return np.concatenate([[0], np.cumsum(is_gap)])
+
+
+def _pose_faults(
+    flight: Flight, noise: np.ndarray, digits: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Faulty rows (n,) of the pose, by the reason."""
+    unknown = ~np.all(np.isfinite(flight.pose), axis=1)
+    frozen = _frozen(flight, noise, digits)
+    usable = ~(unknown | frozen)
+    standing = find_standing(flight, usable)
+    usable &= ~standing
+    own = np.clip(_flight_noise(flight, usable), noise, 3.0 * noise)
+    track = Track(time=flight.time, pose=flight.pose, noise=own)
+    verdict = find_one_motion(track, usable)
+    usable &= ~(verdict.sticks_out | verdict.displaced)
+    return {
+        "is not a number": unknown,
+        "does not change while the glider moves: frozen": frozen,
+        "lies still, or is held": standing,
+        "sticks out of the motion round it": verdict.sticks_out,
+        "the track jumps, and goes on displaced": verdict.displaced,
+        "beyond a gap whose commands are not known": _cut_off(flight, usable),
+    }
+
+
 def _measure_noise(campaign: Campaign) -> np.ndarray:
-    """Returns standard deviations (3,) of x, z, pitch; the median of the flights'."""
+    """Standard deviations (3,) of x, z, pitch; the median of the flights'."""
     each = [_flight_noise(f, np.isfinite(f.pose).all(axis=1)) for f in campaign.flights]
     return np.median(each, axis=0)
 
@@ -84,7 +110,7 @@ def _flight_noise(flight: Flight, usable: np.ndarray) -> np.ndarray:
 
 
 def _measure_digits(campaign: Campaign) -> np.ndarray:
-    """Returns the least change (3,) of x, z, pitch between rows of all flights."""
+    """The least change (3,) of x, z, pitch between rows of all flights."""
     changes = np.abs(
         np.concatenate([np.diff(f.pose, axis=0) for f in campaign.flights])
     )
@@ -92,8 +118,18 @@ def _measure_digits(campaign: Campaign) -> np.ndarray:
     return np.min(changes, axis=0)
 
 
+def _measure_elevator_noise(campaign: Campaign) -> float:
+    """Standard deviation of the elevator's sensor [rad]."""
+    each = [
+        robust_std(fourth_differences(f.time, f.elevator[:, None])[0])[0]
+        for f in campaign.flights
+        if f.elevator is not None
+    ]
+    return float(np.median(each)) if each else 0.0
+
+
 def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
-    """Returns rows (n,) that repeat the row before while the glider moves.
+    """Rows (n,) that repeat the row before while the glider moves.
 
     One column alone must have been about to move, or be noisier than its digits by so
     much that equal numbers cannot be.
@@ -114,11 +150,11 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
 
 
 def _missed(flight: Flight, column: int, first: int, last: int) -> float:
-    """Returns how far a column would have moved while it is equal, by its neighbors."""
-    reach, missed = 6, [0.0]
+    """How far a column would have moved while it is equal, by its neighbors."""
+    missed = [0.0]
     for rows in (
-        slice(max(first - reach, 0), first + 1),
-        slice(last + 1, last + reach),
+        slice(max(first - _REACH, 0), first + 1),
+        slice(last + 1, last + _REACH),
     ):
         time, values = flight.time[rows], flight.pose[rows, column]
         if len(time) >= 4:
@@ -133,7 +169,7 @@ def _missed(flight: Flight, column: int, first: int, last: int) -> float:
 def _elevator_faults(
     campaign: Campaign, flight: Flight, noise: float
 ) -> dict[str, np.ndarray]:
-    """Returns rows of the elevator that stick out or are frozen."""
+    """Rows (n,) of the elevator that stick out or are frozen, by the reason."""
     if flight.elevator is None or flight.command is None:
         return {}
     angle, steps = flight.elevator, np.diff(flight.time)
@@ -144,8 +180,8 @@ def _elevator_faults(
         here - np.maximum(before, after), np.minimum(before, after) - here
     )
     # A turn of the servo within a step sticks out by a step at full rate.
-    room = rate * np.minimum(steps[:-1], steps[1:])
-    sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + room
+    turn = rate * np.minimum(steps[:-1], steps[1:])
+    sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + turn
     frozen = np.zeros(len(angle), dtype=bool)
     commanded = np.concatenate([[0.0], np.cumsum(flight.command[:-1] * steps)])
     angles = np.concatenate([np.asarray(f.elevator) for f in campaign.flights])
@@ -163,28 +199,8 @@ def _elevator_faults(
     }
 
 
-def _measure_elevator_noise(campaign: Campaign) -> float:
-    """Returns the standard deviation of the elevator's sensor [rad]."""
-    each = [
-        robust_std(fourth_differences(f.time, f.elevator[:, None])[0])[0]
-        for f in campaign.flights
-        if f.elevator is not None
-    ]
-    return float(np.median(each)) if each else 0.0
-
-
-def _tell(
-    flight: Flight, what: str, faults: dict[str, np.ndarray]
-) -> list[ExcludedRows]:
-    return [
-        ExcludedRows(file=flight.name, rows=name_rows(flags), why=f"{what}: {why}")
-        for why, flags in faults.items()
-        if flags.any()
-    ]
-
-
 def _cut_off(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Returns usable rows (n,) outside the longest piece that has all its commands."""
+    """Usable rows (n,) outside the longest piece that has all its commands."""
     if flight.command is None:
         return np.zeros(len(usable), dtype=bool)
     piece = pieces_with_commands(flight.time)
@@ -192,18 +208,7 @@ def _cut_off(flight: Flight, usable: np.ndarray) -> np.ndarray:
     return usable & (piece != longest)
 
 
-def pieces_with_commands(time: np.ndarray) -> np.ndarray:
-    """Returns the piece that each row (n,) is in: gaps that hide commands cut.
-
-    Args:
-        time: (n,) of a flight's rows [s].
-    """
-    steps = np.diff(time)
-    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
-    return np.concatenate([[0], np.cumsum(is_gap)])
-
-
-def _tell_gaps(flight: Flight) -> list[str]:
+def _describe_gaps(flight: Flight) -> list[str]:
     steps = np.diff(flight.time)
     usual = float(np.median(steps))
     return [

@@ -1,9 +1,9 @@
 """Smooth runs of a track, and the largest set of them that is one motion.
 
-Fourth differences of a smooth motion are noise. Where they are more, a row sticks
-out, or the track goes on displaced (a marker was taken for another), or with another
-velocity (a collision). Rows that stick out are taken out, the track is cut where it
-is displaced, and the most rows that can be one motion are kept.
+Fourth differences of a smooth motion are noise. Where they exceed it, a row sticks
+out, or the track continues displaced (a marker was taken for another), or with another
+velocity (a collision). Rows that stick out are removed, the track is cut where it is
+displaced, and the most rows that can be one motion are kept.
 """
 
 import dataclasses
@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 
 THRESHOLD = 6.0
-"""Fourth differences, as standard deviations of noise, from which on a row is faulty.
+"""Fourth differences, as standard deviations of noise, above which a row is faulty.
 Gaussian noise passes it in 2e-9 of differences, 6e-9 of rows: the largest of all 68,000
 rows of simulated logs is 4.3. See `_FLOOR` for what a true motion adds."""
 
@@ -29,12 +29,12 @@ cameras are: a relabelled marker or a collision does more, a shaking airframe le
 _ENDS = 7  # Rows from whose parabola a run is extrapolated.
 _STENCIL = 5  # Rows of a fourth difference.
 _LONG_STEP = 3.0  # Steps longer than this many median ones are gaps, and cut.
-_MAX_EVENTS = 60  # Faults in one flight that are looked into one by one.
+_MAX_EVENTS = 60  # Faults in one flight that are examined one by one.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Track:
-    """Rows that are looked at, and how noisy they are."""
+    """Rows of a track, and how noisy they are."""
 
     time: np.ndarray  # (n,) [s]
     pose: np.ndarray  # (n, 3)
@@ -52,7 +52,7 @@ class Verdict:
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns differences with the noise of one row, and their mean steps.
+    """Differences scaled to the noise of one row, and their mean steps.
 
     Args:
         time: (n,), steps may differ [s].
@@ -67,10 +67,10 @@ def fourth_differences(
     window = np.arange(count)[:, None] + np.arange(_STENCIL)
     t = time[window]
     step = (t[:, -1] - t[:, 0]) / (_STENCIL - 1)
-    apart = (t[:, :, None] - t[:, None, :]) / step[:, None, None]
-    weights = 1.0 / np.prod(apart + np.eye(_STENCIL), axis=2)
+    lags = (t[:, :, None] - t[:, None, :]) / step[:, None, None]
+    weights = 1.0 / np.prod(lags + np.eye(_STENCIL), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    # From the first row on: far from the origin digits are few.
+    # Relative to the first row: far from the origin digits are few.
     near = pose[window] - pose[window[:, :1]]
     return np.einsum("ik,ikj->ij", weights, near), step
 
@@ -104,14 +104,14 @@ def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
     for run in _longest_chain(track, finished):
         kept[run] = True
     rows = np.flatnonzero(kept)
-    odd = np.concatenate([_odd_ends(track, rows), _odd_ends(track, rows[::-1])])
-    sticks_out[odd] = True
+    sticks_out[_outlying_ends(track, rows)] = True
+    sticks_out[_outlying_ends(track, rows[::-1])] = True
     displaced = usable & ~sticks_out & ~kept
     return Verdict(sticks_out=sticks_out, displaced=displaced)
 
 
 def _excess(track: Track, run: np.ndarray) -> np.ndarray:
-    """Returns fourth differences of rows (k,) in units of what may be, (k - 4,)."""
+    """Fourth differences of rows (k,) over what is allowed, (k - 4,)."""
     differences, step = fourth_differences(track.time[run], track.pose[run])
     # A step a of the acceleration makes a fourth difference a step², of norm sqrt(70).
     bound = THRESHOLD * track.noise + _FLOOR * step[:, None] ** 2 / np.sqrt(70.0)
@@ -119,13 +119,13 @@ def _excess(track: Track, run: np.ndarray) -> np.ndarray:
 
 
 def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
-    """Returns the least that makes a track smooth near a stencil.
+    """The least change that makes a track smooth near a stencil.
 
-    One row that sticks out, a cut, two or three rows: the first of these that leaves
-    nothing to explain, or whatever leaves least.
+    One row that sticks out, a cut, two or three rows: the first of these that explains
+    all, or whichever explains most.
 
     Returns:
-        The row of the run to begin with, and how many to take out; 0 is a cut.
+        The row of the run to begin with, and how many to remove; 0 is a cut.
     """
     first, last = max(worst - _STENCIL, 0), worst + 2 * _STENCIL
     near = range(worst, worst + _STENCIL)
@@ -158,7 +158,7 @@ def _split_at_gaps(track: Track, rows: np.ndarray) -> list[np.ndarray]:
 
 
 def _longest_chain(track: Track, runs: list[np.ndarray]) -> list[np.ndarray]:
-    """Returns the runs that can follow one another in one motion, with most rows."""
+    """The runs with most rows that can follow one another in one motion."""
     runs = sorted((r for r in runs if len(r) >= _STENCIL), key=lambda r: int(r[0]))
     if len(runs) <= 1:
         return runs
@@ -176,10 +176,10 @@ def _longest_chain(track: Track, runs: list[np.ndarray]) -> list[np.ndarray]:
     return chain[::-1]
 
 
-def _odd_ends(track: Track, rows: np.ndarray) -> np.ndarray:
-    """Returns the first rows (k,), three at most, that the parabola behind misses.
+def _outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
+    """The first rows (k,), three at most, that a parabola through the next ones misses.
 
-    A fourth difference hardly sees them.
+    Fourth differences barely respond to them.
     """
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
@@ -187,29 +187,29 @@ def _odd_ends(track: Track, rows: np.ndarray) -> np.ndarray:
             continue
         end = rows[count - 1]
         expected, variance, reach = _extrapolate(track, inner, track.time[end])
-        apart = np.abs(track.pose[end] - expected[0])
+        distance = np.abs(track.pose[end] - expected[0])
         noise = THRESHOLD * np.sqrt(1.0 + variance[0]) * track.noise
-        if np.any(apart > np.maximum(noise + _JERK * reach**3 / 6.0, _SMALL[0])):
+        if np.any(distance > np.maximum(noise + _JERK * reach**3 / 6.0, _SMALL[0])):
             return rows[:count]
     return rows[:0]
 
 
 def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:
-    """Whether two runs, each extrapolated by a parabola, meet half-way."""
+    """Whether two runs, each extrapolated by a parabola, meet halfway."""
     middle = 0.5 * (track.time[left[-1]] + track.time[right[0]])
     ends = [_extrapolate(track, r, middle) for r in (left[-_ENDS:], right[:_ENDS])]
-    apart = np.abs(ends[0][0] - ends[1][0])  # (2, 3) of position and rate.
+    jump = np.abs(ends[0][0] - ends[1][0])  # (2, 3) of position and rate.
     variance = (ends[0][1] + ends[1][1])[:, None] * track.noise**2
     reach = np.array([e[2] for e in ends])
     slack = np.stack([_JERK * np.sum(reach**3) / 6.0, _JERK * np.sum(reach**2) / 2.0])
-    may_be = np.maximum(THRESHOLD * np.sqrt(variance) + slack, _SMALL)
-    return bool(np.all(apart <= may_be))
+    allowed = np.maximum(THRESHOLD * np.sqrt(variance) + slack, _SMALL)
+    return bool(np.all(jump <= allowed))
 
 
 def _extrapolate(
     track: Track, rows: np.ndarray, time: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Returns pose and rate (2, 3), their variances (2,) for noise 1, the reach [s]."""
+    """Pose and rate (2, 3), their variances (2,) for noise 1, and the reach [s]."""
     since = track.time[rows] - time
     inverse = np.linalg.pinv(since[:, None] ** np.arange(3))[:2]
     reach = float(abs(np.mean(since)))

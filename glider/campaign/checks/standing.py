@@ -1,7 +1,7 @@
 """Rows of a log that are no flight: the glider lies on the floor, or in a hand.
 
-A body in free fall cannot stay where it is: from rest it falls 18 mm in 60 ms. And
-air takes energy from a glider: what speeds it up along its path is a hand.
+A body in free fall cannot stay where it is: from rest it falls 18 mm in 60 ms. Air
+takes energy from a glider: what accelerates it along its path is a hand.
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ _SHORTEST = 0.06  # Rows that lie must last, at least [s].
 _SLIDE = 0.003  # Height within which a glider slides before it lies [m].
 _HAND = 6.0
 """Force per mass along the path, above that of the flight's second half, that only a
-hand has [m/s²]; wind, drag and a thrust of half the weight stay below."""
+hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
 _THROW = 16.0
-"""The same of the acceleration, where it is not known which way is down and the log
+"""The same of the acceleration, where the direction of gravity is unknown and the log
 does not start from rest: a dive has 9.8 [m/s²]."""
 _REST = 1.0  # Slower than this a log starts from rest: in a hand [m/s].
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
@@ -26,10 +26,9 @@ _LATER = 0.5  # From this share of the log on the force is "usual".
 
 
 def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Returns rows (n,) True where the glider lies still, or slides until it does.
+    """Rows (n,), True where the glider lies still, or slides until it does.
 
-    Where most of the way is still to come, it was not thrown yet, nor before; else it
-    has landed.
+    Where most of the way follows, it has not been thrown yet; otherwise it has landed.
     """
     standing = np.zeros(len(usable), dtype=bool)
     rows = np.flatnonzero(usable)
@@ -58,7 +57,7 @@ def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
 
 
 def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.ndarray:
-    """Returns rows (n,) True at the start, where a hand still speeds the glider up.
+    """Rows (n,), True at the start, where a hand still accelerates the glider.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
     along the path is compared with that of the flight's second half.
@@ -66,8 +65,8 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
     Args:
         flight: in any axes, or with z up where gravity is given.
         usable: (n,) rows to look at.
-        gravity: [m/s²]; None where it is not known yet which way is down: then only a
-            throw that is stronger than gravity shows.
+        gravity: [m/s²]; None where its direction is not known yet: then only a throw
+            that is stronger than gravity shows.
     """
     held = np.zeros(len(usable), dtype=bool)
     motion = calc_motion(flight.time[usable], flight.pose[usable])

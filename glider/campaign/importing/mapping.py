@@ -8,7 +8,7 @@ import dataclasses
 import math
 
 from glider.campaign.importing.units import Unit, scale_of
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 
 QUANTITIES = {
     "time": "time",
@@ -141,27 +141,23 @@ class Frame:
 
     def __post_init__(self):
         """Fills in the preset; InputError for what cannot be."""
-        if self.axes not in _PRESETS:
-            raise InputError(
-                f"frame: field 'axes' is {show(self.axes)}; expected one of "
-                f"{', '.join(_PRESETS)}, or the axes by name: up, forward, nose, top."
-            )
+        presets = "NED, ENU, or the axes by name: up, forward, nose, top"
+        expect(self.axes in _PRESETS, "frame: field 'axes'", self.axes, presets)
         for name, value in (_PRESETS[self.axes] | {"command": self.elevator}).items():
             if not getattr(self, name):
                 object.__setattr__(self, name, value)
         for name, (values, meaning) in _CHOICES.items():
             value = getattr(self, name)
-            if value is not None and value not in values:
-                raise InputError(
-                    f"frame: field '{name}' is {show(value)}; "
-                    f"expected {meaning}, one of {', '.join(values)}."
-                )
+            known = value is None or value in values
+            expected = f"{meaning}, one of {', '.join(values)}"
+            expect(known, f"frame: field '{name}'", value, expected)
         euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
-        if self.rotation is not None and self.rotation not in _ROTATIONS and not euler:
-            raise InputError(
-                f"frame: field 'rotation' is {show(self.rotation)}; expected an order "
-                f"of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}."
-            )
+        expect(
+            euler or self.rotation in (None, *_ROTATIONS),
+            "frame: field 'rotation'",
+            self.rotation,
+            f"an order of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}",
+        )
         for one, other in (("up", "forward"), ("nose", "top")):
             a, b = getattr(self, one), getattr(self, other)
             if b and a[-1] == b[-1]:
@@ -169,13 +165,13 @@ class Frame:
                     f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
                     "expected two different axes."
                 )
-        if len(self.tracked_point) != 2 or not all(
-            map(math.isfinite, self.tracked_point)
-        ):
-            raise InputError(
-                f"frame: field 'tracked_point' is {show(self.tracked_point)}; "
-                "expected [ahead, above] of the center of mass in m."
-            )
+        point = self.tracked_point
+        expect(
+            len(point) == 2 and all(map(math.isfinite, point)),
+            "frame: field 'tracked_point'",
+            point,
+            "[ahead, above] of the center of mass in m",
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

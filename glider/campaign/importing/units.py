@@ -6,7 +6,7 @@ pint knows more units, but takes 0.7 s to import: longer than most imports.
 import dataclasses
 import math
 
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 
 _DEGREE = math.pi / 180.0
 _FACTORS: dict[str, dict[str, float]] = {
@@ -42,11 +42,11 @@ class Scale:
 
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
-        if not (self.gain and math.isfinite(self.gain) and math.isfinite(self.zero)):
-            raise InputError(
-                f"units: found gain {show(self.gain)}, zero {show(self.zero)}; "
-                "expected finite numbers, and a gain other than 0."
-            )
+        finite = math.isfinite(self.gain) and math.isfinite(self.zero)
+        numbers = "finite numbers, and a gain other than 0"
+        expect(
+            self.gain and finite, "units: [gain, zero]", [self.gain, self.zero], numbers
+        )
 
 
 Unit = str | Scale

@@ -53,7 +53,7 @@ def test_a_good_campaign_is_left_as_it_is(name):
 
 
 WRONG = {
-    "exchange": (b.exchange, "fall along -x.*'z' must point up"),
+    "exchange": (b.exchange, "fall along -x.*expected 'z' to point up"),
     "behind": (b.from_behind, "go along -x, with the nose there"),
     "half turn": (b.half_turn, "tail first .column 'pitch' is off by half a turn"),
     "slow clock": (b.stretch_time(2.0), "accelerate by 2.*'gravity' is 9.81"),
@@ -103,8 +103,8 @@ def test_a_wrong_campaign_is_refused(campaign, kind):
         ({"gravity": 0.0}, "accelerate by 9.* and 'gravity' is 0;"),
         ({"gravity": 1.62}, "accelerate by 9.* and 'gravity' is 1.62;"),
         ({"gravity": 32.2}, "accelerate by 9.* and 'gravity' is 32.2;"),
-        ({"air_density": 0.0012}, "is 0.00133; kg/m³"),
-        ({"wing_area": 885.0}, "kg/m³, m² and kg are needed"),
+        ({"air_density": 0.0012}, "is 0.00133; expected kg/m³"),
+        ({"wing_area": 885.0}, "expected kg/m³, m² and kg"),
     ],
 )
 def test_wrong_numbers_of_the_vehicle_are_refused(campaign, told, sentence):
