@@ -57,7 +57,7 @@ class Optimum(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What one step hands to the next."""
+    """Arrays that one step passes to the next."""
 
     bounded: np.ndarray
     """(2, N (n + 1) + 1) whether there is a bound from below, from above."""
@@ -97,7 +97,7 @@ class Scratch(NamedTuple):
 
 
 def make_scratch(program: Program, knots: int) -> Scratch:
-    """Returns room for what the steps write."""
+    """Allocates the arrays that the steps write."""
     size, n = program.low.size, program.goal.size
     return Scratch(
         bounded=np.isfinite(np.array([program.low, program.high])),
@@ -198,7 +198,7 @@ def lean_on(program, optimum, scratch):
 
 @machine_code
 def assess(program, optimum, scratch):
-    """Returns how far a path is from optimality, and writes the slack.
+    """Measures the distance of a path from optimality, and writes the slack.
 
     Args:
         program: to solve.

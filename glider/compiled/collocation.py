@@ -1,7 +1,7 @@
 """Hermite-Simpson collocation of a path: defects, slopes and curvature.
 
-None of it knows the dynamics: the derivatives at many points come from
-`glider.compiled.points`, and here is where the points lie and what follows from them.
+None of it depends on the dynamics: `glider.compiled.points` has the derivatives at many
+points, and this module places the points and evaluates the path.
 The P = 2 N - 1 points of a path are its N knots, then the middles of its segments.
 """
 
@@ -35,7 +35,7 @@ class Path(NamedTuple):
 
 
 def empty_path(knots: int, n: int) -> Path:
-    """Returns room for a path."""
+    """Allocates a path."""
     count = 2 * knots - 1
     return Path(
         points=np.empty((count, n + 1)),
@@ -123,7 +123,7 @@ def spread_pairs(points, slopes, step, axes, moved):
         slopes: (P, n, n + 1) there.
         step: of the differences.
         axes: (n + 1,), written: those that are moved, first.
-        moved: (((n + 1)² + 3 (n + 1)) / 2 + 1) P points, written, as far as needed.
+        moved: (((n + 1)² + 3 (n + 1)) / 2 + 1) P points, written as far as used.
 
     Returns:
         how many axes are moved, and how many points are written.

@@ -38,7 +38,7 @@ def _signed_sine(angle, turns):
 
 @numba.njit(error_model="numpy")
 def _sign(turns):
-    """Returns (-1)^turns for a whole number of half turns, as a float."""
+    """Returns (-1)^turns for an integer number of half turns, as a float."""
     return 1.0 - 2.0 * (turns - 2.0 * np.floor(0.5 * turns))
 
 

@@ -4,7 +4,7 @@ After Wächter and Biegler: On the implementation of an interior-point filter
 line-search algorithm for large-scale nonlinear programming, 2006. Newton's step is that
 of `glider.compiled.stages`, whose time grows with the number of knots alone. Here is
 the order of the steps alone, so that of a glider with other effects only its dynamics
-are compiled anew (`glider.compiled.points`).
+have to be compiled (`glider.compiled.points`).
 """
 
 from typing import NamedTuple
@@ -51,7 +51,7 @@ NEAR = 1e3
 """Errors of optimality, in tolerances, below which slopes have to be fine."""
 
 COARSE = 1e-4
-"""Tolerance from which on they need not be."""
+"""Tolerance above which coarse slopes are enough."""
 
 STIFFEST = 1e10
 """Most that is added to the curvature."""
@@ -86,7 +86,7 @@ class Filter:
     """Pairs of (missed, cost) that no later path may be worse than in both."""
 
     def __init__(self, missed: float) -> None:
-        """Takes what the first path misses its constraints by."""
+        """Scales the filter by the first path's constraint violation."""
         self._least, self._most = 1e-4 * max(1.0, missed), 1e4 * max(1.0, missed)
         self._pairs: list[tuple[float, float]] = []
 
@@ -101,7 +101,7 @@ class Filter:
         share: float,
         expected: float,
     ) -> bool:
-        """Returns whether a step is one forward, and remembers it.
+        """Checks whether a step makes progress, and remembers it.
 
         Args:
             before: (missed, cost) of the path that the step leaves.

@@ -32,7 +32,7 @@ from glider.paths import cache_folder
 from glider.physics import chain
 from glider.physics.compose import formulas, source
 from glider.physics.effects import EffectKind, Field
-from glider.physics.formulas import tell_compiler
+from glider.physics.formulas import connect_compiler
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.servo import Servo
 
@@ -76,7 +76,7 @@ step. What returns an array has to count, and they may not call it."""
 
 _COMPILING = threading.RLock()
 
-tell_compiler(register_jitable)
+connect_compiler(register_jitable)
 
 
 machine_code = numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -133,7 +133,7 @@ class Family:
         formula typed into a notebook) for this process only.
         """
         asked, with_field, entries = self._last
-        if asked is kinds and with_field == has_field:  # Spares a hash of many kinds.
+        if asked is kinds and with_field == has_field:  # Avoids hashing many kinds.
             return entries
         key = kinds, has_field
         if key not in self._made:
@@ -184,10 +184,10 @@ class Family:
 
 
 def check_compiles(formula: Callable, arguments: tuple) -> object:
-    """Returns what a formula's machine code makes of arguments.
+    """Runs a formula's machine code on arguments.
 
     Raises:
-        Exception: whatever the compiler or the formula raises.
+        Exception: of the compiler or the formula.
     """
     return numba.njit(formula)(*arguments)
 

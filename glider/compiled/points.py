@@ -51,11 +51,11 @@ class PathDynamics:
     """A glider's dynamics along collocated paths on so many knots.
 
     Of the glider's own code there is only `rates_at`; the rest is compiled once for
-    all gliders. So a glider with other effects has to wait a second, not ten.
+    all gliders. So a glider with other effects compiles in a second, not ten.
     """
 
     def __init__(self, model: GliderModel, knots: int) -> None:
-        """Makes room for what is written anew at each step."""
+        """Allocates the arrays that each step overwrites."""
         n = model.num_states
         self.path: Path = empty_path(knots, n)
         self._loops = LOOPS.over(model.kinds, model.has_field)

@@ -147,7 +147,7 @@ def log_slopes(
     """Flies each interval of a log from its own node, with slopes.
 
     Forward differences in floats: at these steps they are good to 1e-6, half the
-    price of a complex step, and spare the user its compilation.
+    cost of a complex step, and spare the user its compilation.
 
     Args:
         times: (K + 1,).
@@ -398,7 +398,7 @@ def measure_nodes(
     free: np.ndarray,
     scale: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns what the sensors show of states (K, n), with derivatives.
+    """Computes the measured poses of states (K, n), with derivatives.
 
     The poses (K, 3), their derivatives by the state (K, 3, n) and by the free numbers
     (K, 3, m); the arguments as in `shoot`.

@@ -51,7 +51,7 @@ def multiply(a, b, product):
 
 @called_code
 def add_transposed(a, b, total):
-    """Adds aᵀ b to the total, as far as that has room; a may have more columns."""
+    """Adds aᵀ b to the total, in its shape; a may have more columns."""
     for m in range(a.shape[0]):
         for i in range(total.shape[0]):
             factor = a[m, i]

@@ -88,7 +88,7 @@ class TrackingPolicy:
         return self.plan.duration
 
     def count(self, step: float) -> int:
-        """Returns how many equal steps, none longer, the plan divides into."""
+        """Number of equal steps, none longer, that the plan divides into."""
         return aligned_count(self.plan, step)
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,7 +138,7 @@ class HeldPolicy:
         return 1.0 / float(self.plan.times[1])
 
     def count(self, step: float) -> int:
-        """Returns how many equal steps, none longer, the plan divides into."""
+        """Number of equal steps, none longer, that the plan divides into."""
         return aligned_count(self.plan, step)
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,9 +174,9 @@ def sample_plan(
 
 
 def aligned_count(plan: Plan, step: float) -> int:
-    """Returns how many equal steps, none longer than `step`, a plan divides into.
+    """Number of equal steps, none longer than `step`, that a plan divides into.
 
-    A whole number for each interval between equally spaced knots, because the
+    An integer for each interval between equally spaced knots, because the
     plan has kinks there.
     """
     good = math.isfinite(step) and step > 0.0

@@ -1,4 +1,4 @@
-"""The tracking feedback by compiled code, where many are needed."""
+"""The tracking feedback by compiled code, in milliseconds."""
 
 import numpy as np
 

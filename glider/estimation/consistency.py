@@ -1,10 +1,10 @@
-"""Is a filter as uncertain as it says? NEES and NIS against their chi-square bands.
+"""NEES and NIS of a filter against their chi-square bands.
 
-Over flights whose x̄ starts as the prior says and moves as the filter believes, the
+Over flights whose x̄ starts and moves as the filter assumes, the
 estimate's error e and the innovation ν of a consistent filter are normal with
 covariances P and S, so that eᵀ P⁻¹ e and νᵀ S⁻¹ ν are chi-square with N and M degrees
 of freedom (Bar-Shalom, Li and Kirubarajan 2001, 5.4). Here both are divided by
-these, so that 1 is right, more is too sure and less is too modest.
+these, so that 1 is right, more is overconfident and less too cautious.
 """
 
 import dataclasses
@@ -63,7 +63,7 @@ def squared_errors(estimates: Estimates, states: np.ndarray) -> np.ndarray:
 
 
 def assess(estimates: Estimates, states: np.ndarray) -> Consistency:
-    """Compares the errors of some flights with what the filter says of them.
+    """Compares the errors of some flights with the filter's covariances.
 
     Lost measurements do not count.
 

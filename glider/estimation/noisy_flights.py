@@ -31,7 +31,7 @@ class WatchedFlights:
 
 
 def draw_starts(prior: Belief, flights: int, rng: np.random.Generator) -> np.ndarray:
-    """Draws x̄ from what is believed of it, (flights, N)."""
+    """Draws x̄ from a belief, (flights, N)."""
     return rng.multivariate_normal(prior.mean, prior.covariance, flights)
 
 
@@ -116,7 +116,7 @@ def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
 
 
 def _measure(ekf: Ekf, z: np.ndarray) -> np.ndarray:
-    """Returns what is measured of the numbers z (Z, B), shape (B, M)."""
+    """Measurements at z (Z, B), shape (B, M)."""
     n, chain = ekf.num_states, ekf.model.chain
     theta = chain.theta_of(z[n + NUM_INPUTS :], ekf.model.residual_field)
     return np.column_stack([*chain.measure(z[:n], theta), *z[3 : len(ekf.noise)]])

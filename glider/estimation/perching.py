@@ -13,7 +13,7 @@ from glider.estimation.running import Belief, make_prior, run_ekf
 from glider.physics.model import GliderModel
 
 CAPTURE = MotionCapture(position=0.001)
-"""Motion capture as the filter is told of it."""
+"""Motion capture that the filter assumes."""
 
 PROCESS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-2)
 """Variances that the states gain per second: gusts of some cm/s, no more."""
@@ -26,7 +26,7 @@ UNCERTAIN = (
     SlowState(name="wing_offset", std=0.005, walk=1e-6),
     SlowState(name="elevator_area", std=0.0015, walk=1e-7),
 )
-"""Parameters that are estimated, and how well the nominal ones are believed: 5 mm, and
+"""Parameters that are estimated, and their prior standard deviations: 5 mm, and
 a tenth of the elevator."""
 
 
@@ -60,7 +60,7 @@ def perching_ekf(
 def watch_perches(
     model: GliderModel, policy: TrackingPolicy, flights: int, rng: np.random.Generator
 ) -> WatchedPerches:
-    """Filters perches whose launches, gusts and parameters are as it believes.
+    """Filters perches whose launches, gusts and parameters are as it assumes.
 
     Args:
         model: the glider of the filter; each flight's has its own UNCERTAIN.
@@ -100,5 +100,5 @@ def perching_filter(
 
 
 def launch_prior(ekf: Ekf, launch: np.ndarray) -> Belief:
-    """Returns what is believed of a launch that errs by LAUNCH_STD."""
+    """Prior of a launch with errors of LAUNCH_STD."""
     return make_prior(ekf, launch, LAUNCH_STD)

@@ -44,7 +44,7 @@ class Estimates:
 
 
 def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:
-    """Returns what is believed before the first sample.
+    """Returns the belief before the first sample.
 
     Args:
         ekf: the filter.

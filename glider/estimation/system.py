@@ -16,16 +16,16 @@ class ExtendedKalmanFilter(LeafSystem):
 
     At each sample, k periods after time 0, the belief is predicted with the mean of
     the elevator's rate since the last sample, and corrected. At time 0 it is the
-    prior. Who reads an output at the very time of a sample, as a hold of the same
-    clock does, gets what was known before it.
+    prior. An output that is read at the time of a sample, as by a hold of the same
+    clock, is the one before it.
 
     Args:
         ekf: the filter.
-        prior: what is believed at time 0.
+        prior: belief at time 0.
 
     Input ports:
         measured: at the samples, in the order of `ekf.measured_names`.
-        elevator_rate: what the servo is believed to do [rad/s].
+        elevator_rate: assumed rate of the servo [rad/s].
         known: the filter's further known inputs, if it has any, as they are at the
             samples and at time 0; left open, they are what the filter's model has,
             which is zero for the wind.

@@ -9,7 +9,7 @@ servo rests before the first command, and the elevator stops at its travel.
 
 import numpy as np
 
-_ALIKE = 0.05  # Share of the changes by which two phases of a clock fit alike.
+_SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly.
 
 
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -78,13 +78,13 @@ def command_steps(
     clock, its phase is the one that fits most of the rows that changed, or that of a
     clock that started with the log if it fits about as many; it must fit many more
     than by chance. Not all: a servo that slows down before its stops changes commands
-    between the ticks too. Where the clock's rate is not told, the whole number of Hz
+    between the ticks too. Where the clock's rate is unknown, the integer number of Hz
     next to the rate of changes is tried.
 
     Args:
         time: (n,) of the rows [s].
         command: (n,) as logged [rad/s].
-        command_rate: of the clock [Hz], or None where it is not told.
+        command_rate: of the clock [Hz], or None where unknown.
 
     Returns:
         switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's
@@ -105,10 +105,10 @@ def command_steps(
         shares = fits.mean(axis=1)
         best = int(np.argmax(shares))
         spread = np.sqrt(shares[best] * (1.0 - shares[best]) / len(rows))
-        if shares[0] >= shares[best] - max(_ALIKE, 2.0 * spread):
+        if shares[0] >= shares[best] - max(_SIMILAR, 2.0 * spread):
             best = 0
         by_chance = float(np.median(after - before)) / period
-        if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _ALIKE):
+        if shares[best] > min(0.5 * (1.0 + by_chance), 1.0 - _SIMILAR):
             is_tick = fits[best] & ~_on_ramps(before, after, period - slack)
             switches = np.where(is_tick, ticks[best], switches)
     return np.concatenate([time[:1], switches]), commands

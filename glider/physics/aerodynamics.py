@@ -1,7 +1,7 @@
 """Flat plates in a stream: the prior that every effect corrects.
 
-Pure functions of scalars: they take floats, AutoDiffXd, Expression or complex
-numbers alike, and numba compiles them. So only operators and sin, cos, sqrt,
+Pure functions of scalars: floats, AutoDiffXd, Expression or complex numbers, and
+numba compiles them. So only operators and sin, cos, sqrt,
 exp, tanh, arctan; no branch on a value, no abs or atan2.
 """
 

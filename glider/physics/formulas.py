@@ -24,7 +24,7 @@ def scalar(formula: F) -> F:
     return formula
 
 
-def tell_compiler(register: Callable[[Callable], object]) -> None:
+def connect_compiler(register: Callable[[Callable], object]) -> None:
     """Hands all marked formulas to a compiler, and those still to come."""
     for formula in _MARKED:
         register(formula)

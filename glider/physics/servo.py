@@ -1,4 +1,4 @@
-"""The rate that a servo makes of a command at its rate limit and near its stops.
+"""The rate of a servo for a command, with its rate limit and stops.
 
 One formula for the diagram's ElevatorServo, the compiled closed loop and the planners
 that hold a command for a step.
@@ -31,7 +31,7 @@ class Servo(NamedTuple):
 
 
 NO_LIMITS = Servo(-math.inf, math.inf, math.inf)
-"""A servo that does whatever it is told."""
+"""A servo that follows every command."""
 
 
 @scalar

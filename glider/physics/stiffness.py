@@ -31,7 +31,7 @@ def longest_step(model: GliderModel, order: int = 4) -> float:
         order: of the integrator, 1 or 4.
 
     Raises:
-        InputError: it is so short that the effect had better be left out.
+        InputError: it is so short that the effect should be omitted.
     """
     if not model.settling_rate > 0.0:
         return math.inf
@@ -39,10 +39,10 @@ def longest_step(model: GliderModel, order: int = 4) -> float:
     if step < SHORTEST:
         states = ", ".join(model.state_names[NUM_STATES:])
         raise InputError(
-            f"The model's effects have states ({states}) of which one settles within "
-            f"{show(1.0 / model.settling_rate)} s; {SHORTEST / STABLE[order]:g} s is "
-            "the least that can be flown in steps: a model without that effect is "
-            "needed, and flies the same."
+            f"the model's effects have states ({states}) of which one settles within "
+            f"{show(1.0 / model.settling_rate)} s; expected at least "
+            f"{SHORTEST / STABLE[order]:g} s, or a model without that effect, which "
+            "flies the same."
         )
     return step
 

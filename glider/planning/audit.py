@@ -9,7 +9,7 @@ POINTS = 20
 """Points in each segment at which the path is looked at."""
 
 STEPS = 8
-"""Runge-Kutta steps in which a segment is flown afresh, at least."""
+"""Runge-Kutta steps in which a segment is flown again, at least."""
 
 
 def path_defect(
@@ -48,7 +48,7 @@ def path_defect(
 def segment_drift(
     dynamics: Dynamics, times: np.ndarray, states: np.ndarray, inputs: np.ndarray
 ) -> np.ndarray:
-    """Returns how far flights from each knot end from the next, shape (n,).
+    """Largest distances of flights from each knot to the next, shape (n,).
 
     The largest over the segments, for each state.
 

@@ -182,7 +182,7 @@ class _Ladder:
     def go_first(
         self, knots: int, start: Guess | CollocatedFlight | None, is_last: bool
     ) -> CollocatedFlight | None:
-        """Returns what our own solver finds, None where it finds nothing."""
+        """Tries our own solver; returns None where it fails."""
         if start is None:
             model, problem = self._dynamics.model, self._problem
             way = straight_line(model, problem).states.end_time()

@@ -147,7 +147,7 @@ class Reach:
     """Time that it took [s]."""
 
     def describe(self) -> str:
-        """Returns how many can perch, and what the others miss by."""
+        """Describes the number that can perch, and the median miss of the others."""
         count, short = len(self.planned), self.misses[self.misses > 0.0]
         text = (
             f"{np.sum(self.planned):,} of {count:,} launches have a plan to the wire "
@@ -215,7 +215,7 @@ def _reach_of(
 
 
 def find_one(model: GliderModel, problem: PerchingProblem) -> tuple[bool, float]:
-    """Returns whether there is a plan, and the least miss, as `Reach` has them."""
+    """Plans from one launch: whether there is a plan, and the least miss."""
     way = straight_line(model, problem).states.end_time()
     line = straight_line(model, problem, STRETCH * way)
     if solve_structured(model, problem, KNOTS, line).solved:

@@ -57,7 +57,7 @@ class MppiSettings:
 
     temperature: float = 10.0
     """λ, in units of the cost: at a small one the best sequence takes all, at a
-    large one all count alike."""
+    large one all have equal weight."""
 
     deviation: float = math.sqrt(0.1)
     """σ of each command [rad/s]."""

@@ -158,7 +158,7 @@ def to_guess(flight: CollocatedFlight) -> Guess:
 def to_flight(
     found: Outcome, num_states: int, name: str, seconds: float
 ) -> CollocatedFlight:
-    """Returns what the solver ended with as a flight."""
+    """Converts the solver's outcome to a flight."""
     return CollocatedFlight(
         name=name,
         optimum=found.optimum,
@@ -188,7 +188,7 @@ def solve_structured(
 
     Args:
         model: the glider.
-        problem: what to fly; of a launch elsewhere than the guess's, too.
+        problem: what to fly; its launch may differ from the guess's.
         knots: at least 3.
         guess: to start from.
         launch: (n,) all states to start from; None for the problem's launch, the

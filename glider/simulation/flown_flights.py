@@ -1,4 +1,4 @@
-"""Simulated flights, and what became of them."""
+"""Simulated flights and their outcomes."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -150,7 +150,7 @@ class Perches:
         return max(self.flights, key=lambda flight: flight.miss)
 
     def key_figures(self) -> dict[str, object]:
-        """Returns how the flights came to the wire, and how many perch, for a file."""
+        """Key figures of the flights at the wire, for a file."""
         return {
             "miss_m": self.misses,
             "speed_at_wire_m_s": self.speeds,
@@ -159,7 +159,7 @@ class Perches:
         }
 
     def describe(self) -> str:
-        """Returns how many perch, and how the median flight comes to the wire."""
+        """Describes the number that perch, and the median flight at the wire."""
         return (
             f"{self.perched} of {len(self)} launches perch, median miss "
             f"{1000 * np.median(self.misses):.1f} mm at {np.median(self.speeds):.1f} "
@@ -167,7 +167,7 @@ class Perches:
         )
 
     def __len__(self) -> int:
-        """Returns how many there are."""
+        """Number of flights."""
         return len(self.flights)
 
     def __iter__(self) -> Iterator[FlownFlight]:
@@ -180,7 +180,7 @@ class Perches:
 
 
 def describe_pitch(pitch: float) -> str:
-    """Returns a pitch [rad] as people say it: 45° up, 10° down."""
+    """Formats a pitch [rad] as 45° up, 10° down."""
     return f"{abs(np.degrees(pitch)):.0f}° {'down' if pitch > 0.0 else 'up'}"
 
 
@@ -223,11 +223,11 @@ class Flights:
         The paths must be there, and commands that were held.
         """
         if self.paths is None or self.commands is None or self.command_times is None:
-            raise ValueError("flights with paths and held commands are needed")
+            raise ValueError("expected flights with paths and held commands")
         latest = latest_command(self.command_times, self.times)
         rates = self.commands[b, latest]
         return hooked(self.times, self.paths[b], rates, self.problem)
 
     def __len__(self) -> int:
-        """Returns how many there are."""
+        """Number of flights."""
         return len(self.miss)

@@ -36,7 +36,7 @@ class Policy(Protocol):
         """Time until the plan's end [s]."""
 
     def count(self, step: float) -> int:
-        """Returns how many equal steps, none longer, the plan divides into."""
+        """Number of equal steps, none longer, that the plan divides into."""
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns u = offset - gain x: offset (J,) [rad/s] and gain (J, m) at times."""

@@ -17,8 +17,8 @@ def ExtraStates_(T):
         measured ------> [             ]
         elevator_rate -> [ ExtraStates ] -> state = (measured, effect states)
 
-        A regulator of a model with servo_lag, say, wants the lagged rate, which
-        nobody measures. These states forget how they began (a stable lag), so
+        A regulator of a model with servo_lag, say, uses the lagged rate, which
+        is not measured. The initial values of these states decay (a stable lag), so
         that integrating the model's own formulas is enough.
 
         Args:

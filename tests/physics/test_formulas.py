@@ -4,7 +4,7 @@ import numba
 
 from glider.compiled import kernel
 from glider.physics import formulas
-from glider.physics.formulas import scalar, tell_compiler
+from glider.physics.formulas import connect_compiler, scalar
 
 
 def test_a_compiler_hears_of_formulas_before_and_after_it_came(monkeypatch):
@@ -12,7 +12,7 @@ def test_a_compiler_hears_of_formulas_before_and_after_it_came(monkeypatch):
     monkeypatch.setattr(formulas, "_COMPILERS", [])
     heard = []
     first = scalar(lambda x: x)
-    tell_compiler(heard.append)
+    connect_compiler(heard.append)
     second = scalar(lambda x: 2.0 * x)
     assert heard == [first, second]
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.formulas import scalar
 
 STAGES = {
@@ -36,7 +36,7 @@ coefficient of the wing [-], relative change of the wing's and the elevator's
 force [-]. wrench: world force [N] and moment about +y [N m]. inertia: relative
 change of mass and pitch inertia [-], added mass along the body's normal [kg], added
 pitch inertia [kg m²]. sensor: measured minus true pose [m, m, rad]. log: the same, of a
-fault that is undone in the log before anything else looks at it.
+fault that is corrected in the log before it is used.
 """
 
 
@@ -47,14 +47,14 @@ def constant(flow, value):
 
 
 class Replay(NamedTuple):
-    """Way in which the elevator follows logged commands, and the moment a row shows.
+    """How the elevator follows logged commands, and the time that a row shows.
 
     A log is not flown through the plant's actuators and clocks but through these,
     which are exact.
     """
 
     delay: float = 0.0
-    """Time between a command and what it does [s]."""
+    """Time between a command and its action [s]."""
 
     time_constant: float = 0.0
     """First-order lag of the elevator's rate [s]; 0 for none."""
@@ -67,7 +67,7 @@ class Replay(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Motion of the glider: all that is known before the air is."""
+    """Motion of the glider, without the air."""
 
     t: float
     x: float
@@ -207,32 +207,24 @@ class EffectKind:
 
     def _complete(self, values: dict[str, float]) -> tuple[float, ...]:
         names = [c.name for c in self.coefficients]
-        unknown = sorted(set(values) - set(names))
-        if unknown:
-            raise InputError(
-                f"effect '{self.kind}': unknown coefficient '{unknown[0]}'; "
-                f"it has {', '.join(names)}."
-            )
+        for name in values:
+            known, what = f"one of {', '.join(names)}", f"effect '{self.kind}'"
+            expect(name in names, f"{what}: a coefficient", name, known)
         complete = []
         for c in self.coefficients:
             value = values.get(c.name, c.default)
-            if not (isinstance(value, (int, float)) and math.isfinite(value)):
-                raise InputError(
-                    f"effect '{self.kind}': coefficient '{c.name}' is {show(value)}; "
-                    f"a finite number in {c.unit} is needed."
-                )
-            if not c.lower <= value <= c.upper:
-                raise InputError(
-                    f"effect '{self.kind}': coefficient '{c.name}' is {value:g} "
-                    f"{c.unit}; it must lie in [{c.lower:g}, {c.upper:g}]."
-                )
+            what = f"effect '{self.kind}': coefficient '{c.name}'"
+            finite = isinstance(value, (int, float)) and math.isfinite(value)
+            expect(finite, what, value, f"a finite number in {c.unit}")
+            limits = f"a value in [{c.lower:g}, {c.upper:g}] {c.unit}"
+            expect(c.lower <= value <= c.upper, what, value, limits)
             complete.append(float(value))
         return tuple(complete)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Effect:
-    """An effect kind with numbers: what a model holds."""
+    """An effect kind with its coefficients."""
 
     kind: EffectKind
     values: tuple[float, ...]

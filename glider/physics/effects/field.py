@@ -3,7 +3,7 @@
 This is the article's learned residual of C_L, C_D and C_M (kind
 ``rbf_residual``), generalised: it may depend on any of FIELD_VARIABLES, and it
 may also be a motion of the air that varies in space or time. The tracer carries
-what it cannot name (kind ``unexplained``) as such a field.
+what it cannot identify (kind ``unexplained``) as such a field.
 """
 
 import dataclasses
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.formulas import scalar
 
@@ -157,45 +157,31 @@ def gaussians(
 
 def make_field(data: FieldData) -> Field:
     """Returns the arrays of a field; raises InputError where it is malformed."""
-    for names, known in (
-        (data.variables, FIELD_VARIABLES),
-        (data.weights, FIELD_TERMS),
-    ):
-        unknown = [name for name in names if name not in known]
-        if unknown:
-            raise InputError(
-                f"field '{data.kind}': unknown name '{unknown[0]}'; "
-                f"one of {', '.join(known)} is needed."
-            )
-    if len(data.widths) != len(data.variables) or min(data.widths, default=1.0) <= 0:
-        raise InputError(
-            f"field '{data.kind}': widths is {show(data.widths)}; one width > 0 for "
-            f"each of {', '.join(data.variables)} is needed."
-        )
+    field = f"field '{data.kind}'"
+    names = dict.fromkeys(data.variables, FIELD_VARIABLES)
+    for name, known in (names | dict.fromkeys(data.weights, FIELD_TERMS)).items():
+        expect(name in known, f"{field}: a name", name, f"one of {', '.join(known)}")
+    good = len(data.widths) == len(data.variables)
+    good = good and not min(data.widths, default=1.0) <= 0.0  # NaN is refused below.
+    needed = f"one width > 0 for each of {', '.join(data.variables)}"
+    expect(good, f"{field}: widths", data.widths, needed)
     count = len(data.centers) + data.constant
     centers = np.zeros((count, len(FIELD_VARIABLES)))
     inverse_widths = np.zeros_like(centers)
     columns = [FIELD_VARIABLES.index(name) for name in data.variables]
     for m, center in enumerate(data.centers):
-        if len(center) != len(columns):
-            raise InputError(
-                f"field '{data.kind}': center {m} has {len(center)} numbers; "
-                f"{len(columns)} are needed."
-            )
+        good, needed = len(center) == len(columns), f"{len(columns)} numbers"
+        expect(good, f"{field}: center {m}", center, needed)
         centers[m, columns] = center
         inverse_widths[m, columns] = 1.0 / np.asarray(data.widths)
     weights = np.zeros((count, len(FIELD_TERMS)))
     for name, values in data.weights.items():
-        if len(values) != count:
-            raise InputError(
-                f"field '{data.kind}': '{name}' has {len(values)} weights; "
-                f"{count} are needed."
-            )
+        good = len(values) == count
+        expect(good, f"{field}: '{name}'", values, f"{count} weights")
         weights[:, FIELD_TERMS.index(name)] = values
     parts = [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
-    field = Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
-    if not all(np.all(np.isfinite(array)) for array in field):
-        raise InputError(
-            f"field '{data.kind}': centers, widths and weights must be finite numbers."
-        )
-    return field
+    joined = Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
+    for name, array in zip(("centers", "widths", "weights"), joined, strict=True):
+        good = bool(np.all(np.isfinite(array)))
+        expect(good, f"{field}: {name}", array, "finite numbers")
+    return joined

@@ -20,7 +20,7 @@ MASS = EffectKind(
     words="a mass that differs from its nominal value",
     depends_on=("V", "alpha"),
 )
-"""Mass: (1 + change) times the nominal mass, in inertia and weight alike."""
+"""Mass: (1 + change) times the nominal mass, in both inertia and weight."""
 
 INERTIA = EffectKind(
     kind="inertia",
