@@ -40,8 +40,8 @@ FRAMES_PER_SECOND = 64.0
 """Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
 
 NUM_POSITIONS = 4
-"""Number of positions, x, z, pitch, elevator: the first of the states, and all that is
-drawn."""
+"""Number of positions (x, z, pitch and elevator), the first of the states. Nothing else
+is drawn."""
 
 
 @TemplateSystem.define("GliderGeometry_", T_list=[float, AutoDiffXd])
