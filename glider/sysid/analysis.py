@@ -410,7 +410,7 @@ _UNLIKE = (
 """Why a flight that stands out is excluded."""
 
 _UNPREDICTED = (
-    "{}: every model diverges on this held-out flight; it is left out of the errors."
+    "{}: every model diverges on this held-out flight; it is excluded from the errors."
 )
 
 

@@ -73,19 +73,19 @@ SPREAD_KINDS = {
     "pitch_offset": ("pitch_zero", "angle", "rad"),
     "wind": ("wind", "x", "m/s"),
 }
-"""Kinds that may differ from flight to flight: scale, coefficient, unit."""
+"""Kinds with flight-to-flight variation: scale, coefficient, unit."""
 
 LEAST_SPREAD = 0.1
-"""Difference from flight to flight that is worth a word, in the coefficient's scale."""
+"""Least flight-to-flight variation to report, in the coefficient's scale."""
 
 CURVE_Z = 5.0
-"""Standard errors by which a curve must differ from nothing, somewhere in the middle
-90 % of the flown angles: of its ten independent places none does so by chance."""
+"""Standard errors by which a curve must differ from zero, somewhere in the central 90 %
+of the flown angles: at its ten independent places none does so by chance."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualCurves:
-    """Curves that a model carries because no formula has their shape.
+    """Curves that a model carries beside its formulas.
 
     Attributes:
         terms: that are not zero.
@@ -97,7 +97,7 @@ class ResidualCurves:
 
 
 def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurves:
-    """Returns the curves of a model that are more than noise."""
+    """Returns the significant curves of a model."""
     if not model.has_curves:
         return ResidualCurves(terms=(), data=None)
     curves = task.curves
@@ -114,9 +114,9 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurv
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
-    """Returns what differs from flight to flight, with each flight's own value.
+    """Returns the flight-to-flight variation, with the value of each flight.
 
-    That is what is worth the price of an effect when all other scales are refitted.
+    It is reported where it reaches the threshold of an effect, all else refitted.
     """
     flights = error_flights(task, model)
     _, base = fit_scales(flights, model.scales)
@@ -130,9 +130,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
         shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
-        if shows or (
-            kind == "elevator_trim" and task.per_flight_trims
-        ):  # Then it is told.
+        if shows or (kind == "elevator_trim" and task.per_flight_trims):
             values = [float(o[PER_FLIGHT[kind][coefficient]]) for o in own]
             found[kind] = Spread(
                 std=getattr(model.scales, scale),
@@ -258,14 +256,14 @@ def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundE
 
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
-    """Returns what differs from flight to flight, with its mean over the flights."""
+    """Returns a flight-to-flight variation as an effect, with the mean over flights."""
     kind = task.layout.kinds[name]
     first = SPREAD_KINDS[name][1]
     values = list(spread.values.values())
     mean, error = float(np.mean(values)), spread.std / math.sqrt(len(values))
     return FoundEffect(
         kind=name,
-        words=f"{kind.words}, another in each flight",
+        words=f"{kind.words}, different in each flight",
         coefficients={
             c.name: Estimate(value=mean, std=error, unit=c.unit)
             for c in kind.coefficients
@@ -313,7 +311,7 @@ def model_of(
 
 
 def vehicle_of(vehicle: Vehicle, model: FitResult, known: Uncertainty) -> dict:
-    """Returns the numbers of the vehicle that nobody told, with standard errors."""
+    """Returns the unknown parameters of the vehicle, with standard errors."""
     units = {"wing_offset": "m", "mass": "kg", "pitch_inertia": "kg m²"}
     if vehicle.is_per_mass:
         units["pitch_inertia"] = "m²"
@@ -335,10 +333,10 @@ def vehicle_of(vehicle: Vehicle, model: FitResult, known: Uncertainty) -> dict:
 def covariance_of(
     task: Task, model: FitResult, known: Uncertainty
 ) -> Covariance | None:
-    """Returns the covariance of all fitted numbers that the corrected glider has.
+    """Returns the covariance of all fitted parameters of the corrected glider.
 
-    Those are the effects' coefficients and what nobody told of the vehicle; None where
-    there are none. What differs from flight to flight is not in it, only its mean.
+    Those are the effects' coefficients and the unknown parameters of the vehicle; None
+    without any. Of flight-to-flight variation only the mean is included.
     """
     layout = task.layout
     mine = {i for kind in model.kinds for i in layout.slots_of(kind)}
@@ -375,19 +373,19 @@ def correlations_of(
 
 
 def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
-    """Returns what the plate lacks over the angle of attack, in bins of equal weight.
+    """Returns the residual of the flat plate over the angle of attack, in equal bins.
 
     Bands are standard errors over flights.
 
     Args:
-        before: of the plate.
-        named: of the plate with the effects that have a name, on the same rows.
+        before: of the flat plate.
+        named: of the flat plate with the identified effects, on the same rows.
     """
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
     place = np.clip(np.searchsorted(edges, alpha, side="right") - 1, 0, len(edges) - 2)
     lack, rest = _lack_of(before), _lack_of(named)
-    # Effects change airspeed and areas too: the rest in the units of the plate.
+    # Effects change airspeed and areas too: the rest in units of the flat plate.
     force, moment = (named.unit / before.unit).T
     explained = {
         "c_normal": lack["c_normal"] - force * rest["c_normal"],

@@ -2,7 +2,7 @@
 
 `close_the_loop` is the main job of this package; the command line and the
 examples only call it. It reads and checks its input before it imports what takes
-a second, so that a fault in the input is told at once.
+a second, so that a fault in the input is reported at once.
 """
 
 import dataclasses
@@ -37,7 +37,7 @@ def close_the_loop(
     own_effects: Sequence[EffectKind] = (),
     progress: Progress = lambda text: None,
 ) -> "Result":
-    """Finds what a glider's model lacks, adds it, and measures what that buys.
+    """Finds what a glider's model lacks, adds it, and measures the improvement.
 
     Args:
         campaign: a campaign's folder, or one in memory.
@@ -48,7 +48,7 @@ def close_the_loop(
         effects: names of the kinds to try; by default the whole library and
             `own_effects`.
         own_effects: kinds that the library lacks, of any stage but the log.
-            They are traced, weighed and carried by the model like the library's.
+            They are traced and carried by the model like those of the library.
         progress: called with a line of text as the work goes on.
 
     Returns:
@@ -112,11 +112,9 @@ def close_the_loop(
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
-    """Raises InputError unless all effects are known, a user's own among them."""
+    """Raises InputError unless all effects are known, user effects among them."""
     if effects is not None and not effects:
-        raise InputError(
-            "no effect is to be tried; the name of at least one is needed."
-        )
+        raise InputError("found no effect to try; expected the name of at least one.")
     if own:
         from glider.sysid.replay.theta import layout_of
 
@@ -130,23 +128,23 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
 
 
 def _left_out(effects: Sequence[str], vehicle: "Vehicle") -> str:
-    """Returns a warning that effects are not found which were not asked for."""
+    """Returns a warning that effects that were not tried cannot be found."""
     count = len(set(vehicle.kinds) - set(effects))
     return (
         f"only {', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried; "
-        f"{count} other effects were left out and cannot be found, and what they do "
-        "may be laid to those that were tried."
+        f"{count} other effects were omitted and cannot be found, and their influence "
+        "may be attributed to those that were tried."
     )
 
 
 def _kinds_to_try(vehicle: "Vehicle", effects: Sequence[str] | None) -> tuple[str, ...]:
-    """Returns the kinds that these logs could show and that are asked for."""
+    """Returns the kinds that were asked for and that these logs could show."""
     if effects is None:
         return vehicle.kinds
     kinds = tuple(kind for kind in vehicle.kinds if kind in effects)
     if not kinds and ANGLE_SIGN.kind not in effects:
         raise InputError(
-            f"none of the effects {', '.join(effects)} can be told from what this "
-            "campaign logs and leaves unknown."
+            f"none of the effects {', '.join(effects)} can be identified from what "
+            "this campaign logs and leaves unknown."
         )
     return kinds

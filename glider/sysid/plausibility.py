@@ -1,9 +1,9 @@
-"""Is what a model leaves to chance small enough that the rest can be believed?
+"""Checks that a model does not attribute too much to chance.
 
-Process noise and what flights have of their own take up whatever a model lacks: the
-likelihood stays honest, but where chance does most of the work the names stand for
-nothing. So it is where a log is torn in a way that no check of its rows sees, as with
-commands of another flight or a clock that runs slow.
+Process noise and per-flight constants absorb whatever a model lacks: the likelihood
+stays honest, but where they explain most of the error the effects mean nothing. That
+happens where a log is inconsistent in a way that no check of its rows detects, as with
+the commands of another flight or a clock that runs slow.
 """
 
 import numpy as np
@@ -16,37 +16,37 @@ from glider.sysid.replay.signals import logged_elevator
 
 BOUNDED = {
     "air": "gusts of {:.2g} m/s",
-    "wind": "winds that differ by {:.2g} m/s",
-    "trim": "trims that differ by {:.2g} rad",
-    "pitch_zero": "zeros of the pitch that differ by {:.2g} rad",
+    "wind": "flight-to-flight winds of {:.2g} m/s",
+    "trim": "flight-to-flight trims of {:.2g} rad",
+    "pitch_zero": "flight-to-flight pitch offsets of {:.2g} rad",
 }
-"""Scales whose ceilings no throw of a known glider reaches, and their words."""
+"""Scales whose ceilings no flight of a known glider reaches, and their words."""
 
 NEAR_CEILING = 0.97
-"""Share of its ceiling from which on a scale is at it."""
+"""Share of its ceiling above which a scale is at it."""
 
 MOMENT_SHARE = 0.2
-"""Errors of the moment, by the RMS of the pitch acceleration, from which on the model
-does not explain it. Measured: at most 0.04 in campaigns that are answered rightly, 0.2
-to 1 where elevator and pose are not of one flight or not of one clock."""
+"""Unmodelled pitch acceleration over the RMS pitch acceleration above which the model
+does not explain it. Measured: at most 0.04 in campaigns with the right answer, 0.2 to 1
+where elevator and pose are of different flights or clocks."""
 
 GAIN_ERROR = 0.03
-"""Part by which the elevator may move more or less than its commands order. Measured,
+"""Share by which the elevator may move more or less than commanded. Measured,
 with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
 library's among them; 0.04 and 0.05 where one clock is 5 % slow."""
 
 GAIN_Z = 4.0
-"""... and standard errors over flights from which on it surely does."""
+"""... and standard errors over flights above which that is significant."""
 
 WINDOW = 0.1
-"""Time over which an elevator's travel is taken [s]."""
+"""Time over which an elevator's travel is measured [s]."""
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
-    """Returns why a model is not to be believed, one clause, or None.
+    """Returns why a model cannot be trusted, one clause, or None.
 
     Args:
-        task: the flights, of a glider whose mass and areas are told; others pass.
+        task: the flights, of a glider whose mass and areas are known; others pass.
         model: fitted to them.
     """
     if not task.vehicle.knows_forces:
@@ -56,16 +56,16 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
     if model.scales.moment > MOMENT_SHARE * usual:
         found.append(
-            f"errors of the moment of {model.scales.moment:.2g} rad/s², where pitch "
-            f"accelerations are {usual:.2g}"
+            f"unmodelled pitch accelerations of {model.scales.moment:.2g} rad/s² "
+            f"(measured ones are {usual:.2g})"
         )
     if found:
         return f"the model needs {' and '.join(found)}"
     gain, error = elevator_gain(task, model)
     if abs(gain - 1.0) > max(GAIN_ERROR, GAIN_Z * error):
         return (
-            f"the elevator moves {gain:.3f} times as far as its commands order (± "
-            f"{error:.1g}), as where a clock or a unit is wrong"
+            f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
+            "as with a wrong clock or unit"
         )
     return None
 
@@ -98,7 +98,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
 
 
 def _gain_of(record: Record, model: FitResult) -> float | None:
-    """Returns a flight's gain; None where its elevator hardly moves."""
+    """Returns a flight's gain; None where its elevator barely moves."""
     rows = np.flatnonzero(record.seen[:, 3])
     time, measured = record.time[rows], record.elevator[rows]
     modeled = logged_elevator(record, model.theta)[rows]
@@ -113,4 +113,4 @@ def _gain_of(record: Record, model: FitResult) -> float | None:
 
 
 LEAST_TRAVEL = 0.1
-"""Sum of squared travels from which on a flight tells a gain [rad²]."""
+"""Sum of squared travels above which a flight determines a gain [rad²]."""

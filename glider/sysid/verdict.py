@@ -80,7 +80,7 @@ def judge(
 
 
 def changes_baseline_alone(model: FitResult) -> bool:
-    """Whether all effects of a model are other values of the plate's own parameters.
+    """Whether all effects of a model are other values of the flat plate's parameters.
 
     The re-identified baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
@@ -101,7 +101,7 @@ def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
 
 
 def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
-    """Returns why the plate's own parameters do not hold as they were found, or None.
+    """Returns why other parameters of the flat plate do not hold, or None.
 
     Args:
         held_out: beside the baseline, with all of its parameters refitted.

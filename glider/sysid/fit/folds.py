@@ -1,4 +1,4 @@
-"""Does a correction hold? Flights held out in folds, both models refitted."""
+"""Flights held out in folds, baseline and corrected model refitted to the others."""
 
 import dataclasses
 import math
@@ -44,13 +44,13 @@ CHANCE = 0.025
 LEAST_UNSEEN_GAIN = -math.log(CHANCE)
 """Log-likelihood that a correction must gain on the flights that neither the search nor
 a fit has seen [nats]: there a likelihood ratio of 40 comes up by chance in one campaign
-of forty at most, for its mean is one where the plate is true."""
+of forty at most, since its mean is one where the baseline is true."""
 
 WORSE = 1.001, 1.02
-"""Ratios of errors from which on a correction makes flights worse, free and along the
-measured pitch. A glider that flies freely shows all that is wrong with it, and a claim
-has to tell where it goes better than the plate does; a thousandth is a tie. Along the
-measured pitch what turns the glider changes nothing but by chance."""
+"""Ratios of errors above which a correction makes flights worse, free and along the
+measured pitch. A free rollout shows all errors of a model, and a claim has to predict
+it better than the baseline does; a thousandth is a tie. Along the measured pitch, an
+effect on the pitch alone changes the error only by chance."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -149,8 +149,8 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
     Args:
         task: on the flights that it was fitted to.
         model: fitted.
-        scales: of sensors, and of what differs from flight to flight, as the best model
-            has them: a wrong model would make much of them.
+        scales: of sensors and of flight-to-flight variation, as the best model has
+            them: a wrong model would exaggerate them.
     """
     flown = RolloutModel(
         theta=model.theta,
@@ -175,9 +175,9 @@ def hold_out(
 
     Args:
         task: on all flights.
-        plate: the model before.
-        corrected: the model after.
-        scales: of sensors, and of what differs from flight to flight, of rollouts.
+        plate: the baseline.
+        corrected: the model with the effects.
+        scales: of sensors and of flight-to-flight variation, of rollouts.
         rng: that deals the flights to folds.
         searched: names of the flights that the search for effects has seen.
         nominal: the nominal model, where the gain over it is computed too.

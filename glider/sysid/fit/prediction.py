@@ -32,7 +32,7 @@ BEGINNING = 0.2
 """Share of a flight on which its launch state is fitted."""
 
 BEGINNING_WITH_TRIM = 0.4
-"""The same where something of the flight's own is fitted too."""
+"""The same where a trim of the flight is fitted too."""
 
 _FEWEST_ROWS = 10
 
@@ -42,11 +42,11 @@ class RolloutModel:
     """A model that flies logs again.
 
     Attributes:
-        theta: its numbers.
+        theta: its parameters and coefficients.
         field: its residual field.
-        scales: of errors along its rollouts, and of what differs from flight to
-            flight, see `rollout_scales`.
-        per_flight_trims: whether each flight has an elevator angle of its own.
+        scales: of errors along its rollouts and of flight-to-flight variation, see
+            `rollout_scales`.
+        per_flight_trims: whether the elevator stands at another angle in each flight.
     """
 
     theta: np.ndarray
@@ -62,7 +62,7 @@ class Prediction:
     Attributes:
         pose: (n, 3) of the free rollout, as the sensors would show it.
         translated: (n, 2) x and z of the forces alone along the measured pitch.
-        trim: elevator angle of the flight's own found on the beginning [rad].
+        trim: elevator trim of the flight, found on the beginning [rad].
     """
 
     pose: np.ndarray
@@ -87,13 +87,13 @@ def rollout_scales(
 ) -> Scales:
     """Returns the errors of a model's rollouts over the beginnings of flights.
 
-    A rollout knows no gusts: its errors last, and a launch must suit all rows of the
+    A rollout has no gusts: its errors persist, and a launch must fit all rows of the
     beginning, not only the first. Flights on which the model diverges do not count.
 
     Args:
-        model: whose own scales do not count.
+        model: whose scales are not used.
         records: flights that it was fitted to.
-        scales: of the sensors, and of what differs from flight to flight.
+        scales: of the sensors and of flight-to-flight variation.
     """
     still = dataclasses.replace(
         scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
@@ -112,7 +112,7 @@ _OF_ROLLOUTS = ("position", "pitch")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Launch:
-    """Start of a flight, and what is its own.
+    """Start of a flight and its per-flight constants.
 
     Attributes:
         state: (n,) of the compiled dynamics.
@@ -129,7 +129,7 @@ def find_launch(model: RolloutModel, record: Record, rows: int) -> Launch:
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)
         own = smoothed_start(flight, model.scales)
-        if not np.all(np.isfinite(own)):  # It blows up: it starts as measured.
+        if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
             own = np.zeros_like(own)
         n = len(flight.nodes[0])
         constants = Constants.of(constants.values + own[n + PROCESSES :])
@@ -211,7 +211,7 @@ def errors_of(
         pitch.append(error[:, 2] ** 2)
         along = (record.pose[:, :2] - predicted.translated)[seen]
         translated.append(np.sum(along**2, axis=1))
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         rms = np.sqrt(np.mean(table.residual**2, axis=0))
     tangential, normal, in_pitch = map(float, rms)
     return Errors(

@@ -1,4 +1,4 @@
-"""Everything that may be wrong, as columns of all flights about one model."""
+"""Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -27,10 +27,10 @@ Member = tuple[str, Variant]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """Columns of the flights about a model, and whose they are.
+    """Columns of the flights about a model, and the effects they belong to.
 
     Attributes:
-        task: that is worked at.
+        task: of the flights.
         model: about which the flights are linear.
         directions: of the columns; the curves' columns follow.
         variants: kind to its variants; a kind that acts already has one.
@@ -58,16 +58,16 @@ class Candidates:
     def from_nothing(
         self, grams: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Returns the information about effects that count from nothing.
+        """Returns the information about effects that count from zero.
 
-        Not from where they are: the share of those that act is given back to the error.
+        The share of those that act is returned to the error.
 
         Args:
             grams: (..., m + 1, m + 1).
 
         Returns:
             the same with the error of the model without effects; and (m,) the columns'
-            values there, their means beforehand and their precisions.
+            values there, their prior means and precisions.
         """
         task, model = self.task, self.model
         slots = [d.slot for d in self.directions]
@@ -120,7 +120,7 @@ class Candidates:
 
 
 def gather(task: Task, model: FitResult) -> Candidates:
-    """Makes all flights linear about a model, in everything that may be wrong."""
+    """Linearizes all flights about a model, in all candidate effects."""
     layout = task.layout
     directions = slopes(layout, model.theta, model.free)
     own = set(task.vehicle.nuisance)
@@ -160,13 +160,13 @@ def gather(task: Task, model: FitResult) -> Candidates:
 
 _LARGEST_PUSH = 1e3
 """Change of a state in one interval, by a coefficient of its usual scale, that no
-flight has: a formula is then far outside of what it is for."""
+flight has: the formula is then far outside its range."""
 
 
 def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
-    """Returns the flights with columns of nothing for the wild ones, and which."""
+    """Returns the flights with diverging columns set to zero, and which those are."""
     scale = task.layout.scale[[d.slot for d in directions]]
     columns = slice(0, len(directions))
     wild = np.zeros(len(directions), dtype=bool)
@@ -187,9 +187,9 @@ def tamed(
 def saturated_scales(
     candidates: Candidates, scales: Scales, rounds: int
 ) -> tuple[Scales, np.ndarray]:
-    """Fits the scales with everything acting at once, shrunken.
+    """Fits the scales with all candidates acting at once, shrunken.
 
-    So that what a model lacks is not taken for noise before it has been looked for.
+    Otherwise a missing effect would be taken for noise before it is searched for.
 
     Returns:
         the scales, and the change of all columns there (m,).

@@ -1,11 +1,11 @@
-"""Curves over the angle of attack that no formula has: what forms get wrong.
+"""Residual curves over the angle of attack: errors of the formulas.
 
 Lift, drag, moment and the tail's force may differ from any formula by smooth curves
-over alpha. In a fit they are a nuisance with small, shrunken weights: they take up
-what a formula of nearly the right shape leaves, so that no second name is bought for
-it. What a formula of the simplest shape can say (a constant drag, camber, plate lift,
-axial drag, a constant moment, a shifted center of pressure, the tail's area) is left
-out of them: names come first.
+over alpha. In a fit they are a nuisance with small, shrunken weights: they absorb the
+residual of a formula of nearly the right shape, so that no second effect is added for
+it. Curves that the simplest formulas can express (a constant drag, camber, plate lift,
+axial drag, a constant moment, a shifted center of pressure, the tail's area) are
+excluded from them: effects come first.
 """
 
 import dataclasses
@@ -22,8 +22,8 @@ TERMS = (*COEFFICIENTS, TAIL_TERM)
 """Terms of FIELD_TERMS that the curves are of."""
 
 STRENGTHS = (0.02, 0.02, 0.0012, 0.1)
-"""Spread of the weights beforehand, of each term [-, -, m, -]: a few hundredths of a
-flat plate's largest coefficients (2, 2, 2 · 0.06 m) and a tenth of the tail's force, at
+"""Prior spread of the weights of each term [-, -, m, -]: a few hundredths of a flat
+plate's largest coefficients (2, 2, 2 · 0.06 m) and a tenth of the tail's force, at
 a strength of one; the strength itself is estimated."""
 
 COUNT = 12
@@ -40,7 +40,7 @@ class Curves:
         centers: (M,) [rad].
         width: of the Gaussians [rad].
         mix: (M * 4, q) weights, functions first and then terms, of each coordinate; a
-            coordinate has a spread of one beforehand, times the strength.
+            coordinate has a prior spread of one, times the strength.
         angles: (n,) a sample of the flown angles of attack [rad].
     """
 

@@ -1,4 +1,4 @@
-"""The information that flights hold on coefficients, as one small matrix a flight.
+"""The information of flights on coefficients, one small matrix for each flight.
 
 A flight's errors are linear in its launch state and in the coefficients. With the
 launch state eliminated, their squares are a quadratic form [δθ; -1]' R [δθ; -1];
@@ -49,7 +49,7 @@ def bounded_step(
     """Returns a Levenberg-Marquardt step that keeps between bounds.
 
     A coefficient that would leave them stays on its bound, and the others are
-    solved for anew.
+    solved for again.
     """
     m = len(ridge)
     hessian = np.diag(information)[:m]
@@ -80,7 +80,7 @@ def covariance(
     flights: that one stays honest when errors within a flight are correlated, and
     where flights are few for the coefficients (MacKinnon and White, Journal of
     Econometrics 29, 1985), widened as Student's t of so few asks: 1.96 standard errors
-    are to hold 95 %. Everything being linear, each flight is left out exactly.
+    are to hold 95 %. Everything being linear, each flight is held out exactly.
 
     Args:
         information: (flights, m + 1, m + 1) at the coefficients.
@@ -109,7 +109,7 @@ class Evidence:
 
     Attributes:
         gram: (m + 1, m + 1) of the candidates' columns and, last, the error.
-        precision: (m,) of the candidates' coefficients beforehand.
+        precision: (m,) of the prior of the candidates' coefficients.
         lower: (m,) least changes that are physical.
         upper: (m,) largest.
     """
@@ -159,13 +159,13 @@ class Evidence:
 def eliminate(
     gram: np.ndarray, always: Sequence[int], precision: np.ndarray, mean: np.ndarray
 ) -> np.ndarray:
-    """Returns a Gram matrix with columns solved for and left out.
+    """Returns a Gram matrix with columns solved for and eliminated.
 
     Args:
         gram: (M + 1, M + 1), the error last.
         always: indices of the columns.
-        precision: (len(always),) beforehand.
-        mean: (len(always),) of their changes beforehand.
+        precision: (len(always),) of their prior.
+        mean: (len(always),) of their changes, by the prior.
     """
     always = list(always)
     keep = [j for j in range(len(gram)) if j not in set(always)]

@@ -1,4 +1,4 @@
-"""A flight made linear in its launch, its air, its constants and a model's numbers."""
+"""A flight linearized in launch, moving air, per-flight constants and parameters."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from glider.sysid.replay.theta import OFFSET, Layout
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Constants:
-    """What is constant in a flight and differs from the next, about which it is linear.
+    """Per-flight constants, about which a flight is linear.
 
     Attributes:
         wind: (2,) [m/s].
@@ -102,15 +102,15 @@ class LinearFlight:
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
 
-        What a formula gets wrong is a force in any direction; air that moves hardly
-        turns the force on a plate, and would make drag too sure.
+        The error of a formula is a force in any direction; moving air barely turns the
+        force on a plate, which would make drag too certain.
         """
         terms = [FIELD_TERMS.index(name) for name in ("c_lift", "c_drag")]
         forces = np.ascontiguousarray(self.by_term[:, :, terms])
         return dataclasses.replace(self, by_air=forces)
 
     def middle_alpha(self, theta: np.ndarray) -> np.ndarray:
-        """Returns the angle of attack in the middle of each interval [rad]."""
+        """Returns the angle of attack at the midpoint of each interval [rad]."""
         alpha = flow_variables(self.record, theta)[:, FIELD_VARIABLES.index("alpha")]
         return 0.5 * (alpha[1:] + alpha[:-1])
 
@@ -120,7 +120,7 @@ class LinearFlight:
         """Returns the flight with more columns, before the last.
 
         Args:
-            basis: (K, M) values of M functions in the middle of the intervals.
+            basis: (K, M) values of M functions at the midpoints of intervals.
             terms: which of FIELD_TERMS each multiplies.
             mix: (M terms, q) weights of functions (first) and terms in each column.
         """
@@ -249,7 +249,7 @@ def _as_read(
 def _by_trim(
     record: Record, theta: np.ndarray, by_x: np.ndarray, by_term: np.ndarray
 ) -> np.ndarray:
-    """Returns how each interval's end moves with the flight's own trim, (K, n)."""
+    """Returns the derivative of each interval's end over the flight's trim, (K, n)."""
     if not record.trim_is_moment:
         by_trim = by_x[:, :, OFFSET].copy()
         by_trim[:, OFFSET] = 0.0

@@ -45,18 +45,18 @@ class FitResult:
 
     Attributes:
         kinds: that act.
-        theta: the model's numbers.
+        theta: its parameters and coefficients.
         free: slots of theta that are fitted.
         coordinates: of the curves; empty where there are none.
-        strength: of the curves beforehand.
+        strength: prior strength of the curves.
         scales: of all noise.
-        constants: name of each flight to its own, about which it is linear.
-        extra: a field without a name that acts too, or None.
+        constants: name of each flight to its constants, about which it is linear.
+        extra: an unmodelled field that acts too, or None.
         has_force_errors: whether errors of the forces stand in for moving air, see
             `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
         cost: negative log posterior [nats].
-        freedom: what the curves cost for the room that they had beforehand and do not
-            fill, the logarithm of a ratio of volumes [nats].
+        freedom: penalty of the curves for the prior volume that they do not fill, the
+            logarithm of a ratio of volumes [nats].
     """
 
     kinds: tuple[str, ...]
@@ -107,7 +107,7 @@ def linear_flights(
     """Returns all flights, linear about a model; the curves' columns come last."""
     field, curves = field_of(task, model), task.curves
 
-    def one(record: Record) -> LinearFlight:  # It holds no flights but its own.
+    def one(record: Record) -> LinearFlight:  # It holds one flight only.
         own = model.constants.get(record.name, Constants())
         flight = linearize(record, model.theta, field, directions, own)
         if model.has_force_errors:
@@ -129,7 +129,7 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
 def prior_of(
     task: Task, model: FitResult, slots: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns value, mean beforehand and precision of slots, then of the curves."""
+    """Returns value, prior mean and precision of slots, then of the curves."""
     mean, precision = task.priors(slots, model.theta)
     count = len(model.coordinates)
     return (
@@ -142,7 +142,7 @@ def prior_of(
 def with_prior(
     gram: np.ndarray, value: np.ndarray, mean: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Returns a Gram matrix with what is known beforehand added as one more flight."""
+    """Returns a Gram matrix with the prior added as one more flight."""
     total = gram.copy()
     total[:-1, :-1] += np.diag(precision)
     total[:-1, -1] += precision * (mean - value)
@@ -157,10 +157,10 @@ def fit_model(
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
-    """Fits a model's free numbers, its curves and its scales.
+    """Fits a model's free parameters, its curves and its scales.
 
     Args:
-        task: what is fitted to what.
+        task: flights and model.
         model: where the fit starts.
         iterations: at most.
         free_scales: names of the scales to fit; all by default.
@@ -210,7 +210,7 @@ def fit_model(
             np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
             np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
         )
-        if not np.all(np.isfinite(step)):  # It blows up: no model to go on from.
+        if not np.all(np.isfinite(step)):  # It diverges.
             best = dataclasses.replace(best, cost=np.inf)
             break
         current = _moved(best, about, index, step, lower, upper)
@@ -219,7 +219,7 @@ def fit_model(
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray]:
-    """Returns what each flight knows of its columns, see `WhitenedFlight.gram`."""
+    """Returns each flight's information on its columns, see `WhitenedFlight.gram`."""
     return in_parallel(lambda f: whiten(f, scales).gram, flights)
 
 
@@ -231,14 +231,14 @@ def _moved(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> FitResult:
-    """Returns a model with its free numbers moved, and the flights' own with them.
+    """Returns a model with its free parameters moved, and per-flight constants.
 
     Args:
         model: to move.
         flights: linear about it.
-        index: of the free numbers in theta.
+        index: of the free parameters in theta.
         step: of these, then of the curves.
-        lower: bounds of the free numbers.
+        lower: bounds of the free parameters.
         upper: the same.
     """
     theta = model.theta.copy()
@@ -252,7 +252,7 @@ def _moved(
 
 
 def with_constants(task: Task, model: FitResult) -> FitResult:
-    """Returns a model with what is its own of each flight of a task, old and new."""
+    """Returns a model with the constants of each flight of a task, old and new."""
     constants = _constants(error_flights(task, model), model.scales)
     return dataclasses.replace(model, constants=constants)
 
@@ -263,7 +263,7 @@ def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Con
 
 
 def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
-    """Returns the model with the curves as strong beforehand as the flights say.
+    """Returns the model with the prior strength of the curves that the flights show.
 
     MacKay's fixed point of the marginal likelihood (Neural Computation 4, 1992).
     """
@@ -272,7 +272,7 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     index = list(model.free)
     flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
     gram = np.sum(grams_of(flights, model.scales), axis=0)
-    if not np.all(np.isfinite(gram)):  # It blows up.
+    if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
     strength = model.strength
     for _ in range(rounds):

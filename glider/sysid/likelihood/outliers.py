@@ -1,15 +1,14 @@
 """Flights that no model explains together with the others.
 
-Everything that may be wrong, shrunken curves, the launch, the air and the flight's own
-constants act at once; what a flight's error then costs, over its number of
-measurements, is a mean square that is about the same for all flights of one glider,
-whatever the glider lacks. A flight whose axes, units, clock or elevator are not those
-of the others, that was hit or is of another glider, costs many times as much. All is in
-closed form from the flights' Gram matrices, under weights by which a flight that
-costs much counts little (iteratively reweighted least squares; Huber, Robust
-Statistics, 1981).
+All effects, shrunken curves, the launch, moving air and per-flight constants act at
+once; the remaining mean squared error of a flight is about the same for all flights of
+one glider, whatever its model lacks. It is many times as large for a flight whose axes,
+units, clock or elevator are not those of the others, that was hit or is of another
+glider. All is in closed form from the flights' Gram matrices, with low weights for
+flights of large errors (iteratively reweighted least squares; Huber, Robust Statistics,
+1981).
 
-Measured: in 15 campaigns that are good the worst flight costs 2.2 times the middle one,
+Measured: in 15 good campaigns the worst flight has 2.2 times the median mean square,
 at 4.3 deviations; one of turned axes 200 to 1000 times (60 to 110 deviations), with
 commands 50 ms late 150, with an elevator zero of 0.2 rad 28, of a glider half as heavy
 again 42, with positions 5 % too large 3.
@@ -33,28 +32,28 @@ from glider.sysid.replay.smoothing import Noise
 COARSE_SCALES = Scales(
     position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
 )
-"""Scales under which flights are compared: what any one model lacks costs little."""
+"""Scales under which flights are compared: errors of any one model count little."""
 
 Z_OUTLYING = 5.0
-"""Deviations of the logarithm of a flight's mean square from the middle one from which
-on it stands out, of many flights."""
+"""Deviations of the logarithm of a flight's mean square from the median above which it
+is an outlier, among many flights."""
 
 LEAST_DEVIATION = 0.15
-"""Least deviation of these logarithms: with `Z_OUTLYING`, twice the middle one."""
+"""Least deviation of these logarithms: with `Z_OUTLYING`, twice the median."""
 
 MOST = 0.3
-"""Share of the flights that may stand out: more are no exceptions."""
+"""Share of the flights that may be outliers: more are no exceptions."""
 
 FEWEST = 5
-"""Flights below which none can stand out."""
+"""Flights below which none can be an outlier."""
 
 _ROUNDS = 12
 _HEAVY = 2.0
-"""Mean square over the middle one from which on a flight counts less."""
+"""Mean square over the median above which a flight counts less."""
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
-    """Returns the flights that stand out, and their mean square over the middle one.
+    """Returns the outliers and their mean square over the median.
 
     Args:
         task: on all flights.
@@ -73,7 +72,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
-    """Returns what each flight's error costs over its measurements (flights,)."""
+    """Returns the mean square of each flight's remaining error (flights,)."""
     model = start_of(task, noise, with_curves=task.vehicle.knows_forces)
     candidates = gather(task, model)
     grams = candidates.grams(COARSE_SCALES)
@@ -98,9 +97,9 @@ _LEAST_SQUARE = 1e-6
 def stand_out(squares: np.ndarray) -> np.ndarray:
     """Returns which mean squares (flights,) are out of line with the others.
 
-    Logarithms are compared, for what all flights lack makes them larger by factors.
-    Of few flights the deviation is hardly known, and more of them are asked for. Where
-    more than `MOST` are out of line none is.
+    Logarithms are compared, since an error common to all flights scales the squares.
+    With few flights the deviation is uncertain, and a larger one is required. If more
+    than `MOST` are out of line, none is an outlier.
     """
     logs = np.log(squares)
     apart = logs - np.median(logs)
@@ -110,22 +109,22 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
 
 
 Z_EXTREME = 10.0
-"""Deviations of a flight's own wind, trim or zero of the pitch from the middle one from
-which on it is no spread over flights: of Gaussian ones 1e-20 of flights are so far."""
+"""Deviations of a flight's wind, trim or pitch offset from the median above which it is
+no flight-to-flight variation: of Gaussian ones 1e-20 of flights are so far."""
 
 LEAST_EXTREME = 0.3
-"""... and how far off it is at least, in the coefficient's scale."""
+"""... and least deviation, in the coefficient's scale."""
 
 
 def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
-    """Returns flights that need a wind, trim or pitch zero far from all others', why.
+    """Returns flights of extreme wind, trim or pitch offset, and the reasons.
 
-    What one flight has of its own may take up that its positions are in another length
-    or that it is of another glider; the spread over flights then grows to hold it, and
-    the effects of all the others drown.
+    The constants of one flight may absorb that its positions have another unit or that
+    it is of another glider; the flight-to-flight variation then grows to include it and
+    hides the effects of all others.
 
     Args:
-        task: the flights, of a glider whose mass and areas are told; others have none.
+        task: the flights, of a glider of known mass and areas; others have none.
         model: fitted to (most of) them.
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:

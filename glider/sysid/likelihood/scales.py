@@ -1,4 +1,4 @@
-"""How strong each noise is: sensors, moving air, and what differs per flight."""
+"""Standard deviations of sensors, moving air and flight-to-flight variation."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ Flight = TypeVar("Flight")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scales:
-    """Standard deviations of everything that is not the model.
+    """Standard deviations of all noise.
 
     Attributes:
         position: of measured x and z [m].
         pitch: of measured pitch [rad].
         elevator: of the measured elevator [rad].
         air: of the moving air, in x and in z [m/s].
-        air_time: over which it stays alike [s].
-        moment: of the pitch acceleration that no model has [rad/s²].
+        air_time: its correlation time [s].
+        moment: of unmodelled pitch accelerations [rad/s²].
         servo: of the elevator's departure from its replayed path [rad].
-        wind: of the flights' own steady winds, in x and in z [m/s].
+        wind: of the steady winds of single flights, in x and in z [m/s].
         trim: of their elevator trims [rad].
         pitch_zero: of their pitch readings [rad].
     """
@@ -59,7 +59,7 @@ NAMES = tuple(field.name for field in dataclasses.fields(Scales))
 
 
 def start_scales(noise: Noise) -> Scales:
-    """Returns where a fit of the scales starts: little but the sensors' noise."""
+    """Returns where a fit of the scales starts: little more than sensor noise."""
     return Scales(
         position=noise.position,
         pitch=noise.pitch,
@@ -82,7 +82,7 @@ FLOOR = Scales(
     trim=1e-4,
     pitch_zero=1e-4,
 )
-"""Least scales: what is weaker shows in no log."""
+"""Least scales: weaker ones show in no log."""
 
 CEILING = Scales(
     position=0.2,
@@ -96,10 +96,10 @@ CEILING = Scales(
     trim=0.1,
     pitch_zero=0.03,
 )
-"""Largest scales: what is stronger is no throw of a glider."""
+"""Largest scales: no flight of a glider has more."""
 
 MOMENT_TIME = 0.1
-"""Time over which a pitch acceleration that no model has stays alike [s]."""
+"""Correlation time of unmodelled pitch accelerations [s]."""
 
 SERVO_TIME = 0.05
 """The same of an elevator's departure from its path [s]."""
@@ -111,8 +111,8 @@ _EXTRA = 0.05
 """Spread of effects' own states about rest, in their scales."""
 
 _TIME_PRIOR = (np.log(0.25), 0.7)
-"""Mean and spread of log(air_time): where the air hardly moves, the log does not tell
-its time."""
+"""Mean and spread of log(air_time): the log of a flight in nearly still air does not
+determine it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ class WhitenedFlight:
     @property
     def cost(self) -> float:
         """Negative log-likelihood of a single column [nats]."""
-        with np.errstate(over="ignore"):  # A model may blow up.
+        with np.errstate(over="ignore"):  # A model may diverge.
             squares = float(np.sum(self.innovations**2))
         return 0.5 * (squares + float(self.log_variances.sum()))
 
@@ -138,7 +138,7 @@ class WhitenedFlight:
     def gram(self) -> np.ndarray:
         """Squares of the columns: the flight's information, (m, m)."""
         flat = self.innovations.reshape(-1, self.innovations.shape[2])
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             return flat.T @ flat
 
 
@@ -213,13 +213,13 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
     variances = start_variances(flight, scales)
     gram = whiten(flight.with_launch(), scales, np.zeros_like(variances)).gram
     precision = 1.0 / np.maximum(variances, 1e-16)
-    # The last column's own start is where the constants lie beforehand.
+    # The start of the last column is the prior mean of the constants.
     wanted = flight.start[:, 0]
     return wanted + solve(gram, precision)
 
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
-    """Returns flights' own winds (x, z) [m/s], trims and pitch zeros [rad], (F, 4)."""
+    """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
 
     def one(flight: LinearFlight) -> np.ndarray:
         return _flight_values(flight, scales)
@@ -242,7 +242,7 @@ PER_FLIGHT = {
 
 
 def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
-    """Returns what a flight has of its own, given all its rows."""
+    """Returns the constants of a flight, given all its rows."""
     own = _flight_values(flight, scales)
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
     return Constants.of(np.clip(own, -largest, largest))
@@ -298,7 +298,7 @@ def fit_scales(
     logs = np.clip(scales.logs, low, high)
     damping = 0.0
     bases, value = _likelihood(flights, logs)
-    for _ in range(iterations if np.isfinite(value) else 0):  # Else it blows up.
+    for _ in range(iterations if np.isfinite(value) else 0):  # Else it diverges.
         gradient, fisher = _slopes(flights, bases, logs, index)
         at_floor = (logs[index] <= low[index]) & (gradient > 0.0)
         at_ceiling = (logs[index] >= high[index]) & (gradient < 0.0)
@@ -361,7 +361,7 @@ def _slopes(
             other = whiten(flight, Scales.from_logs(moved))
             by_w.append((other.innovations[..., 0] - w).ravel())
             by_v.append((other.log_variances - v).ravel())
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may blow up.
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             dw, dv = np.array(by_w) / _STEP_OF_LOG, np.array(by_v) / _STEP_OF_LOG
             gradient = dw @ w.ravel() + 0.5 * dv.sum(axis=1)
             mean = dw + 0.5 * dv * w.ravel()

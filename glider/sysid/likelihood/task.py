@@ -1,4 +1,4 @@
-"""The task of a fit: flights, what is known of the vehicle, what may be wrong."""
+"""The task of a fit: flights, known parameters and the effects to try."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,21 +12,21 @@ from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle
 
 PRIOR_SCALES = 3.0
-"""Spread of an effect's coefficients beforehand, in their scales."""
+"""Prior spread of an effect's coefficients, in their scales."""
 
 SHAPE_SCALES = 3.0
-"""The same of coefficients that only shape an effect, about where they start."""
+"""The same of coefficients that only shape an effect, about their start."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Task:
-    """What is fitted to what.
+    """Flights and a model to fit to them.
 
     Attributes:
         records: the flights.
         vehicle: what is known of the glider.
-        kinds: that may be wrong.
-        curves: what their forms may get wrong.
+        kinds: effects to try.
+        curves: errors of their formulas.
     """
 
     records: Sequence[Record]
@@ -41,7 +41,7 @@ class Task:
 
     @property
     def per_flight_trims(self) -> bool:
-        """Whether the elevator stands at an unknown angle of its own in each flight."""
+        """Whether the elevator stands at another unknown angle in each flight."""
         return not self.vehicle.trim_is_known
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
@@ -53,7 +53,7 @@ class Task:
         return tuple(sorted(slots | set(self.vehicle.nuisance)))
 
     def coefficient(self, slot: int) -> Coefficient | None:
-        """Returns what a slot of theta is; None for a parameter of the vehicle."""
+        """Returns the coefficient in a slot of theta; None for a vehicle parameter."""
         kind, name = self.layout.slots[slot]
         if kind == "parameters":
             return None
@@ -68,7 +68,7 @@ class Task:
         return not all(c.is_shape for c in kind.coefficients)
 
     def prior(self, slot: int, now: float) -> tuple[float, float]:
-        """Returns mean and standard deviation of a slot beforehand.
+        """Returns prior mean and standard deviation of a slot.
 
         A shape's mean is where it is now.
         """
@@ -86,7 +86,7 @@ class Task:
     def priors(
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Returns means and precisions of slots beforehand."""
+        """Returns prior means and precisions of slots."""
         pairs = [self.prior(i, theta[i]) for i in slots]
         mean, spread = np.array(pairs).reshape(-1, 2).T
         return mean, 1.0 / spread**2
@@ -105,6 +105,6 @@ class Task:
 def make_task(
     records: Sequence[Record], vehicle: Vehicle, kinds: tuple[str, ...]
 ) -> Task:
-    """Returns the task of finding out which of some kinds a vehicle's flights show."""
+    """Returns the task of finding the effects in a vehicle's flights."""
     curves = make_curves(records, vehicle.theta)
     return Task(records=records, vehicle=vehicle, kinds=kinds, curves=curves)

@@ -1,4 +1,4 @@
-"""How well a model's numbers are known, whatever its formulas may hide."""
+"""Standard errors of a model, with allowance for errors of its formulas."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ from glider.sysid.likelihood.task import Task
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """Covariance of a model's free numbers and curves over flights.
+    """Covariance of a model's free parameters and curves over flights.
 
     Attributes:
         free: slots of theta, then the curves' coordinates follow.
@@ -40,9 +40,9 @@ class Uncertainty:
 
 
 def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
-    """Returns how well a model's numbers are known.
+    """Returns the covariance of a model's parameters.
 
-    The larger of what the likelihood says and what leaving out each flight says, see
+    The larger of that of the likelihood and that of the jackknife over flights, see
     `glider.sysid.likelihood.information.covariance`.
     """
     directions = slopes(task.layout, model.theta, model.free)
@@ -55,19 +55,19 @@ def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
 
 
 def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
-    """Returns a model with curves as strong beforehand as its flights allow.
+    """Returns a model with the strongest prior of curves that its flights allow.
 
-    No glider is exactly a formula. What curves over the angle of attack may hide there
-    unseen, a formula's coefficients may have taken up: standard errors are told with
-    such curves beside the formulas. Where flights tell much, they allow little.
+    No glider follows formulas exactly. Curves over the angle of attack that the flights
+    cannot show may have biased the coefficients: standard errors are computed with such
+    curves beside the formulas. The more the flights determine, the less they allow.
 
     The strength s is the largest whose evidence, the coefficients integrated out, is
-    at most ALLOWED below the best, where what curves explain is not taken for moving
-    air: with eigenvalues λ of the curves' information, and g of the error along them,
+    at most ALLOWED below the best, where curves are not mistaken for moving air: with
+    eigenvalues λ of the curves' information, and g of the error along them,
 
         log p(s) = ½ Σ g² / (λ + s⁻²) - ½ Σ log(1 + s² λ).
     """
-    if model.has_force_errors:  # They allow for any form as it is.
+    if model.has_force_errors:  # They allow for any shape already.
         return model
     coordinates = model.coordinates if model.has_curves else np.zeros(task.curves.count)
     bent = dataclasses.replace(model, coordinates=coordinates, strength=1.0)
@@ -102,4 +102,4 @@ ALLOWED = 4.5
 """Evidence that the curves' strength may cost [nats]: three standard deviations."""
 
 STRENGTHS_ASKED = np.geomspace(0.003, STRENGTH_RANGE[1], 60)
-"""Strengths of curves that are asked for; the least is nothing to any sensor."""
+"""Strengths of curves that are tried; no sensor detects the least."""

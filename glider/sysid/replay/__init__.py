@@ -1,6 +1,6 @@
-"""A log flown again by a model: its errors, and their slopes by every number.
+"""Replay of a log by a model: its errors and their derivatives.
 
-noise, smoothing: clean signals. signs: angles turned back. attitude: roll and yaw.
-record: what a fit is handed. theta, vehicle: what the numbers are, and which are known.
-signals, nodes: elevator and sensors. residual: accelerations that a model lacks.
+smoothing: noise and smooth signals. signs: angles turned back. record: the data of a
+fit. theta, vehicle: the parameters, and which are known. signals: elevator and true
+states. residual: unmodelled accelerations.
 """

@@ -16,7 +16,7 @@ from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
 _GAP = 1.6
-"""Time between two rows, over the usual one, from which on nodes are put between."""
+"""Time between two rows, over the usual one, above which nodes are inserted."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,14 +40,14 @@ class Record:
         commands: (k,) [rad/s].
         limits: where the elevator stops [rad], or None.
         rest: where the elevator stood before the first command [rad].
-        trim_is_moment: whether an elevator trim of the flight's own makes a moment and
-            no force, see `glider.sysid.replay.signals.trimmed`.
+        trim_is_moment: whether a per-flight elevator trim makes a moment and no force,
+            see `glider.sysid.replay.signals.trimmed`.
         bank: (n - 1,) factor of the wing's force in the plane where it is rolled, see
             `glider.sysid.replay.record`; one without attitude.
         side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
-        replays: what `glider.sysid.replay.signals` was asked last, by its settings.
-        undone: what `glider.sysid.replay.signals` was asked last, by the numbers of
-            the vehicle and of its sensors.
+        replays: cache of `glider.sysid.replay.signals`, by its settings.
+        undone: cache of `glider.sysid.replay.signals`, by the parameters of the vehicle
+            and of its sensors.
     """
 
     name: str
@@ -76,11 +76,11 @@ class Record:
     )
 
     def __getstate__(self) -> dict:
-        """Returns what goes to another process: not what was asked here."""
+        """Returns the state for another process, without caches."""
         return {**self.__dict__, "replays": {}, "undone": {}}
 
     def first(self, count: int) -> "Record":
-        """Returns the flight's first nodes as a flight of its own."""
+        """Returns the beginning of the flight, its first nodes."""
         rows, intervals = slice(0, count), slice(0, count - 1)
         return dataclasses.replace(
             self,
@@ -114,7 +114,7 @@ def prepare(
         campaign: whose clocks and limits count.
         noise: of its channels.
         layout: of the models that will fly them.
-        masks: name of a flight to its rows that are set aside; none by default.
+        masks: name of a flight to its excluded rows; none by default.
         maps: of time grids, from earlier calls with the same noise; written.
     """
     maps = {} if maps is None else maps

@@ -23,10 +23,10 @@ def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
-    """Returns a flight's model and what to add to its elevator [rad] for its own trim.
+    """Returns a flight's model and the shift of its elevator [rad] for its trim.
 
     A tail of unknown size at an unknown angle, and ballast, which moves the center of
-    mass, are a moment first: what they do to the forces is small and cannot be told.
+    mass, are a moment first: their effect on the forces is too small to determine.
     Such a trim is one of the moment alone, that of a tail of the model's size at a
     small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
     """
@@ -49,7 +49,7 @@ def logged_elevator(record: Record, theta: np.ndarray) -> np.ndarray:
 
 
 def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Replays the actuator; a record keeps what it was asked last."""
+    """Replays the actuator; a record caches the last results."""
     replay = record.layout.replay(theta)
     if replay in record.replays:
         return record.replays[replay]
@@ -145,7 +145,7 @@ def true_nodes(
     nodes = _without_sensors(record, theta).copy()
     if record.has_servo:
         seen = record.seen[:, 3]
-        if seen.any():  # Else it has no offset that is known of.
+        if seen.any():  # Else the offset is unknown.
             path = logged_elevator(record, theta)
             nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
     nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
@@ -160,12 +160,12 @@ def true_nodes(
 
 
 def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Undoes the sensor effects; a record keeps what it was asked last."""
+    """Undoes the sensor effects; a record caches the last results."""
     layout = record.layout
-    numbers = theta[list(layout.sensor_slots)]
-    if not np.any(numbers):
+    settings = theta[list(layout.sensor_slots)]
+    if not np.any(settings):
         return record.nodes
-    key = np.concatenate([theta[:NUM_PARAMETERS], numbers]).tobytes()
+    key = np.concatenate([theta[:NUM_PARAMETERS], settings]).tobytes()
     if key in record.undone:
         return record.undone[key]
     step = 1e-4

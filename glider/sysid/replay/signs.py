@@ -11,14 +11,14 @@ from glider.physics.model import GliderModel
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Signs:
-    """The signs of the logged pitch, elevator and command, and how sure they are.
+    """The signs of the logged pitch, elevator and command, and their evidence.
 
     Attributes:
         pitch: +1, or -1 where the log has the other sign.
-        elevator: alike.
-        command: alike.
+        elevator: likewise.
+        command: likewise.
         evidence: log-likelihood gained by them [nats].
-        share: of the error that they take away.
+        share: of the error that they remove.
     """
 
     pitch: int = 1
@@ -29,7 +29,7 @@ class Signs:
 
     @property
     def are_right(self) -> bool:
-        """Whether nothing is to be turned."""
+        """Whether the log has the right signs."""
         return (self.pitch, self.elevator, self.command) == (1, 1, 1)
 
 

@@ -166,7 +166,7 @@ def measure_noise(
 
     Args:
         campaign: the flights.
-        masks: name of a flight to its rows that are set aside; none by default.
+        masks: name of a flight to its excluded rows; none by default.
     """
     masks = masks or {}
     usable = [

@@ -1,8 +1,8 @@
-"""The layout of the vector theta: what the numbers of a model mean.
+"""The layout of the vector theta: the parameters and coefficients of a model.
 
 While flights are fitted, a model is one vector theta: the nominal parameters,
 then the coefficients of every effect that the compiled dynamics hold (the whole
-library's and a user's own; at their defaults they do nothing), and last those of
+library's and the user's; at their defaults they do nothing), and last those of
 the effects on the log's signals, which are replayed instead.
 """
 
@@ -65,7 +65,7 @@ class Layout:
     sensor_slots: tuple[int, ...]
 
     def __reduce__(self):
-        """Returns how another process gets it: by its own kinds, made once there."""
+        """Returns how another process gets it: by its user effects, made once there."""
         return layout_of, (self.user_kinds,)
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
@@ -121,10 +121,10 @@ class Layout:
 
 @functools.cache
 def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
-    """Returns the layout of the library and of a user's own kinds.
+    """Returns the layout of the library and of user effects.
 
     Raises:
-        InputError: an own kind cannot be used.
+        InputError: a user effect cannot be used.
     """
     check_user_effects(user_kinds)
     kinds = {**KINDS, **{e.kind: e for e in user_kinds}}

@@ -1,8 +1,8 @@
-"""A campaign's vehicle, sorted into known and unknown numbers of a model.
+"""A campaign's vehicle, sorted into known and unknown parameters of a model.
 
-What is known of a vehicle is taken as told; what is not is fitted with
-the effects. Without a mass, an area or an inertia, forces show only per mass: the
-mass is then set to 1 kg, and areas and inertia are per kilogram.
+Known parameters are taken as specified; unknown ones are fitted with the effects.
+Without a mass, an area or an inertia, forces show only per mass: the mass is then set
+to 1 kg, and areas and inertia are per kilogram.
 """
 
 import dataclasses
@@ -18,14 +18,14 @@ _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
 
 BASELINE_PARAMETERS = ("wing_area", "elevator_area", "pitch_inertia", "wing_offset")
-"""Parameters of a flat-plate glider that flights can tell, given its mass."""
+"""Parameters of a flat-plate glider that flights can identify, given its mass."""
 
 BASELINE_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
-"""Effects that are other values of these: refitted, the plate does what they do."""
+"""Effects that are other values of these: the re-identified baseline includes them."""
 
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
-"""Parameters that are taken from the default glider where they are not told:
-they only scale the others."""
+"""Parameters that default to the nominal glider where they are not specified: they
+only scale the others."""
 
 _OFFSET_SPREAD = 0.03
 """Distance that an unknown wing's center of pressure may lie from the center of mass
@@ -42,8 +42,8 @@ _MOMENT_SPREAD = 0.02
 """Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
 
 PRIOR_SCALES = 4.0
-"""Spread of effects' coefficients beforehand, in their scales, where there is no
-nominal model to hold them against."""
+"""Prior spread of effects' coefficients, in their scales, where there is no nominal
+model to compare them with."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,10 +56,10 @@ class Vehicle:
         nuisance: indices into theta that are unknown and fitted with everything.
         baseline_slots: indices of the parameters that the flat-plate baseline refits.
         kinds: effects that these logs could show.
-        trim_is_known: False where the elevator stands elsewhere in each flight.
+        trim_is_known: False where the elevator stands at another angle in each flight.
         is_known: whether the nominal model is complete, the elevator's angle included.
-        knows_forces: whether mass and areas are told: effects can then be held against
-            the forces of a nominal model, and curves too.
+        knows_forces: whether mass and areas are known: effects and curves can then be
+            compared with the forces of a nominal model.
         prior: mean and spread of theta before any flight, for what is unknown.
         notes: what was assumed, for the report.
         is_per_mass: whether areas and inertia are per kilogram.
@@ -90,12 +90,12 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
             assumed[name] /= assumed["mass"]
         assumed["mass"] = 1.0
         notes.append(
-            "No mass or area is told: the mass is set to 1 kg, "
+            "No mass or area is specified: the mass is set to 1 kg, "
             "so areas and inertia are per kg."
         )
     for name in _CONVENTIONAL:
         if name not in known:
-            notes.append(f"'{name}' is not told: {assumed[name]:g} is assumed.")
+            notes.append(f"'{name}' is not specified; {assumed[name]:g} is assumed.")
     parameters = GliderParameters(**{**assumed, **_servo_of(campaign), **known})
 
     unknown = [name for name in BASELINE_PARAMETERS if name not in known]
@@ -126,9 +126,9 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         # A tracked point ahead of it shows in the pitch acceleration, as do errors of
         # the moment: it could be anywhere.
         dropped.add("marker_offset")
-        notes.append("The tracked point is taken for the center of mass.")
+        notes.append("The tracked point is assumed to be the center of mass.")
     if "pitch_inertia" in unknown:
-        # The pitch damping of a glider whose moment nobody knows is one more unknown.
+        # The pitch damping of a glider of unknown moment is one more unknown.
         nuisance.append(index["pitch_damping", "coefficient"])
         dropped.add("pitch_damping")
         dropped.add("inertia")
@@ -176,7 +176,7 @@ def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
 
 
 def _servo_of(campaign: Campaign) -> dict[str, Any]:
-    """Returns the servo's limits as parameters, None where nobody told them."""
+    """Returns the servo's limits as parameters, None where they are not specified."""
     limits = campaign.elevator_limits
     return {
         "elevator_limits": None if limits is None else list(limits),

@@ -1,5 +1,6 @@
-"""Which effects explain the flights?
+"""The search for effects that explain the flights.
 
-signs: angles logged with the other sign. tracing: the search. subsets: the best of all
-sets. fields, peaks: what has no name, and where it is largest. weighing: how sure?
+signs: angles logged with the other sign. tracing, force_search: the two searches, with
+and without known forces. subsets, fits: sets scored and fitted. moves, pruning: other
+sets. fields, peaks: unmodelled residuals. support: bootstrap inclusion and rivals.
 """

@@ -1,7 +1,7 @@
-"""What no formula of the library says: a field over a variable, without a name.
+"""Residual fields over a variable, of no formula of the library.
 
 A field is a sum of Gaussians over one of FIELD_VARIABLES, as a motion of the air or as
-changes of C_L, C_D and C_M. It makes the error fall and tells where to look.
+changes of C_L, C_D and C_M. It reduces the error and shows where to look.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}
 """Forms that a field may have, and the terms of each."""
 
 SPREADS = {"air": (0.5, 0.5), "forces": (0.2, 0.2, 0.01)}
-"""Spread of the weights beforehand [m/s; -, -, m]."""
+"""Prior spread of the weights [m/s; -, -, m]."""
 
 SURVEYED = (
     ("air", "x"),
@@ -50,8 +50,8 @@ COARSE = 12
 """Number of Gaussians in the survey."""
 
 LEADING = 0.8
-"""Share of the best field's evidence from which on another is fitted too: a time and
-the place that is reached by then look alike to few Gaussians."""
+"""Share of the best field's evidence above which another is fitted too: a time and the
+place that is reached by then are similar to few Gaussians."""
 
 MOST_LEADING = 3
 """Fields of a survey that are fitted at most."""
@@ -115,7 +115,7 @@ class Basis:
 def make_basis(
     task: Task, theta: np.ndarray, form: str, variable: str, count: int
 ) -> Basis | None:
-    """Spreads Gaussians over what flights covered; None where they covered nothing."""
+    """Spreads Gaussians over the flown range; None where that is a point."""
     column = FIELD_VARIABLES.index(variable)
     flown = np.concatenate([flow_variables(r, theta)[:, column] for r in task.records])
     low, high = np.percentile(flown, [0.5, 99.5])
@@ -144,7 +144,7 @@ class Survey:
 
     @property
     def leading(self) -> list[tuple[str, str]]:
-        """The best and those that cannot be told from it by so coarse a look."""
+        """The best and those that so coarse a survey cannot distinguish from it."""
         finite = [key for key, gain in self.gains.items() if np.isfinite(gain)]
         ranked = sorted(finite, key=lambda key: -self.gains[key])
         least = LEADING * self.gains[ranked[0]] if ranked else 0.0
@@ -293,9 +293,8 @@ def _with_needed_terms(
 ) -> tuple[Basis, np.ndarray]:
     """Returns a field without the terms that only fit noise.
 
-    A vertical wind over x is one over x alone: the horizontal one that is fitted beside
-    it is as large as the flights leave it, and largest where they say least. A term
-    stays if it has evidence beside the others.
+    Beside a vertical wind over x, a horizontal one would fit noise and be largest
+    where the flights determine it least. A term stays if it has evidence beside others.
 
     Args:
         flights: linear about the model.

@@ -71,19 +71,19 @@ of them tried). Two effects must bring EVIDENCE_THRESHOLD each, 13 nats more tha
 small effect may stand in for an error of the first one's formula."""
 
 THRESHOLD_FLIGHTS = 40
-"""Flights from which on the price grows with them: what making flights linear gets
-wrong in each adds up as evidence does. The price was tried on 12 to 40."""
+"""Flights above which the threshold grows with them: errors of linearization add up as
+evidence does. The threshold was tried on 12 to 40 flights."""
 
 COEFFICIENT_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 4.0, 1.6
-"""Evidence that each further coefficient of an effect must bring [nats]: plainly, that
-which makes χ² of two numbers as rare."""
+"""Evidence that each further coefficient of an effect must bring [nats]; the second,
+so that χ² of two coefficients is as rare."""
 
 Progress = Callable[[str], None]
 
 
 @dataclasses.dataclass
 class Search:
-    """A search as it goes on: what was fitted is remembered."""
+    """A search in progress; it remembers all fits."""
 
     task: Task
     progress: Progress
@@ -92,7 +92,7 @@ class Search:
     _near: "tuple[Task, FitResult, FirstOrder | None] | None" = None
 
     def penalized_cost(self, model: FitResult) -> float:
-        """Returns a model's cost with the price of its effects [nats]."""
+        """Returns a model's cost with the thresholds of its effects [nats]."""
         return penalized_cost(self.task, model)
 
     def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
@@ -109,14 +109,14 @@ class Search:
         return fit_strength(self.task, self.fit(model, iterations))
 
     def near(self, model: FitResult) -> "FirstOrder | None":
-        """Returns `to_first_order` about a model; what was asked last is kept."""
+        """Returns `to_first_order` about a model; the last one is cached."""
         if not (self._near and self._near[0] is self.task and self._near[1] is model):
             self._near = self.task, model, to_first_order(self.task, model)
         return self._near[2]
 
 
 def penalized_cost(task: Task, model: FitResult) -> float:
-    """Returns a model's cost with the price of its effects [nats]."""
+    """Returns a model's cost with the thresholds of its effects [nats]."""
     layout = task.layout
     sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
     more = len(sizes) - len(model.kinds)
@@ -154,7 +154,7 @@ class FirstOrder:
 
 
 def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
-    """Returns what sets are worth about a model; None where the model blows up.
+    """Returns the evidence of sets about a model; None where the model diverges.
 
     Args:
         task: of the flights.
@@ -176,12 +176,12 @@ def marginal_scorer(
     counts: np.ndarray,
     scales: Scales | None = None,
 ) -> Scorer:
-    """Returns the evidence of sets on flights that count so often, less their price.
+    """Returns the evidence of sets on flights that count so often, less a penalty.
 
-    In a marginal likelihood each number has paid for its room beforehand: about a model
-    of one effect at most and air, a member need only be more likely than that none of
-    the library acts. A set of many members is so proposed cheaply; fitted, it pays as
-    `penalized_cost` asks.
+    A marginal likelihood already penalizes the prior volume of each coefficient: about
+    a model of one effect at most and air, a member need only be more likely than that
+    no effect of the library acts. Sets of many members are proposed at that penalty;
+    once fitted, they are compared by `penalized_cost`.
 
     Args:
         candidates: about a model.
@@ -193,8 +193,8 @@ def marginal_scorer(
     model = candidates.model
     is_fair = is_simple(model, scales or model.scales)
     base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
-    price = threshold_of_kind(len(candidates.task.records), base)
-    return Scorer(evidence, variants, lambda kind: price)
+    penalty = threshold_of_kind(len(candidates.task.records), base)
+    return Scorer(evidence, variants, lambda kind: penalty)
 
 
 def threshold_of_kind(flights: int, base: float) -> float:
@@ -205,12 +205,12 @@ def threshold_of_kind(flights: int, base: float) -> float:
 def is_simple(model: FitResult, scales: Scales) -> bool:
     """Whether one effect at most and air explain the flights, and nothing else.
 
-    Beside another effect a small one may stand in for what that one's formula gets
-    wrong: it has to bring more.
+    Beside another effect a small one may stand in for an error of that one's formula:
+    it must bring more.
     """
     is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
     return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT
 
 
 SIMPLE_MOMENT = 0.3
-"""Moment of no known form from which on a formula lacks something [rad/s²]."""
+"""Unmodelled pitch acceleration above which formulas have errors [rad/s²]."""

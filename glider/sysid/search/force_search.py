@@ -1,9 +1,9 @@
 """Effects of a glider of which little is known: forces come first.
 
-The flights are taken along their measured attitude, so that the moment, which nobody
-knows, tells nothing of the forces. No formula will be quite right: what is left is an
-error of the forces that lasts, whose strength and time are estimated, and a set of
-effects is worth what it foretells of flights that it was not fitted to.
+The flights follow their measured attitude, so that the unknown moment does not affect
+the forces. No formula is exact: the residual is an error of the forces that persists,
+whose strength and time are estimated, and sets of effects are compared by how well they
+predict flights that they were not fitted to.
 """
 
 import dataclasses
@@ -31,11 +31,11 @@ FORCE_ROUNDS = 4
 """Rounds at most: the strength of the errors depends on the set, and the set on it."""
 
 HELD_OUT_THRESHOLD = 3.0
-"""What an effect must gain on flights left out [nats]: e^3 is twenty to one, and about
-twenty effects are asked."""
+"""Log-likelihood that an effect must gain on held-out flights [nats]: e^3 is twenty to
+one, and about twenty effects are tried."""
 
 HELD_OUT_COEFFICIENT_THRESHOLD = 2.0
-"""What each further coefficient of an effect must gain [nats]."""
+"""Gain that each further coefficient of an effect must bring [nats]."""
 
 EVERY_GLIDER_HAS = (
     "camber",
@@ -45,10 +45,10 @@ EVERY_GLIDER_HAS = (
     "attached_lift",
     "pitch_rate_lift",
 )
-"""Effects that need no cause of their own: no wing's lift is a flat plate's."""
+"""Effects of every glider: no wing's lift is exactly a flat plate's."""
 
 UNCOMMON_THRESHOLD = 8.0
-"""What another effect must gain more [nats]."""
+"""Further gain that any other effect must bring [nats]."""
 
 FORCE_ERROR = 0.06
 """Error of C_L and C_D where the search starts."""
@@ -66,7 +66,7 @@ ALONG_ATTITUDE = {
     "trim": 0.05,
     "pitch_zero": 3e-3,
 }
-"""Scales of flights along their measured attitude: the moment tells nothing."""
+"""Scales of flights along their measured attitude, which ignore the moment."""
 
 _OF_MOMENT = (
     ("parameters", "pitch_inertia"),
@@ -75,11 +75,11 @@ _OF_MOMENT = (
     ("pitch_moment", "coefficient"),
     ("pitch_damping", "coefficient"),
 )
-"""Unknown numbers of a vehicle that are hardly seen in the forces."""
+"""Unknown parameters of a vehicle that barely show in the forces."""
 
 
 def held_out_threshold(task: Task, kind: str) -> float:
-    """Returns what an effect must gain on flights left out [nats]."""
+    """Returns the gain that an effect must bring on held-out flights [nats]."""
     slots = task.layout.slots_of(kind)
     sizes = sum(not task.is_shape(i) for i in slots)
     cause = 0.0 if kind in EVERY_GLIDER_HAS else UNCOMMON_THRESHOLD
@@ -135,7 +135,7 @@ def search_forces(
 def held_out_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
-    """Returns what sets gain on flights left out that count so often, less a price."""
+    """Returns the gain of sets on held-out flights that count so often, penalized."""
     evidence = HeldOutEvidence(candidates, grams, counts)
     variants = candidates.columns_of_kinds()
     task = candidates.task
@@ -172,7 +172,7 @@ def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
 
 
 OF_FORCES = ("wind", "trim", "pitch_zero")
-"""Scales that the forces have told: what is off in the moment, whose formula is
+"""Scales that are estimated from the forces: errors of the moment, whose formula is
 rougher, must not turn the flights' axes or their winds."""
 
 

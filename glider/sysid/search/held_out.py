@@ -1,4 +1,4 @@
-"""How well sets of effects foretell flights that they were not fitted to."""
+"""How well sets of effects predict flights that they were not fitted to."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from glider.sysid.likelihood.information import solve_scaled
 
 
 class HeldOutEvidence:
-    """Log-likelihood that columns gain on flights, each left out in turn [nats].
+    """Log-likelihood that columns gain on flights, each held out in turn [nats].
 
-    What all flights get wrong alike, for no formula is quite right, is evidence for
-    whatever imitates it, the more the more flights there are. A flight that was not
-    fitted to does not reward that: leaving out is robust against models that are all
-    wrong (Stone, J. R. Stat. Soc. B 44, 1977). Everything is linear, so that each
-    flight is left out exactly, the unknown numbers of the vehicle refitted with it.
+    No formula is exact, and an error common to all flights is evidence for any effect
+    that imitates it, more of it with more flights. Held-out flights do not reward that:
+    cross-validation is robust to models that are all wrong (Stone, J. R. Stat. Soc.
+    B 44, 1977). Everything is linear, so that each flight is held out exactly, the
+    unknown parameters of the vehicle refitted without it.
     """
 
     def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):

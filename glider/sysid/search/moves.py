@@ -1,4 +1,4 @@
-"""Moves of a search to other effects that first order misjudged, all else refitted."""
+"""Moves of a search to effects that first order misjudged, all else refitted."""
 
 import dataclasses
 import heapq
@@ -14,10 +14,9 @@ from glider.sysid.search.support import EffectSupport, shown_by
 def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more with an effect that first order undervalues, or None.
 
-    An effect whose size is known and whose shape is not is made linear at a few shapes
-    of a grid; several others that imitate it are made linear at their best. Each such
-    effect is put in by force, where curves are needed beside the formulas: else these
-    explain all there is.
+    An effect with shape coefficients is linearized at a few shapes of a grid; several
+    others that imitate it are linearized at their best. Each such effect is forced in
+    where the model needs curves beside its formulas.
     """
     task = search.task
     if len(model.kinds) < 3 or not without_needless_curves(search, model).has_curves:
@@ -29,7 +28,7 @@ def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
 def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more whose effects explain what its curves did, or None.
 
-    As strong as they had to be without an effect, curves leave nothing for it.
+    Curves as strong as they had to be without an effect leave no error to explain.
     """
     weakest, _ = STRENGTH_RANGE
     if model.strength <= weakest or not model.has_curves:
@@ -41,9 +40,9 @@ def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
 def with_forced(
     search: Search, model: FitResult, kinds: Collection[str]
 ) -> FitResult | None:
-    """Returns the best model with one of some effects put in, if worth more, or None.
+    """Returns the best model with one of some effects forced in, or None.
 
-    Round each, the best set that a climb finds is fitted.
+    The best set that a climb finds around each of them is fitted.
     """
     near = search.near(model)
     if near is None:
@@ -62,15 +61,14 @@ def with_forced(
 
 
 UNDERVALUED = 30.0
-"""Evidence, to first order, that an effect put in by force may cost [nats]."""
+"""Evidence, to first order, that a forced effect may cost [nats]."""
 
 
 def left_of_many(search: Search, model: FitResult) -> FitResult | None:
-    """Returns a model worth more that is left when too many effects are thinned out.
+    """Returns a model worth more that remains when too many effects are thinned out.
 
-    What stands in for others hides them: nothing is left for them to explain. Where a
-    few more act beside it than are worth their price, each for what little it gains,
-    it is the stand-ins that turn out needless when all is refitted.
+    An effect that stands in for others hides them. With a few effects more than reach
+    their thresholds, all refitted, the stand-ins turn out to be needless.
     """
     near = search.near(model)
     if near is None:
@@ -95,7 +93,7 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
 
 
 FEW_MORE = 4
-"""Effects that act beside a model's own until they are thinned out."""
+"""Effects that are added to a model before it is thinned out."""
 
 
 def _thinner(search: Search, model: FitResult) -> FitResult | None:
@@ -114,12 +112,12 @@ def with_another(
 ) -> FitResult | None:
     """Returns a model worth more with one effect more, or None.
 
-    What stood in for an effect and was dropped makes room for it.
+    An effect may show once another that stood in for it was dropped.
 
     Args:
         search: that remembers fits.
         model: to add to.
-        dropped: effects that are not asked again.
+        dropped: effects that are not tried again.
     """
     near = search.near(model)
     if near is None:
@@ -138,13 +136,13 @@ def with_a_rival(
 ) -> FitResult | None:
     """Returns a model worth more with a rival in an effect's place, or None.
 
-    To first order rivals do as well as an effect; refitted, one may do better. Only
-    effects that resampled flights are not sure of are asked, and the nearest rivals.
+    To first order rivals do as well as an effect; refitted, one may do better. The
+    nearest rivals are tried, of effects that resampled flights do not always choose.
 
     Args:
         search: that remembers fits.
         model: that was weighed.
-        weighed: what speaks for each of its effects.
+        weighed: support of each of its effects.
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
     near = search.near(model) if doubtful else None
@@ -161,10 +159,10 @@ def with_a_rival(
 
 
 SURE = 0.95
-"""Share of resampled flights from which on an effect's rivals are not asked for."""
+"""Share of resampled flights above which an effect's rivals are not tried."""
 
 MOST_TRIED = 3
-"""Rivals that are fitted in an effect's place at most, or effects left out in turn."""
+"""Rivals that are fitted in an effect's place at most, or effects omitted in turn."""
 
 
 def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
@@ -179,7 +177,7 @@ def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult
 def _best_fitted(
     search: Search, model: FitResult, near: FirstOrder, sets: Iterable[Members]
 ) -> FitResult | None:
-    """Returns the best of sets that nobody has fitted yet, if worth more, or None."""
+    """Returns the best of the sets not fitted yet, if worth more, or None."""
     tried = []
     for members in sets:
         kinds = frozenset(kind for kind, _ in members)

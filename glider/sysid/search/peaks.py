@@ -1,4 +1,4 @@
-"""Where a field without a name is largest, and how sure that is."""
+"""Peaks of an unmodelled field and their standard errors."""
 
 import math
 
@@ -14,7 +14,7 @@ def find_peaks(data: FieldData, covariance_of_all: np.ndarray) -> dict[str, Esti
     Standard errors follow from the weights' covariance C. With the field
     f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place
     as -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at the
-    edge of what was flown is none of the field's, so its place has no error (NaN).
+    edge of the flown range is not one of the field: its place has no error (NaN).
 
     Args:
         data: the field.

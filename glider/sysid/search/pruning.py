@@ -14,9 +14,9 @@ from glider.sysid.search.support import shown_by
 
 
 def with_means(search: Search, model: FitResult) -> FitResult:
-    """Returns a model with what flights have of their own, where its mean is not zero.
+    """Returns a model with the mean of per-flight constants, where it is not zero.
 
-    To first order a spread that took up the mean hides it; both are fitted anew.
+    To first order a spread that absorbed the mean hides it; both are refitted.
     """
     task = search.task
     flights = error_flights(task, model)
@@ -49,9 +49,9 @@ OFF = 5.0
 
 
 def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
-    """Drops the effects that are not worth their price when all else is refitted.
+    """Drops the effects that do not reach their thresholds when all else is refitted.
 
-    What seems to do least is asked first: what stays need not be asked again then.
+    The one that seems weakest is tried first, so that those that stay are tried once.
 
     Returns:
         the model, and the evidence of each effect that stays [nats].
@@ -76,9 +76,9 @@ def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]
 def with_fewer(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model with fewer effects that is worth more, or None.
 
-    To first order about a set that is wrong, several effects may do as well as the few
-    that act: the best set of each smaller size is fitted, at last the plate with what
-    all flights have.
+    To first order about a wrong set, several effects may do as well as the true few:
+    the best set of each smaller size is fitted, at last the flat plate with the means
+    over all flights.
     """
     if len(model.kinds) < 2:
         return None
@@ -112,7 +112,7 @@ def with_fewer(search: Search, model: FitResult) -> FitResult | None:
 
 
 WEAK = 3000.0
-"""Evidence of all effects, to first order, from which on they are no mere means."""
+"""Evidence of all effects, to first order, above which means cannot replace them."""
 
 FAR = 300.0
 """Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
@@ -124,8 +124,8 @@ SLACK = 0.1
 def without_a_pair(search: Search, model: FitResult) -> FitResult | None:
     """Returns the model without two effects that only work against each other.
 
-    Where a formula has not quite the right shape, two others may be bought that nearly
-    cancel; each alone then seems needed. Curves, as strong as they must be, do better.
+    Where a formula has not quite the right shape, two effects that nearly cancel may
+    imitate it; each alone then seems needed. Strong enough curves do better.
     """
     task = search.task
     if not model.has_curves or len(model.kinds) < 3:
@@ -142,11 +142,11 @@ def without_a_pair(search: Search, model: FitResult) -> FitResult | None:
 
 
 OPPOSED = 0.7
-"""Correlation of two effects' coefficients from which on they may cancel."""
+"""Correlation of two effects' coefficients above which they may cancel."""
 
 
 def opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
-    """Returns pairs of effects whose coefficients are hard to tell apart."""
+    """Returns pairs of effects with strongly correlated coefficients."""
     known = uncertainty_of(task, model)
     std = np.sqrt(np.diag(known.covariance))
     correlation = np.abs(known.covariance / std[:, None] / std)
@@ -168,7 +168,7 @@ def opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
 
 
 def without_needless_curves(search: Search, model: FitResult) -> FitResult:
-    """Returns the model without its curves, unless they are worth their price."""
+    """Returns the model without its curves, unless they reach their threshold."""
     if not model.has_curves:
         return model
     search.progress("are curves needed?")

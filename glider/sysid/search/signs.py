@@ -1,4 +1,4 @@
-"""Is an angle logged with the other sign? The first question to a new log."""
+"""Angles that are logged with the other sign, found before anything else."""
 
 import dataclasses
 import math
@@ -22,11 +22,11 @@ LEAST_GAIN = 20.0
 sign turns forces round."""
 
 FLIGHTS = 6
-"""Number of flights to ask; a wrong sign shows in any."""
+"""Number of flights to compare; a wrong sign shows in any."""
 
 COMPANIONS = ("profile_drag", "pitch_offset")
-"""Effects that are fitted under any signs: what nearly every glider has, lest their
-absence look like a wrong sign."""
+"""Effects that are fitted under any signs: nearly every glider has them, and without
+them a sign may look wrong."""
 
 _WITH_SERVO = (
     (-1, 1, 1),
@@ -48,8 +48,8 @@ def find_signs(
     """Compares the ways in which the angles may have been logged.
 
     A wrong sign turns forces round: no small effect of the library comes near.
-    So the best set of signs must beat the logged one by `LEAST_GAIN` in the middle
-    flight, each with `COMPANIONS` fitted: no flight alone can turn the others.
+    So the best set of signs must beat the logged one by `LEAST_GAIN` in the median
+    flight, each with `COMPANIONS` fitted: no single flight can turn the others.
     """
     few = tuple(flights[:FLIGHTS])
     options = _WITH_SERVO if campaign.elevator == "servo" else ((-1, 1, 1),)

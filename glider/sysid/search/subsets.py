@@ -14,13 +14,13 @@ BEAM = 4
 """Sets that each round goes on from."""
 
 _HOPELESS = 30.0
-"""Loss below the best set from which on larger sets are not looked at [nats]."""
+"""Loss below the best set at which the beam stops [nats]."""
 
 Members = tuple[Member, ...]
 
 
 class SetEvidence(Protocol):
-    """What tells how much better a set of columns explains the flights than none."""
+    """How much better a set of columns explains the flights than none."""
 
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Returns the gain [nats]."""
@@ -32,58 +32,58 @@ class SetEvidence(Protocol):
 
 
 class Scorer:
-    """Evidence of sets less a price for each member; what was asked once is kept."""
+    """Evidence of sets less a penalty for each member, cached."""
 
     def __init__(
         self,
         evidence: SetEvidence,
         variants: Mapping[str, Sequence[Variant]],
-        price: Callable[[str], float],
+        penalty: Callable[[str], float],
     ):
-        """Takes the price of a member by its kind [nats]."""
-        self.evidence, self.variants, self.penalty = evidence, variants, price
+        """Takes the penalty of a member by its kind [nats]."""
+        self.evidence, self.variants, self.penalty = evidence, variants, penalty
         self._kept: dict[frozenset[Member], float] = {}
 
     def __call__(self, members: Members) -> float:
-        """Returns the evidence of a set less its price [nats]."""
+        """Returns the evidence of a set less its penalty [nats]."""
         key = frozenset(members)
         if key not in self._kept:
             columns = [c for _, variant in members for c in variant]
             self._kept[key] = self.evidence.log_marginal(columns)
         return self._kept[key] - sum(self.penalty(kind) for kind, _ in members)
 
-    def for_newcomers(self, price: float, members: Members) -> "Scorer":
-        """Returns the scorer with the price of all others but members raised [nats]."""
+    def for_newcomers(self, penalty: float, members: Members) -> "Scorer":
+        """Returns the scorer with the penalty of all but members raised [nats]."""
         known = {kind for kind, _ in members}
 
         def penalized_cost(kind: str) -> float:
             own = self.penalty(kind)
-            return own if kind in known else max(price, own)
+            return own if kind in known else max(penalty, own)
 
         return self.with_penalty(penalized_cost)
 
-    def with_penalty(self, price: Callable[[str], float]) -> "Scorer":
+    def with_penalty(self, penalty: Callable[[str], float]) -> "Scorer":
         """Returns the scorer with other prices of members, by their kind [nats]."""
-        other = Scorer(self.evidence, self.variants, price)
+        other = Scorer(self.evidence, self.variants, penalty)
         other._kept = self._kept
         return other
 
     def alone(self) -> dict[str, float]:
-        """Returns what each kind gains alone, its price not taken [nats]."""
+        """Returns the gain of each kind alone, without its penalty [nats]."""
         return {
             kind: max(self.evidence.log_marginal(v) for v in own)
             for kind, own in self.variants.items()
         }
 
     def lost(self, members: Members) -> dict[str, float]:
-        """Returns what is lost without each member, its price not taken [nats]."""
+        """Returns the loss without each member, without its penalty [nats]."""
         return {
             kind: self(members) - self(fewer) + self.penalty(kind)
             for (kind, _), fewer in zip(members, self.smaller(members), strict=True)
         }
 
     def ranked(self) -> list[tuple[tuple[str, ...], float]]:
-        """Returns the kinds of all sets that were asked, best first [nats]."""
+        """Returns the kinds of all sets that were scored, best first [nats]."""
         best: dict[tuple[str, ...], float] = {}
         for members in self._kept:
             value = self(tuple(members))

@@ -1,4 +1,4 @@
-"""Which effects do the flights show? Sets of the library, by their evidence.
+"""The search for effects: sets of the library, by their evidence.
 
 In turn: all flights are made linear about the best model so far, the scales of noise
 are fitted with everything acting at once, the best set of effects is searched in closed
@@ -122,9 +122,10 @@ def supported(
     beside_field: bool,
     rng: np.random.Generator,
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
-    """Returns a model of effects that resampled flights support, and how it is weighed.
+    """Returns a model of effects that resampled flights support, and their support.
 
-    What they are not sure of makes room for a rival, what they do not support goes.
+    An effect that they do not always choose may be replaced by a rival; one that they
+    do not support is dropped.
     """
     task = search.task
     search.progress("weighing the effects")
@@ -144,24 +145,24 @@ def supported(
 
 
 LATE = ("position_scale",)
-"""Effects that are asked for once all others have been, where these leave something:
-lengths are seldom wrong, and to first order they imitate much."""
+"""Effects that are tried last, where the others leave an error: lengths are seldom
+wrong, and to first order they imitate many effects."""
 
 
 def leaves_something(model: FitResult) -> bool:
-    """Whether a model leaves more than the sensors' noise: moving air, own errors."""
+    """Whether a model leaves more than noise: moving air, or errors of its formulas."""
     return model.scales.air > 0.02 or leaves_a_form(model)
 
 
 def leaves_a_form(model: FitResult) -> bool:
-    """Whether a model leaves what air that moves does not: errors of its forms."""
+    """Whether a model leaves more than moving air does: errors of its formulas."""
     return model.scales.moment > SIMPLE_MOMENT or model.strength > 0.5
 
 
 def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
-    """Returns a field that is worth its price, on top of the effects or in their place.
+    """Returns a field that reaches its threshold, beside the effects or in their place.
 
-    A field in the place of effects comes first: effects bend far to be like one.
+    Fields in place of effects are tried too: effects may imitate one.
     """
     task = search.task
     found = survey(task, model)
@@ -187,10 +188,10 @@ def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
 
 
 def effects_instead_of_curves(search: Search, model: FitResult) -> FitResult:
-    """Returns a set without curves in the place of curves that are not worth theirs.
+    """Returns a set of effects without curves where it explains nearly as much.
 
-    Beside a wrong name or none, curves take up what a small effect has a name for: they
-    stay where they bring CURVE_THRESHOLD more than the best names do.
+    Beside a wrong effect or none, curves absorb what a small effect explains: they stay
+    where they bring CURVE_THRESHOLD more than the best effects do.
     """
     bare = bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
@@ -201,7 +202,7 @@ def effects_instead_of_curves(search: Search, model: FitResult) -> FitResult:
 
 
 FIELD_THRESHOLD = 40.0
-"""Evidence that a field without a name must bring [nats]."""
+"""Evidence that an unmodelled field must bring [nats]."""
 
 
 def by_sets(search: Search, model: FitResult) -> FitResult:
@@ -227,7 +228,7 @@ def by_sets(search: Search, model: FitResult) -> FitResult:
 def best_members(
     score: Scorer, kinds: Sequence[str], tried: Collection[frozenset[str]]
 ) -> Members:
-    """Returns the best set, or the best of what stands out if that is new.
+    """Returns the best set, or the best of the effects that stand out if that is new.
 
     Args:
         score: of sets, about a model.
@@ -243,5 +244,5 @@ def best_members(
 
 
 HASTE = 0.01
-"""Share of what a round gains that each newcomer must bring: what making flights linear
-gets wrong is like small effects, which wait for the next round."""
+"""Share of a round's gain that each new effect must bring: errors of linearization look
+like small effects, which wait for the next round."""
