@@ -8,8 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from basis_report import scores_of
-from basis_study import BasisStudy
+from basis_study import BasisStudy, scores_of
 from glider.report.plots.axes import few_ticks, legend_beside, limit
 from glider.report.plots.style import COLORS, GREEN, ORANGE, RED, STYLE
 

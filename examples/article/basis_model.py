@@ -32,8 +32,14 @@ import numpy as np
 from basis_exercise import load_exercise
 from basis_figures import save_basis_figure
 from basis_logs import find_exercise_signs, trace_filmed
-from basis_report import describe, key_figures
-from basis_study import BasisStudy, fit_all, refinements, validate
+from basis_study import (
+    BasisStudy,
+    describe,
+    fit_all,
+    key_figures,
+    refinements,
+    validate,
+)
 from diagrams import program
 from diagrams.playback import GREEN, RED, Track
 

@@ -13,7 +13,6 @@ from matplotlib.ticker import LogLocator
 from glider.planning.problem import Hook
 from glider.report.plots.axes import few_ticks, legend_beside, limit
 from glider.report.plots.style import COLORS, RED, STYLE
-from learning_study import LearningStudy
 
 WEIGHTS = RED
 TRACED = COLORS["corrected"]
@@ -111,9 +110,3 @@ def save_learning_figure(
         miss.axhline(1000.0 * REACH, color="#888888", lw=0.8)
         legend_beside(miss)
         figure.savefig(file, dpi=150)
-
-
-def save_learning_study(path: Path, study: LearningStudy) -> None:
-    """Saves the rounds of learning: flights of the weights' loop, costs, misses."""
-    paths = [turn.flights[0].states for turn in study.weights]
-    save_learning_figure(path, paths, study.key_figures())

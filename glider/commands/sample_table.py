@@ -1,4 +1,4 @@
-"""The table of the samples: what is found, and what a fit that knows the truth gets."""
+"""The table of the samples: effects found, errors, and the error with the truth known."""
 
 import dataclasses
 import time
@@ -47,7 +47,7 @@ class Row:
         result: of closing the loop on it.
         seconds: that this took.
         floor: held-out position error of a fit that knows the truth [m]; None where
-            the library has no words for the truth.
+            the library has no effect for the truth.
     """
 
     name: str
@@ -96,7 +96,7 @@ def task_of(
 
 
 def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
-    """Returns where a fit of kinds starts: at rest, shapes at their first guess."""
+    """Starts a fit of kinds: sizes at rest, shapes at their first guess."""
     start = start_of(task, noise, with_curves=False)
     theta = start.theta.copy()
     for kind in kinds:
@@ -109,20 +109,20 @@ def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
 
 HEADING = (
     "                                held-out position error, RMS [mm]\n"
-    "sample         verdict            drawn  corrected  floor  found"
+    "sample         verdict          nominal  corrected  floor  found"
 )
 
 
 def line_of(row: Row) -> str:
     """Returns a row as text, in the columns of HEADING."""
     errors = row.result.errors
-    drawn, corrected = (
+    nominal, corrected = (
         1e3 * e.position_rms_m if (e := errors[model]) is not None else float("nan")
         for model in ("nominal", "corrected")
     )
     floor = "-" if row.floor is None else f"{1e3 * row.floor:.2f}"
     lines = [
-        f"{row.name:14s} {row.result.verdict:16s} {drawn:7.1f} {corrected:10.2f} "
+        f"{row.name:14s} {row.result.verdict:16s} {nominal:7.1f} {corrected:10.2f} "
         f"{floor:>6s}  {row.seconds:.0f} s"
     ]
     for effect in row.result.effects:

@@ -4,7 +4,7 @@ import pytest
 
 import learn_residual
 from diagrams.program import load_truth
-from learning_study import weight_changes
+from learn_residual import weight_changes
 from tests.helpers.examples import run_main
 
 pytestmark = pytest.mark.slow

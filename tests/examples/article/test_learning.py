@@ -15,6 +15,7 @@ from glider.physics.parameters import load_parameters
 from glider.planning.problem import goal_cost
 from glider.simulation.miss import closest_pass
 from ilqr import ilqr
+from learn_residual import weight_changes
 from learning import (
     CAPTURE,
     STATE_NOISE,
@@ -29,7 +30,6 @@ from learning import (
     log,
     trace_effects,
 )
-from learning_study import weight_changes
 from low_reynolds import low_reynolds_coefficients, low_reynolds_field
 from regression import least_squares
 from tests.helpers.flights import LAGGING
