@@ -1,4 +1,4 @@
-"""The table of the samples: effects found, errors, and the error with the truth known."""
+"""The table of the samples: effects and errors, and the error with the truth known."""
 
 import dataclasses
 import time
