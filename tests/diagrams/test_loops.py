@@ -15,8 +15,8 @@ from diagrams.__main__ import save_pictures
 from diagrams.loops import closed_loop, open_loop
 from diagrams.picture import columns_of, draw_diagram, edges_of, names_of
 from diagrams.playback import track_of
-from diagrams.simulate import reset, simulate_flights
-from diagrams.wiring import LONGEST
+from diagrams.simulate import draw_capture, reset, simulate_flights
+from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
@@ -176,6 +176,21 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
     assert flights[0].miss < 1e-3
     assert min(flight.miss for flight in flights[1:]) > 0.01
+
+
+def test_noise_is_drawn_with_the_deviations_of_motion_capture(sampled):
+    drawn = draw_capture(sampled, 40, np.random.default_rng(0))
+    assert drawn.shape == (40, tape_rows(120.0), 4)
+    np.testing.assert_allclose(drawn.std(axis=(0, 1)), MotionCapture().std, rtol=0.05)
+    noise = MotionCapture().draw(np.random.default_rng(0), *drawn.shape[:2])
+    np.testing.assert_array_equal(drawn, noise)
+
+
+def test_no_noise_is_drawn_without_motion_capture(plain):
+    with pytest.raises(InputError, match="the diagram has none"):
+        simulate_flights(
+            plain, launches(1), 0.1, capture_noise=np.random.default_rng(0)
+        )
 
 
 def test_feedback_brings_a_launch_to_the_wire(plain):

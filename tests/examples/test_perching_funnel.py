@@ -59,6 +59,8 @@ def test_the_true_glider_stays_in_the_funnel_of_what_was_found(found):
     nominal, corrected = found.nominal.on_truth, found.corrected.on_truth
     assert nominal.escapes > 0.5 * nominal.samples
     assert corrected.escapes == 0
+    # A monitor in a diagram, of the launch that was planned.
+    assert found.nominal.least_margin < 0.0 < found.corrected.least_margin < 1.0
     effects = found.corrected.funnel.nominal.model.effects
     assert [effect.kind.kind for effect in effects] == ["wind"]
     assert found.nominal.funnel.nominal.model.effects == ()
@@ -100,6 +102,7 @@ def test_the_result_is_reported(output, found):
     for name, study in found.studies.items():
         assert figures[f"{name}_on_truth_escapes"] == study.on_truth.escapes
         assert figures[f"{name}_on_truth_samples"] == study.on_truth.samples
+        assert figures[f"{name}_on_truth_least_margin"] == study.least_margin
     assert figures["estimate"]["flights"] == 1
     assert [row["unknown"] for row in figures["estimate"]["bears"]] == [0.1, 1.0]
     assert (figures["truth"], figures["seed"]) == ("head_wind", 0)
