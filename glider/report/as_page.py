@@ -171,9 +171,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
     if axis.ticks is not None:
         found["tickvals"] = list(axis.ticks)
         found["ticktext"] = [t.replace("\n", "<br>") for t in axis.ticks.values()]
-        found["showgrid"] = len(axis.range or ()) == 0 or any(
-            t.lstrip("-")[:1].isdigit() for t in axis.ticks.values()
-        )
+        found["showgrid"] = axis.has_grid
     return found
 
 

@@ -32,6 +32,13 @@ class Axis:
     ticks: Mapping[float, str] | None = None
     link: str = ""
 
+    @property
+    def has_grid(self) -> bool:
+        """Whether lines at its ticks help: at numbers, not at names."""
+        return self.ticks is None or any(
+            label.lstrip("-")[:1].isdigit() for label in self.ticks.values()
+        )
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Line:

@@ -89,9 +89,12 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
+FRAME, GRID = "#444444", "#E4E4E4"
+"""Colours of axes."""
+
 STYLE: Any = {
     "axes.axisbelow": True,
-    "axes.edgecolor": "#444444",
+    "axes.edgecolor": FRAME,
     "axes.grid": True,
     "axes.linewidth": 0.8,
     "axes.spines.right": False,
@@ -100,14 +103,14 @@ STYLE: Any = {
     "axes.labelsize": 9.5,
     "font.family": "DejaVu Sans",  # Comes with matplotlib.
     "font.size": 9.5,
-    "grid.color": "#E4E4E4",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "legend.fontsize": 9,
     "legend.frameon": False,
     "text.usetex": False,
-    "xtick.color": "#444444",
+    "xtick.color": FRAME,
     "xtick.labelsize": 8.5,
-    "ytick.color": "#444444",
+    "ytick.color": FRAME,
     "ytick.labelsize": 8.5,
 }
 """Settings for `matplotlib.rc_context`, round the making of a picture."""
