@@ -59,7 +59,7 @@ def close_the_loop(
     """
     if not 0.0 < held_out < 1.0:
         raise InputError(
-            f"the held-out fraction is {held_out:g}; it must lie between 0 and 1."
+            f"the held-out fraction is {held_out:g}; expected one between 0 and 1."
         )
     own = tuple(own_effects)
     _check_names(effects, own)
@@ -80,35 +80,30 @@ def close_the_loop(
 
     vehicle = make_vehicle(campaign, layout_of(own))
     kinds = _kinds_to_try(vehicle, effects)
+    chosen = {"flights": flights, "grades": grades, "effects": effects}
     settings: dict[str, object] = {
         "seed": seed,
         "held_out": held_out,
-        "flights": None if flights is None else list(flights),
-        "grades": None if grades is None else list(grades),
-        "effects": None if effects is None else list(effects),
+        **{k: None if v is None else list(v) for k, v in chosen.items()},
         "own_effects": [e.kind for e in own],
     }
     names = tuple(f.name for f in fitted), tuple(f.name for f in unseen)
     if effects is not None:
-        inspection = dataclasses.replace(
-            inspection, warnings=(*inspection.warnings, _left_out(effects, vehicle))
-        )
+        warnings = (*inspection.warnings, _omitted(effects, vehicle))
+        inspection = dataclasses.replace(inspection, warnings=warnings)
 
     from glider.sysid.analysis import Analysis
 
+    analysis = Analysis(
+        progress=progress,
+        seconds=seconds,
+        inspection=inspection,
+        vehicle=vehicle,
+        rng=np.random.default_rng(seed),
+    )
+    with_signs = effects is None or ANGLE_SIGN.kind in effects
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return Analysis(
-            progress=progress,
-            seconds=seconds,
-            inspection=inspection,
-            vehicle=vehicle,
-            rng=np.random.default_rng(seed),
-        ).run(
-            names,
-            kinds,
-            with_signs=effects is None or ANGLE_SIGN.kind in effects,
-            settings=settings,
-        )
+        return analysis.run(names, kinds, with_signs, settings)
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
@@ -127,7 +122,7 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
         )
 
 
-def _left_out(effects: Sequence[str], vehicle: "Vehicle") -> str:
+def _omitted(effects: Sequence[str], vehicle: "Vehicle") -> str:
     """Returns a warning that effects that were not tried cannot be found."""
     count = len(set(vehicle.kinds) - set(effects))
     return (

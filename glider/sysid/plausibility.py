@@ -8,6 +8,7 @@ the commands of another flight or a clock that runs slow.
 
 import numpy as np
 
+from glider.campaign.checks.motion import robust_std
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
@@ -93,7 +94,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     if len(gains) < 3:
         return 1.0, np.inf
     middle = float(np.median(gains))
-    spread = 1.4826 * float(np.median(np.abs(gains - np.asarray(middle))))
+    spread = float(robust_std(np.array(gains) - middle))
     return middle, 1.2533 * spread / np.sqrt(len(gains))
 
 

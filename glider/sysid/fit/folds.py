@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from scipy.special import stdtrit
 
+from glider.campaign.checks.motion import robust_std
 from glider.compiled.parallel import in_parallel
 from glider.sysid.fit.prediction import (
     Prediction,
@@ -139,7 +140,7 @@ def clipped(gains: np.ndarray) -> np.ndarray:
     if not len(gains):
         return gains
     middle = np.median(gains)
-    spread = 1.4826 * np.median(np.abs(gains - middle)) + 1e-12
+    spread = robust_std(gains - middle) + 1e-12
     return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
 
 

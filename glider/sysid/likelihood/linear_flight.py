@@ -187,11 +187,6 @@ def linearize(
     )
     n = nodes.shape[1]
     inputs = np.zeros((intervals, n, len(directions) + 1))
-    outputs = np.zeros((intervals + 1, 4, len(directions) + 1))
-    pose, pose_by_x, _ = measure_nodes(
-        kinds, nodes, dynamics, np.zeros(0, dtype=np.int64), layout.scale
-    )
-    path = logged_elevator(record, theta)
     columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
     others: dict[tuple, tuple] = {(): (nodes, ends)}  # Of the model itself.
     for j, direction in enumerate(directions):
@@ -207,16 +202,9 @@ def linearize(
                 record, base_nodes, signals, direction.moved, field, constants, wind
             )
             inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
-        if direction.slot in layout.sensor_slots:
-            shown = sensed(layout, nodes, direction.moved)
-            outputs[:, :3, j] = (shown - pose) / direction.size
-        if record.has_servo and direction.slot >= layout.num_compiled:
-            moved_path = logged_elevator(record, direction.moved)
-            outputs[:, 3, j] = (moved_path - path) / direction.size
     inputs[:, :, -1] = ends - nodes[1:]
-    outputs[:, :3, -1] = record.pose - pose
-    if record.has_servo:
-        outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
+    nothing = np.zeros(0, dtype=np.int64)
+    pose, pose_by_x, _ = measure_nodes(kinds, nodes, dynamics, nothing, layout.scale)
     own = np.zeros((n + OWN_STATES, len(directions) + 1))
     own[n + PROCESSES :, -1] = -constants.values
     return LinearFlight(
@@ -230,8 +218,32 @@ def linearize(
         by_term=by_term,
         inputs=inputs,
         pose_by_x=pose_by_x,
-        outputs=outputs,
+        outputs=_outputs(record, theta, directions, nodes, pose),
     )
+
+
+def _outputs(
+    record: Record,
+    theta: np.ndarray,
+    directions: Sequence[Direction],
+    nodes: np.ndarray,
+    pose: np.ndarray,
+) -> np.ndarray:
+    """Returns the columns of the measurements, the error last, (K + 1, 4, m + 1)."""
+    layout = record.layout
+    outputs = np.zeros((len(nodes), 4, len(directions) + 1))
+    path = logged_elevator(record, theta)
+    for j, direction in enumerate(directions):
+        if direction.slot in layout.sensor_slots:
+            shown = sensed(layout, nodes, direction.moved)
+            outputs[:, :3, j] = (shown - pose) / direction.size
+        if record.has_servo and direction.slot >= layout.num_compiled:
+            moved_path = logged_elevator(record, direction.moved)
+            outputs[:, 3, j] = (moved_path - path) / direction.size
+    outputs[:, :3, -1] = record.pose - pose
+    if record.has_servo:
+        outputs[:, 3, -1] = record.elevator - path - nodes[:, OFFSET]
+    return outputs
 
 
 def _as_read(

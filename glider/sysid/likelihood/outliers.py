@@ -16,6 +16,7 @@ again 42, with positions 5 % too large 3.
 
 import numpy as np
 
+from glider.campaign.checks.motion import robust_std
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.model_fit import (
@@ -103,7 +104,7 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     """
     logs = np.log(squares)
     apart = logs - np.median(logs)
-    deviation = max(1.4826 * float(np.median(np.abs(apart))), LEAST_DEVIATION)
+    deviation = max(float(robust_std(apart)), LEAST_DEVIATION)
     outlying = apart > Z_OUTLYING * (1.0 + 4.0 / len(logs)) * deviation
     return outlying & (np.mean(outlying) <= MOST)
 
@@ -137,7 +138,7 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
             slot = task.layout.index[kind, name]
             units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
             apart = np.abs(own[:, place] - np.median(own[:, place]))
-            deviation = 1.4826 * float(np.median(apart))
+            deviation = float(robust_std(apart))
             least = max(Z_EXTREME * deviation, LEAST_EXTREME * task.layout.scale[slot])
             for i in np.flatnonzero(apart > least).tolist():
                 found.setdefault(

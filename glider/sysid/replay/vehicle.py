@@ -6,6 +6,7 @@ to 1 kg, and areas and inertia are per kilogram.
 """
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,22 +83,10 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     """Sorts a campaign's vehicle into known and unknown."""
     index = layout.index
     known = dict(campaign.vehicle)
-    notes = []
-    assumed: dict[str, Any] = dataclasses.asdict(GliderParameters())
     has_scale = any(name in known for name in _PER_MASS)
-    if "mass" not in known and not has_scale:
-        for name in _PER_MASS:
-            assumed[name] /= assumed["mass"]
-        assumed["mass"] = 1.0
-        notes.append(
-            "No mass or area is specified: the mass is set to 1 kg, "
-            "so areas and inertia are per kg."
-        )
-    for name in _CONVENTIONAL:
-        if name not in known:
-            notes.append(f"'{name}' is not specified; {assumed[name]:g} is assumed.")
+    is_per_mass = "mass" not in known and not has_scale
+    assumed, notes = _assumptions(known, is_per_mass)
     parameters = GliderParameters(**{**assumed, **_servo_of(campaign), **known})
-
     unknown = [name for name in BASELINE_PARAMETERS if name not in known]
     if "mass" not in known and has_scale:
         unknown.append("mass")
@@ -135,36 +124,56 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if "elevator_area" in unknown:
         dropped.add("elevator_area")
     theta = layout.default_theta(parameters)
-    prior = None
-    if unknown:
-        spread = PRIOR_SCALES * layout.scale
-        for name in unknown:
-            i = index["parameters", name]
-            relative = _RELATIVE_SPREAD.get(name, 0.5)
-            spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
-        spread[index["elevator_trim", "angle"]] = _TRIM_SPREAD
-        spread[index["pitch_moment", "coefficient"]] = _MOMENT_SPREAD
-        prior = theta.copy(), spread
+    of_plate = (index["parameters", name] for name in BASELINE_PARAMETERS)
     return Vehicle(
         layout=layout,
         theta=theta,
         knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
-        prior=prior,
+        prior=_prior(layout, theta, unknown) if unknown else None,
         nuisance=tuple(sorted(nuisance)),
-        baseline_slots=tuple(
-            sorted(
-                {
-                    *nuisance,
-                    *(index["parameters", name] for name in BASELINE_PARAMETERS),
-                }
-            )
-        ),
+        baseline_slots=tuple(sorted({*nuisance, *of_plate})),
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
         trim_is_known=campaign.elevator != "fixed_per_flight",
         is_known="mass" in known and not unknown and campaign.elevator != "fixed",
         notes=tuple(notes),
-        is_per_mass="mass" not in known and not has_scale,
+        is_per_mass=is_per_mass,
     )
+
+
+def _assumptions(
+    known: Mapping[str, Any], is_per_mass: bool
+) -> tuple[dict[str, Any], list[str]]:
+    """Returns the parameters that are assumed where they are unknown, and notes."""
+    assumed: dict[str, Any] = dataclasses.asdict(GliderParameters())
+    notes = []
+    if is_per_mass:
+        for name in _PER_MASS:
+            assumed[name] /= assumed["mass"]
+        assumed["mass"] = 1.0
+        notes.append(
+            "No mass or area is specified: the mass is set to 1 kg, "
+            "so areas and inertia are per kg."
+        )
+    notes += [
+        f"'{name}' is not specified; {assumed[name]:g} is assumed."
+        for name in _CONVENTIONAL
+        if name not in known
+    ]
+    return assumed, notes
+
+
+def _prior(
+    layout: Layout, theta: np.ndarray, unknown: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns prior mean and spread of theta, where parameters are unknown."""
+    spread = PRIOR_SCALES * layout.scale
+    for name in unknown:
+        i = layout.index["parameters", name]
+        relative = _RELATIVE_SPREAD.get(name, 0.5)
+        spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
+    spread[layout.index["elevator_trim", "angle"]] = _TRIM_SPREAD
+    spread[layout.index["pitch_moment", "coefficient"]] = _MOMENT_SPREAD
+    return theta.copy(), spread
 
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
