@@ -138,13 +138,7 @@ def fly(
     clock = make_clock(policy, command_rate, step, after)
     laps = count_laps(model, clock.step)
     starts = full_starts(model, starts)
-    if noise is None:
-        noise = np.empty((len(starts), 0, len(known)))
-    elif np.shape(noise)[1:2] != (0,):
-        expect(clock.hold, "the command rate", None, "a number, as there is noise")
-        shape = (len(starts), clock.commands, len(known))
-        fits = np.shape(noise) == shape
-        expect(fits, "the noise's shape", np.shape(noise), str(shape))
+    noise = _checked_noise(noise, (len(starts), clock.commands, len(known)))
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
     else:
@@ -156,7 +150,7 @@ def fly(
         starts,
         clock.steps * laps,
         clock.step / laps,
-        Feedback(offset, gain, clock.hold * laps, np.asarray(noise, dtype=float)),
+        Feedback(offset, gain, clock.hold * laps, noise),
         wire=(problem.wire[0], problem.wire[1]),
         keep_paths=keep_paths,
     )
@@ -177,6 +171,17 @@ def fly(
         command_times=sampled if clock.hold else None,
         commands=commands,
     )
+
+
+def _checked_noise(noise: np.ndarray | None, shape: tuple[int, int, int]) -> np.ndarray:
+    """Returns the noise of B launches, H commands and m states; (B, 0, m) for none."""
+    if noise is None:
+        return np.empty((shape[0], 0, shape[2]))
+    noise = np.asarray(noise, dtype=float)
+    if noise.shape[1:2] != (0,):
+        expect(shape[1], "the command rate", None, "a number, as there is noise")
+        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
+    return noise
 
 
 def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:

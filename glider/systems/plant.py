@@ -75,27 +75,7 @@ def GliderPlant_(T):
             self._field = self.model.residual_field
             self._chain = self.model.chain
 
-            self._elevator_rate = self.DeclareVectorInputPort("elevator_rate", 1)
-            self._wind = self.DeclareVectorInputPort("wind", 2)
-            state = self.DeclareContinuousState(len(self.state_names))
-            theta = self.model.numbers
-            self.DeclareNumericParameter(BasicVector_[T](np.array(theta.p)))
-            self.DeclareNumericParameter(BasicVector_[T](theta.c))
-            self.DeclareStateOutputPort("state", state)
-            self.DeclareVectorOutputPort("forces", len(FORCE_NAMES), self._calc_forces)
-            self.DeclareVectorOutputPort(
-                "pose",
-                len(POSE_NAMES),
-                self._calc_pose,
-                {self.xc_ticket(), self.all_parameters_ticket()},
-            )
-            self._numbers = self.DeclareCacheEntry(
-                "parameters and coefficients as floats",
-                ValueProducer(
-                    allocate=Value[object], calc=partial(_calc_numbers, self)
-                ),
-                {self.all_parameters_ticket()},
-            )
+            _declare(self, BasicVector_[T])
 
         def _construct_copy(self, other, converter=None):
             Impl._construct(self, other.model, other.fast, converter=converter)
@@ -161,6 +141,29 @@ def _joined(gradient, rows, below):
     joined[: len(gradient), : gradient.shape[1]] = gradient
     joined[rows:, : below.shape[1]] = below
     return joined
+
+
+def _declare(plant, vector):
+    """Declares ports, state, parameters and cache entry of a plant."""
+    plant._elevator_rate = plant.DeclareVectorInputPort("elevator_rate", 1)
+    plant._wind = plant.DeclareVectorInputPort("wind", 2)
+    state = plant.DeclareContinuousState(len(plant.state_names))
+    theta = plant.model.numbers
+    plant.DeclareNumericParameter(vector(np.array(theta.p)))
+    plant.DeclareNumericParameter(vector(theta.c))
+    plant.DeclareStateOutputPort("state", state)
+    plant.DeclareVectorOutputPort("forces", len(FORCE_NAMES), plant._calc_forces)
+    plant.DeclareVectorOutputPort(
+        "pose",
+        len(POSE_NAMES),
+        plant._calc_pose,
+        {plant.xc_ticket(), plant.all_parameters_ticket()},
+    )
+    plant._numbers = plant.DeclareCacheEntry(
+        "parameters and coefficients as floats",
+        ValueProducer(allocate=Value[object], calc=partial(_calc_numbers, plant)),
+        {plant.all_parameters_ticket()},
+    )
 
 
 def _calc_numbers(plant, context, value):
