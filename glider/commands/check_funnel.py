@@ -8,8 +8,8 @@ from glider.commands.parsing import Commands, add_command, check_seed
 from glider.errors import InputError, show
 
 LEVEL = 0.95
-"""Probability with which the true glider is among those that are flown, unless told:
-that of `glider.verification.dynamics.confidence`, which takes a second to import."""
+"""Default probability with which the true glider is among those that are flown: that of
+`glider.verification.dynamics.confidence`, which takes a second to import."""
 
 FLIGHTS = 9000
 """Flights before the climb: 21,000 with it."""
@@ -18,29 +18,28 @@ MOST_FLIGHTS = 1_000_000
 """Flights that fit the memory of any machine."""
 
 SEED = 0
-"""Seed of the draws, unless told."""
+"""Default seed of the draws."""
 
 _DESCRIPTION = """\
 Checks the certificate of a funnel: that it is of a flight from a problem's launch to
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
-that the servo stays within its limits; and that it ends in the goal. Needs no solver
-and no plan: all is in the file, the glider too. Whether that is your glider, --model
-tells; --problem names another problem than the article's. --hook asks for more than
-that its end is within the reach of the problem's hook: that the hook takes every state
-there, by speed and pitch too.
+that the servo stays within its limits; and that it ends in the goal. No solver and no
+plan are used: the file holds everything, the glider included. --model compares that
+with your glider; --problem names another problem than the article's. --hook also
+requires that the hook accepts every state of the last set, by speed and pitch.
 
-That is of the third-order Taylor polynomials of the dynamics, with a bound of their
-remainder, and between the times V is looked at in floating point only. --prove proves
-it of the full dynamics and in continuous time: that no flight that starts in the inlet
-leaves the funnel. It takes minutes; with --resume FILE one that is broken off goes on.
+That check is of the third-order Taylor polynomials of the dynamics, with a bound on
+their remainder; between the times V is sampled in floating point. --prove proves it for
+the full dynamics and in continuous time: no flight that starts in the inlet leaves the
+funnel. That takes minutes; with --resume FILE an interrupted proof continues.
 
-All of that is of one glider; --prove is of all where a funnel was made for a set of
-them. --confidence draws gliders that the data allow, from the covariance in --model's
-file (close-the-loop writes it), flies them from the boundary and climbs to the worst
-flights and the worst corner of their set. By itself that proves nothing.
+The check is of one glider; --prove covers all gliders of a funnel that was made for a
+set of them. --confidence draws gliders that the data allow, from the covariance in
+--model's file (close-the-loop writes it), flies them from the boundary and climbs to
+the worst flights and the worst corner of their set. Flights prove nothing.
 
-exit code: 0 when what was checked holds and no flight leaves, 1 when not, 2 when the
-file is none.
+exit code: 0 if everything checked holds and no flight leaves, 1 if not, 2 if the file is
+not a funnel.
 """
 
 
@@ -58,18 +57,18 @@ def add(commands: Commands) -> None:
         "--model",
         metavar="YAML",
         type=Path,
-        help="model or vehicle that it has to be a funnel of (default: any)",
+        help="model or vehicle that the funnel must be of (default: any)",
     )
     parser.add_argument(
         "--problem",
         metavar="YAML",
         type=Path,
-        help="problem that it has to solve (default: the article's)",
+        help="problem that it must solve (default: the article's)",
     )
     parser.add_argument(
         "--hook",
         action="store_true",
-        help="the problem's hook has to take every state of its last set",
+        help="the problem's hook must accept every state of its last set",
     )
     parser.add_argument(
         "--every",
@@ -87,7 +86,7 @@ def add(commands: Commands) -> None:
         "--resume",
         metavar="FILE",
         type=Path,
-        help="with --prove: keep there what is proven, and go on from it",
+        help="with --prove: record what is proven in FILE, and continue from it",
     )
     parser.add_argument(
         "--confidence",
@@ -100,8 +99,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--box",
         action="store_true",
-        help="with --confidence: each number in its own interval, not all in an "
-        "ellipsoid",
+        help="with --confidence: a box of intervals instead of an ellipsoid",
     )
     parser.add_argument(
         "--flights",
@@ -127,21 +125,21 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.file import read_file
 
     if args.every < 1:
-        raise InputError(f"--every is {args.every}; a positive number is needed.")
+        raise InputError(f"--every is {args.every}; expected a positive number.")
     if args.resume and not args.prove:
-        raise InputError("--resume is of no use without --prove, which is needed.")
+        raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
     for name in ("box", "flights", "seed"):
         value = getattr(args, name)
         if level is None and value is not None and value is not False:
             raise InputError(
-                f"--{name} is of no use without --confidence, which is needed."
+                f"--{name} has no effect without --confidence; expected both."
             )
     flights = FLIGHTS if args.flights is None else args.flights
     seed = SEED if args.seed is None else args.seed
     if not 1 <= flights <= MOST_FLIGHTS:
         raise InputError(
-            f"--flights is {flights}; a number from 1 to {MOST_FLIGHTS:,} is needed."
+            f"--flights is {flights}; expected a number from 1 to {MOST_FLIGHTS:,}."
         )
     check_seed(seed)
     file = read_file(args.funnel)
@@ -212,7 +210,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _level(text):
-    """Returns the probability that --confidence is; None where it is not there."""
+    """Returns the probability given by --confidence; None without it."""
     if text is None:
         return None
     try:
@@ -222,8 +220,8 @@ def _level(text):
     if 0.0 < level < 1.0:
         return level
     raise InputError(
-        f"--confidence is {show(text)}; a probability between 0 and 1, such as "
-        f"{LEVEL:g}, is needed, or nothing after it."
+        f"--confidence is {show(text)}; expected a probability between 0 and 1, such "
+        f"as {LEVEL:g}, or no value."
     )
 
 
@@ -241,7 +239,7 @@ def _confidence(funnel, model, level, shape):
             covariance = funnel.gliders.confidence.covariance
     if covariance is None:
         raise InputError(
-            f"{where}: how well the glider is known is not told; a --model with a "
-            "covariance, as close-the-loop writes it, is needed."
+            f"{where}: the accuracy of the glider's parameters is unknown; expected a "
+            "--model with a covariance, as close-the-loop writes it."
         )
     return make_confidence(funnel.nominal.model, covariance, level, shape)

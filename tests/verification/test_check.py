@@ -138,7 +138,7 @@ def test_a_corrupted_funnel_fails_the_check(name, funnel):
 
 def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     changed = dataclasses.replace(funnel, nominal=lighter(funnel))
-    assert "no flight" in " ".join(check_funnel(changed, every=1000).faults)
+    assert "not a flight" in " ".join(check_funnel(changed, every=1000).faults)
     wider = dataclasses.replace(funnel, S=0.8 * funnel.S)
     assert largest_between(wider, NO_DEFECT, 20) > 0.0
     assert largest_between(funnel, NO_DEFECT, 20) < 0.0

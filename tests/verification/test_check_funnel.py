@@ -122,19 +122,25 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--confidence", "1.5"], "--confidence is '1.5'; a probability between 0"),
+        (["--confidence", "1.5"], "--confidence is '1.5'; expected a probability"),
         (["--confidence", "95"], "such as 0.95"),
-        (["--confidence", "abc"], "--confidence is 'abc'; a probability"),
-        (["--confidence", "nan"], "--confidence is 'nan'; a probability"),
-        (["--confidence", "--flights", "0"], "--flights is 0; a number from 1 to"),
+        (["--confidence", "abc"], "--confidence is 'abc'; expected a"),
+        (["--confidence", "nan"], "--confidence is 'nan'; expected a"),
+        (
+            ["--confidence", "--flights", "0"],
+            "--flights is 0; expected a number from 1 to",
+        ),
         (["--confidence", "--flights", "9999999999999"], "from 1 to 1,000,000"),
         (["--confidence", "--seed", "-1"], "--seed is -1"),
-        (["--box"], "--box is of no use without --confidence"),
-        (["--flights", "100"], "--flights is of no use without --confidence"),
-        (["--seed", "0"], "--seed is of no use without --confidence"),
+        (["--box"], "--box has no effect without --confidence"),
+        (["--flights", "100"], "--flights has no effect without --confidence"),
+        (["--seed", "0"], "--seed has no effect without --confidence"),
         (["--confidence"], "a --model with a covariance"),
         (["--confidence", "--model", "VEHICLE"], "a --model with a covariance"),
-        (["--confidence", "--model", "MODEL"], "model.yaml: how well the glider is"),
+        (
+            ["--confidence", "--model", "MODEL"],
+            "model.yaml: the accuracy of the glider",
+        ),
     ],
 )
 def test_what_makes_no_set_is_said_in_a_sentence(arguments, words, tmp_path, capsys):

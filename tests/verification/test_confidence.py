@@ -12,9 +12,11 @@ from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import (
     ConfidenceSet,
     describe_set,
+    glider_at,
     make_confidence,
+    physical,
+    theta_at,
 )
-from glider.verification.dynamics.deviations import glider_at, physical, theta_at
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.funnel.file import GlidersNote
 from glider.verification.funnel.funnel import noted_confidence

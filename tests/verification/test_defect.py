@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.defect import defect_bounds, defect_growth
+from glider.verification.dynamics.error_dynamics import defect_bounds, defect_growth
 from glider.verification.dynamics.nominal import (
     nominal_between,
     nominal_path,

@@ -15,9 +15,12 @@ from glider.verification.check_report import describe_proof, remainder_status
 from glider.verification.dynamics.error_dynamics import open_loop_rates
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
-from glider.verification.proof.counterexample import worst_candidate
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
-from glider.verification.proof.interval_proof import IntervalProof, prove_interval
+from glider.verification.proof.interval_proof import (
+    IntervalProof,
+    prove_interval,
+    worst_candidate,
+)
 
 
 @pytest.fixture(scope="module")

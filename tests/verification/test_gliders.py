@@ -11,8 +11,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.check_report import describe_check, describe_proof
-from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.deviations import glider_at
+from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.build import make_funnel

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.funnel.build import STARTS
 from glider.verification.funnel.growth import boundary_forms, largest_growth
 from glider.verification.funnel.remainder import remainder_form
+from glider.verification.funnel.scaling import STARTS
 from tests.verification.points import sphere_points
 
 

@@ -8,15 +8,15 @@ import pytest
 
 from glider.verification.dynamics.error_dynamics import expand_rates, table_of
 from glider.verification.funnel.remainder import remainder_form
-from glider.verification.proof.interval import make_interval
-from glider.verification.proof.interval_growth import growth_forms, prove_growth
-from glider.verification.proof.interval_proof import _gram_guesses
-from glider.verification.proof.interval_sets import (
+from glider.verification.proof.interval import (
     covers,
     keeps_servo,
+    make_interval,
     stays_definite,
     tight_cover,
 )
+from glider.verification.proof.interval_growth import growth_forms, prove_growth
+from glider.verification.proof.interval_proof import _gram_guesses
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.exact_time import InTime, line
 from glider.verification.sos.forms import to_ball

@@ -10,8 +10,7 @@ from glider.paths import models_path
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.deviations import glider_at
+from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
 from glider.verification.dynamics.error_dynamics import (
     ORDER,
     expand_rates,
@@ -24,10 +23,9 @@ from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.interval import make_interval
+from glider.verification.proof.interval import keeps_servo, make_interval, tight_cover
 from glider.verification.proof.interval_gliders import gliders_defect, servo_reach
 from glider.verification.proof.interval_proof import prove_interval
-from glider.verification.proof.interval_sets import keeps_servo, tight_cover
 from glider.verification.sos.exact import exact
 from glider.verification.sos.exact_time import line
 

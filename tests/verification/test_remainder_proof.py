@@ -18,8 +18,7 @@ from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.proof import remainder_proof
 from glider.verification.proof.boxes import bound_in_balls
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.interval import make_interval
-from glider.verification.proof.interval_sets import tight_cover
+from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.remainder_proof import (
     PATIENCE,
     RemainderProof,

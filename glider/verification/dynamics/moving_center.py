@@ -14,8 +14,7 @@ import dataclasses
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.deviations import theta_at
+from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.error_dynamics import closed_loop_rates, expand
 from glider.verification.dynamics.nominal import Nominal, nominal_between
 

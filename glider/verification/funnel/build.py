@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.policy import TrackingPolicy
@@ -14,29 +13,15 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
-from glider.verification.dynamics.nominal import Nominal, make_nominal
+from glider.verification.dynamics.moving_center import make_moving_center
+from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import (
-    SHARES,
-    BoundaryForms,
-    GrowthBetween,
-    boundary_forms,
-    largest_growth,
-)
-from glider.verification.funnel.remainder import (
-    SAMPLES,
-    inflate,
-    remainder_form,
-    remainder_weights,
-    sample_remainder,
-)
-from glider.verification.funnel.scaling import scale_funnel
-from glider.verification.funnel.servo_limits import bounds_about, room
+from glider.verification.funnel.growth import BoundaryForms
+from glider.verification.funnel.remainder import SAMPLES
+from glider.verification.funnel.scaling import Gauge, scale_funnel
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
-from glider.verification.funnel.shape_flow import ShapeFlow, size_matrices
+from glider.verification.funnel.shape_flow import ShapeFlow
 from glider.verification.sos.programs import (
     SOLVERS,
     SolverError,
@@ -56,11 +41,6 @@ Progress = Callable[[str], None]
 EIGENVALUE_SHARE = 0.1
 """Least eigenvalue of a Gram matrix, as a share of the margin of V̇/V. On the sphere
 bᵀb = 2, so that all of the margin would be a half."""
-
-STARTS = 60
-"""Points where the ascent to the largest growth starts, besides the axes of its
-quadratic part. With 12, and none from neighbors in time, it missed so much that one
-funnel was not certified, and another not proven between two times."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -121,7 +101,7 @@ def make_funnel(
     flow = ShapeFlow(nominal, coefficients, settings, directions, center)
     S = _shape(flow, lambda share: say(f"funnel: its shape, {100.0 * share:.0f} %"))
     say("funnel: its size")
-    gauge = _Gauge(nominal, coefficients, settings, directions, center)
+    gauge = Gauge(nominal, coefficients, settings, directions, center)
     if not gauge.is_bounded:
         raise SolverError(
             "The plan's flight cannot be enclosed; a shorter step may do."
@@ -155,96 +135,6 @@ def _shape(flow: ShapeFlow, progress: Callable[[float], None]) -> np.ndarray:
         return flow.run(progress)
     except np.linalg.LinAlgError:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Sets:
-    """Sets along a flight, with all that makes V̇ on their boundaries.
-
-    Attributes:
-        slopes: ṡ (T, n, n) of the cubic spline through S [1/s].
-        beta: bounds β (T, n) of the remainder [m/s², rad/s²].
-        weights: weights λ (T, n) of the remainder.
-        forms: V̇/V on the boundaries.
-    """
-
-    slopes: np.ndarray
-    beta: np.ndarray
-    weights: np.ndarray
-    forms: BoundaryForms
-
-
-class _Gauge:
-    """A gauge of sets S (T, n, n) along a flight: their growth and the servo's room."""
-
-    def __init__(
-        self,
-        nominal: Nominal,
-        coefficients: np.ndarray,
-        settings: FunnelSettings,
-        directions: np.ndarray,
-        center: MovingCenter | None,
-    ):
-        """Takes what a ShapeFlow takes."""
-        self._nominal, self._coefficients = nominal, coefficients
-        self._settings, self._directions = settings, directions
-        self._center, n = center, nominal.states.shape[1]
-        self._sizes = size_matrices(nominal, coefficients, settings)
-        self._starts = directions[:STARTS]
-        if center is not None:
-            self._starts = normalized(self._starts[:, :n])
-        self._between = [GrowthBetween(nominal, share) for share in SHARES]
-        self._defect = defect_bounds(nominal)
-
-    @property
-    def is_bounded(self) -> bool:
-        """Whether the nominal's defect is."""
-        return bool(np.all(np.isfinite(self._defect)))
-
-    def sets(self, S: np.ndarray) -> _Sets:
-        """Returns the sets with their slopes, remainders and forms."""
-        times = self._nominal.times
-        slopes = CubicSpline(times, S)(times, 1)
-        beta = self._beta(S)
-        weights = remainder_weights(S, beta, self._sizes)
-        disturbance = remainder_form(S, beta, weights)
-        disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
-        forms = boundary_forms(S, slopes, self._coefficients, disturbance)
-        return _Sets(slopes=slopes, beta=beta, weights=weights, forms=forms)
-
-    def growth(self, S: np.ndarray) -> np.ndarray:
-        """Returns the largest V̇/V (T,) at and around each time [1/s]."""
-        sets, starts = self.sets(S), self._starts
-        growth = largest_growth(sets.forms, starts)
-        drift = self._drift(S)
-        drift = np.maximum(drift[:-1], drift[1:])
-        # Between the times it is looked for only where it is good at them.
-        for between in self._between if growth.max() < 0.0 else ():
-            found = between.largest(S, sets.slopes, sets.beta, sets.weights, starts)
-            found = found + drift
-            growth[1:] = np.maximum(growth[1:], found)
-            growth[:-1] = np.maximum(growth[:-1], found)
-        return growth
-
-    def room(self, S: np.ndarray) -> np.ndarray:
-        """Returns the largest ρ (T,) that the servo allows."""
-        return room(S, *bounds_about(self._nominal, self._center))
-
-    def _drift(self, S):
-        return defect_growth(S, self._defect)
-
-    def _beta(self, S):
-        if self._settings.remainder == 0.0:
-            return np.zeros(self._nominal.states.shape)
-        sampled = sample_remainder(
-            self._nominal,
-            self._coefficients,
-            S,
-            self._directions,
-            np.arange(len(S)),
-            self._center,
-        )
-        return inflate(sampled, self._settings.remainder)
 
 
 def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarray:

@@ -10,7 +10,7 @@ also what they do otherwise, about their own center
 
 import numpy as np
 
-from glider.verification.dynamics.deviations import physical, theta_at
+from glider.verification.dynamics.confidence import physical, theta_at
 from glider.verification.dynamics.error_dynamics import (
     closed_loop_rates,
     evaluate,

@@ -1,7 +1,7 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
 `purpose`: the funnel is one of the intended problem and glider.
-`glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
+`glider.verification.dynamics.error_dynamics`: its nominal is a flight, or nearly.
 `gliders_faults`: each glider of its set has margin about its own center.
 `exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
 floating point: no remainder larger than β_k is seen, and V falls between the times too.
@@ -19,8 +19,12 @@ from threadpoolctl import threadpool_limits
 
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.defect import defect_bounds, defect_growth
-from glider.verification.dynamics.error_dynamics import expand, nonlinear_parts
+from glider.verification.dynamics.error_dynamics import (
+    defect_bounds,
+    defect_growth,
+    expand,
+    nonlinear_parts,
+)
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, GrowthBetween
 from glider.verification.funnel.remainder import (

@@ -19,7 +19,7 @@ import dataclasses
 import numpy as np
 
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.deviations import theta_at
+from glider.verification.dynamics.confidence import theta_at
 from glider.verification.dynamics.error_dynamics import (
     ORDER,
     expand_rates,

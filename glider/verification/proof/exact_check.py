@@ -28,14 +28,14 @@ from glider.verification.sos.exact import (
     leaves_definite,
     rounded,
 )
-from glider.verification.sos.exact_forms import (
+from glider.verification.sos.forms import (
     gram_polynomial,
     odd_then_even,
     quadratic_product,
     sparse_gram,
     substituted,
+    to_ball,
 )
-from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import represent, sphere
 
 SLACK_SHARE = 0.1

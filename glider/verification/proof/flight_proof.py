@@ -18,8 +18,12 @@ import numpy as np
 from glider.errors import InputError
 from glider.files import schema
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.counterexample import Candidate, worst_candidate
-from glider.verification.proof.interval_proof import IntervalProof, prove_interval
+from glider.verification.proof.interval_proof import (
+    Candidate,
+    IntervalProof,
+    prove_interval,
+    worst_candidate,
+)
 from glider.verification.proof.remainder_proof import BUDGET
 
 _FORMAT = "drake-glider funnel proof 1"

@@ -20,7 +20,8 @@ import numpy as np
 
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, leaves_definite, rounded
-from glider.verification.sos.exact_forms import (
+from glider.verification.sos.exact_time import InTime
+from glider.verification.sos.forms import (
     contracted,
     form_tensor,
     gathered,
@@ -28,9 +29,8 @@ from glider.verification.sos.exact_forms import (
     odd_then_even,
     quadratic_product,
     sparse_gram,
+    to_ball,
 )
-from glider.verification.sos.exact_time import InTime
-from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import (
     Sphere,
     nearby_gram,

@@ -12,8 +12,7 @@ import numpy as np
 
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import TaylorRemainder, make_remainder
-from glider.verification.proof.interval import Interval
-from glider.verification.proof.interval_sets import covers, tight_cover
+from glider.verification.proof.interval import Interval, covers, tight_cover
 
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; the shipped funnels take 30,000."""

@@ -1,7 +1,6 @@
 """Sums of squares on the unit sphere, their programs, and exact arithmetic.
 
-forms: V̇/V on the boundary of an ellipsoid, in the coordinates of the unit ball. sphere:
-polynomials on the sphere and their Gram matrices. programs, solving: semidefinite
-programs through Drake, in other processes. grams: a Gram matrix from a neighbor's,
-without a solver. exact, exact_forms: matrices and forms in whole numbers.
+sphere: polynomials on the sphere and their Gram matrices. forms: V̇/V on the boundary of
+an ellipsoid, in doubles and exactly. programs: semidefinite programs through Drake, in
+other processes. exact: arrays of exact numbers; exact_time: polynomials in time of them.
 """

@@ -1,6 +1,6 @@
-"""Trials of a funnel by flights: nothing here is proved.
+"""Trials: flights of the full dynamics that try to falsify a funnel, and prove nothing.
 
-flights: the glider under a funnel's feedback. falsify: the attempt to find a flight
-that leaves; falsify_set: the same with all gliders that the data allow; words: what
-came of that. estimated: how much estimation error a funnel bears.
+funnel_flights: flies under a funnel's feedback. falsify: from the boundary, climbing to
+the worst launch and the worst glider. estimated: how much estimation error a funnel
+tolerates.
 """

@@ -14,8 +14,7 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.deviations import glider_at, physical
+from glider.verification.dynamics.confidence import ConfidenceSet, glider_at, physical
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.sphere import normalized
 from glider.verification.trials.funnel_flights import boundary_states, fly_from
