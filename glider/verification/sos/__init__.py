@@ -1,6 +1,6 @@
 """Sums of squares on the unit sphere, their programs, and exact arithmetic.
 
 sphere: polynomials on the sphere and their Gram matrices. forms: V̇/V on the boundary of
-an ellipsoid, in doubles and exactly. programs: semidefinite programs through Drake, in
-other processes. exact: arrays of exact numbers; exact_time: polynomials in time of them.
+an ellipsoid, in doubles and exactly. programs: semidefinite programs by Drake, in
+other processes. exact: arrays of exact numbers; exact_time: such polynomials in time.
 """
