@@ -38,8 +38,8 @@ set of them. --confidence draws gliders that the data allow, from the covariance
 --model's file (close-the-loop writes it), flies them from the boundary and climbs to
 the worst flights and the worst corner of their set. Flights prove nothing.
 
-exit code: 0 if everything checked holds and no flight leaves, 1 if not, 2 if the file is
-not a funnel.
+exit code: 0 if everything checked holds and no flight leaves, 1 if not, 2 if the file
+is not a funnel.
 """
 
 
