@@ -7,13 +7,13 @@ from glider.commands.parsing import Commands, add_command
 from glider.errors import InputError
 
 _DESCRIPTION = """\
-Makes a campaign folder of logs of other software: CSV of any dialect, OptiTrack Motive
-and Vicon exports, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
+Makes a campaign folder of logs of other software: CSV of any dialect, Excel .xlsx,
+OptiTrack Motive and Vicon exports, C3D, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
 
-MAP.yaml says which columns are which, in which units and axes, and what is known of
-the vehicle. Long recordings are cut into flights, from release to contact. Nothing is
-written where the flights contradict the map: they must fall down, nose ahead, and turn
-the way their elevator says.
+MAP.yaml specifies which columns are which, in which units and axes, and what is known
+of the vehicle. Long recordings are cut into flights, from release to contact. Nothing
+is written if the flights contradict the map: they must fall down, nose ahead, and turn
+in the direction of their elevator.
 """
 
 _EPILOG = """\
@@ -22,7 +22,7 @@ examples:
   python -m glider import takes/*.csv --map MAP.yaml --out throws
   python -m glider close-the-loop throws
 
-Formats other than text need pip install 'drake-glider[import]'; docs/import.md has five
+Formats other than text need pip install 'drake-glider[import]'; docs/import.md has six
 maps by example.
 """
 
@@ -49,7 +49,7 @@ def add(commands: Commands) -> None:
         "--out",
         type=Path,
         metavar="CAMPAIGN",
-        help="the folder to write; needed without --guess",
+        help="the folder to write, without --guess",
     )
     parser.add_argument(
         "--guess",
@@ -73,14 +73,18 @@ def run(args: argparse.Namespace) -> int:
         replace_file(figure, lambda path: save_import_figure(campaign, path))
         write_text(args.map, guess.text)
         print(guess.text, end="")
-        print(f"Map: {args.map}; what it makes of the logs: {figure}")
-        print("See that each line is right, then run the same with --out CAMPAIGN.")
+        print(f"Map: {args.map}; the flights as it reads them: {figure}")
+        print("Check each line, then run the same with --out CAMPAIGN.")
         return 0
     if args.out is None:
-        raise InputError("--out is missing; the folder to write is needed.")
+        raise InputError("--out is missing; expected the folder to write.")
     from glider.campaign.importing.campaign_import import import_campaign
 
     imported = import_campaign(args.files, args.map, args.out)
     print(imported.describe())
-    print(f"Campaign: {args.out}, {len(imported.campaign.flights)} flights")
+    count = len(imported.campaign.flights)
+    empty = sum(not recording.flights for recording in imported.recordings)
+    if empty:
+        print(f"{empty} of {len(imported.recordings)} recordings have no flight")
+    print(f"Campaign: {args.out}, {count} flight" + "s" * (count != 1))
     return 0

@@ -10,7 +10,7 @@ the poses and the commands on another, the elevator's rate must follow theirs.
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -283,7 +283,7 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     return _Turning(track, elevator, motion.time, square, alpha, base, target)
 
 
-def _pool(turnings: Sequence[_Turning], offsets: Sequence[float]) -> np.ndarray:
+def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     """Effects (5,) of base and elevator in all recordings together."""
     designs = []
     for turning, offset in zip(turnings, offsets, strict=True):

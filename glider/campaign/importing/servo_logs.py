@@ -82,12 +82,12 @@ def _from_angles(
 ) -> Servo:
     """Servo that goes to commanded angles at its limit."""
     asked, limit = _hold(flight, command, source), settings.elevator_rate_limit
-    if limit is None and measured is None:
-        raise InputError(
-            f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
-            "angles are commanded, to make rates of them."
-        )
     if limit is None:
+        if measured is None:
+            raise InputError(
+                f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
+                "angles are commanded, to make rates of them."
+            )
         rates = np.abs(_rate_of(flight.time, measured))
         limit = max(float(np.percentile(rates, _FASTEST)), _LEAST_LIMIT)
     start = asked[0] if measured is None else measured[0]

@@ -282,7 +282,55 @@ def pose_message(store, flight: Flight, row: int, stamp: int, seq: int | None = 
     )
 
 
-FIVE = {
+MAP_C3D = """\
+columns: {position: "Glider:center.Position",
+          attitude: {nose: "Glider:nose.Position", tail: "Glider:tail.Position",
+                     left: "Glider:left.Position", right: "Glider:right.Position"},
+          elevator: ANALOG.servo, elevator_rate_command: ANALOG.rate}
+units: {elevator: deg}
+frame: {up: y}
+"""
+MARKERS = {
+    "Glider:nose": [0.2, 0.0, 0.0],
+    "Glider:tail": [-0.3, 0.0, 0.0],
+    "Glider:left": [0.0, 0.4, 0.1],
+    "Glider:right": [0.0, -0.4, 0.1],
+    "Glider:center": [0.0, 0.0, 0.0],
+}
+"""Points of the body, to the nose, left and up [m]."""
+
+
+def write_c3d(folder: Path, campaign: Campaign) -> list[Path]:
+    """Markers in millimeters, y up; the servo on analog channels."""
+    import ezc3d
+
+    files = []
+    for k, flight in enumerate(campaign.flights):
+        place, turn = in_axes(flight, Y_UP, np.eye(3))
+        file = ezc3d.c3d()
+        points, analog = file["parameters"]["POINT"], file["parameters"]["ANALOG"]
+        rate = 1.0 / np.median(np.diff(flight.time))
+        points["RATE"]["value"] = analog["RATE"]["value"] = [round(rate)]
+        points["UNITS"]["value"] = ["mm"]
+        points["LABELS"]["value"] = list(MARKERS)
+        data = np.ones((4, len(MARKERS), len(place)))
+        for i, point in enumerate(MARKERS.values()):
+            data[:3, i] = 1000.0 * (place + turn.apply(point)).T
+        residuals = np.zeros((1, len(MARKERS), len(place)))
+        residuals[:, :, 30] = -1.0  # Not seen in one row.
+        file["data"]["points"] = data
+        file["data"]["meta_points"]["residuals"] = residuals
+        analog["LABELS"]["value"] = ["servo", "rate"]
+        servo = np.stack([np.degrees(flight.elevator), flight.command])
+        file["data"]["analogs"] = servo[None]
+        path = folder / f"take_{k}.c3d"
+        file.write(str(path))
+        files.append(path)
+    return files
+
+
+FORMATS = {
+    "c3d": (write_c3d, MAP_C3D),
     "motive": (write_motive, MAP_MOTIVE),
     "ulog": (write_ulog, MAP_ULOG),
     "mat": (write_mat, MAP_MAT),

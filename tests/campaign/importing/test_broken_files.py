@@ -97,23 +97,16 @@ def write_bag(folder, campaign):
     return [folder / "log.bag"]
 
 
-def write_c3d(folder, campaign):
-    from tests.campaign.importing.test_new_formats import write_markers
-
-    return write_markers(folder, campaign)
-
-
 def write_xlsx(folder, campaign):
     from tests.campaign.importing.test_new_formats import write_workbook
 
     return write_workbook(folder / "log.xlsx", campaign)
 
 
-WRITERS = {name: write for name, (write, _) in foreign.FIVE.items()} | {
+WRITERS = {name: write for name, (write, _) in foreign.FORMATS.items()} | {
     "vicon": write_vicon,
     "parquet": write_parquet,
     "bag": write_bag,
-    "c3d": write_c3d,
     "xlsx": write_xlsx,
 }
 

@@ -1,7 +1,6 @@
 """C3D files, workbooks and times in ISO 8601 become the flights that they were."""
 
 import datetime
-import re
 
 import numpy as np
 import pytest
@@ -48,40 +47,6 @@ def resampled(flight):
     return foreign.dataclasses.replace(flight, time=time, pose=np.stack(pose, axis=1))
 
 
-MARKERS = {
-    "Glider:nose": [0.2, 0.0, 0.0],
-    "Glider:tail": [-0.3, 0.0, 0.0],
-    "Glider:left": [0.0, 0.4, 0.1],
-    "Glider:right": [0.0, -0.4, 0.1],
-    "Glider:center": [0.0, 0.0, 0.0],
-}
-"""Points of the body, to the nose, left and up [m]."""
-
-MAP_MARKERS = """\
-columns:
-  position: "Glider:center.Position"
-  attitude: {nose: "Glider:nose.Position", tail: "Glider:tail.Position", \
-left: "Glider:left.Position", right: "Glider:right.Position"}
-frame: {up: y}
-vehicle: {elevator: fixed}
-"""
-
-
-def write_markers(folder, campaign):
-    """Markers of a body with y up, millimeters: Motive's axes."""
-    files = []
-    for k, flight in enumerate(map(resampled, campaign.flights)):
-        place, turn = foreign.in_axes(flight, foreign.Y_UP, np.eye(3))
-        points = {n: 1e3 * (place + turn.apply(p)) for n, p in MARKERS.items()}
-        file = c3d_of(points)
-        residuals = np.zeros((1, len(points), len(place)))
-        residuals[:, :, 30] = -1.0  # Not seen.
-        file["data"]["meta_points"]["residuals"] = residuals
-        file.write(str(folder / f"take_{k}.c3d"))
-        files.append(folder / f"take_{k}.c3d")
-    return files
-
-
 def assert_same_motion(imported, flights):
     for flight, true in zip(imported.campaign.flights, flights, strict=True):
         rows = np.searchsorted(true.time, flight.time - 1e-4)
@@ -89,19 +54,26 @@ def assert_same_motion(imported, flights):
         assert np.ptp(x) < 1e-5 and np.ptp(z) < 1e-5 and np.abs(pitch).max() < 1e-5
 
 
-@pytest.mark.parametrize("tips", [True, False])
-def test_markers_in_c3d_files_give_back_the_flights(tmp_path, campaign, tips):
-    files = write_markers(tmp_path, campaign)
+def test_markers_without_wing_tips_are_taken_as_level(tmp_path, campaign):
+    files = foreign.write_c3d(tmp_path, campaign)
     path = tmp_path / "MAP.yaml"
-    path.write_text(MAP_MARKERS)
-    if not tips:  # Then the wings are taken as level.
-        without = re.sub(', left: .*"}', "}", MAP_MARKERS)
-        assert "right" not in without
-        path.write_text(without)
+    path.write_text(
+        'columns: {position: "Glider:center.Position", attitude: {nose: '
+        '"Glider:nose.Position", tail: "Glider:tail.Position"}}\n'
+        "frame: {up: y}\nvehicle: {elevator: fixed}\n"
+    )
     imported = read_flights(files, path)
-    flights = list(map(resampled, campaign.flights))
-    assert_same_motion(imported, flights)
-    assert all(30 / RATE not in f.time for f in imported.campaign.flights)
+    assert_same_motion(imported, campaign.flights)
+    for flight, true in zip(imported.campaign.flights, campaign.flights, strict=True):
+        assert len(flight.time) == len(true.time) - 1  # Of one row nothing is seen.
+        assert np.abs(flight.attitude).max() < 1e-5
+
+
+def test_one_wing_tip_alone_is_refused(tmp_path):
+    path = tmp_path / "MAP.yaml"
+    path.write_text("columns: {attitude: {nose: a, tail: b, left: c}}\n")
+    with pytest.raises(InputError, match="one of 'left' and 'right'; expected both"):
+        read_flights([], path)
 
 
 def test_rigid_bodies_in_c3d_files_give_back_the_flights(tmp_path, campaign):

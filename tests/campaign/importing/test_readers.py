@@ -111,7 +111,7 @@ def test_ros_bags(tmp_path, ros):
 
 
 @pytest.mark.parametrize(
-    "suffix", ["ulg", "mat", "mcap", "bag", "db3", "parquet", "csv"]
+    "suffix", ["ulg", "mat", "mcap", "bag", "db3", "parquet", "csv", "c3d", "xlsx"]
 )
 def test_a_file_that_is_something_else_is_refused(tmp_path, suffix):
     path = tmp_path / f"log.{suffix}"
@@ -123,7 +123,14 @@ def test_a_file_that_is_something_else_is_refused(tmp_path, suffix):
 
 @pytest.mark.parametrize(
     ("suffix", "module"),
-    [("ulg", "pyulog"), ("mcap", "mcap"), ("bag", "rosbags"), ("parquet", "pyarrow")],
+    [
+        ("ulg", "pyulog"),
+        ("mcap", "mcap"),
+        ("bag", "rosbags"),
+        ("parquet", "pyarrow"),
+        ("c3d", "ezc3d"),
+        ("xlsx", "openpyxl"),
+    ],
 )
 def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, suffix, module):
     path = tmp_path / f"log.{suffix}"
