@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         with progress_console.status("writing the report ..."):
             write_report(result, folder)
-    finally:  # What was found is told even where it cannot be kept.
+    finally:  # The result is printed even where it cannot be saved.
         if args.json:
             print(json_text(result.report), flush=True)
         else:

@@ -7,8 +7,8 @@ from glider.commands.parsing import Commands, add_command
 
 _DESCRIPTION = """\
 Compares the reports of two campaigns, number by number: did last week's change to
-the glider show? A change is told where it is larger than the standard errors of both
-reports allow.
+the glider show? A change is reported where it is larger than the standard errors of
+both reports allow.
 
 exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
 """

@@ -42,27 +42,27 @@ def add_command(
 
 
 def names(text: str) -> list[str]:
-    """Returns names that commas part."""
+    """Splits names at commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def check_seed(seed: int) -> None:
     """Raises InputError where a seed is none."""
     if seed < 0:
-        raise InputError(f"--seed is {seed}; it must not be negative.")
+        raise InputError(f"--seed is {seed}; expected 0 or more.")
 
 
 def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
-    """Returns the folder to write to, once it is known that it can be.
+    """The folder to write to, checked to be writable.
 
     Args:
-        out: what was asked for, or None.
+        out: the --out option, or None.
         campaign: whose name the default has: out/CAMPAIGN/parts.
         parts: of the default, below the campaign.
     """
     name = campaign.resolve().name.removesuffix(".zip")
     folder = out or Path("out", name, *parts)
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; a folder is needed.")
+        raise InputError(f"--out {folder}: is a file; expected a folder.")
     check_writable(folder)
     return folder

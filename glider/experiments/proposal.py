@@ -64,16 +64,16 @@ class Proposal:
             explanation, 0 at the nominal flight, 1 on the boundary; empty without one.
         chance_now: probability that the most probable explanation is the right one.
         chance_then: after the throws.
-        chance_alike: after as many throws of the present kind.
-        alike: throws of the present kind with the same effect; None where they are more
-            than MOST_THROWS.
+        chance_same_kind: after as many throws of the present kind.
+        equivalent: number of throws of the present kind with the same effect; None
+            above MOST_THROWS.
         distances: (e, e) expected log-evidence of the throws against each explanation
             (column), where another (row) is true [nats].
         ending_air: scatter of the ends of flights like the flown ones by moving air and
             flight-to-flight variation [m].
         ending_now: the same by the standard errors of the coefficients [m].
         ending_then: the same after the throws.
-        ending_alike: the same after as many throws of the present kind.
+        ending_same_kind: the same after as many throws of the present kind.
         stds: "kind.coefficient" of the most probable explanation to its standard error
             now and then, and its unit.
         seconds: that the proposal took, once the explanations were fitted.
@@ -88,13 +88,13 @@ class Proposal:
     levels: tuple[float, ...]
     chance_now: float
     chance_then: float
-    chance_alike: float
-    alike: int | None
+    chance_same_kind: float
+    equivalent: int | None
     distances: np.ndarray
     ending_air: float
     ending_now: float
     ending_then: float
-    ending_alike: float
+    ending_same_kind: float
     stds: dict[str, tuple[float, float, str]]
     seconds: float
 
@@ -243,8 +243,8 @@ def propose(
     logs = everything.logs(throws)
     then = added(everything.grams(logs))
     futures = everything.futures(then)
-    alike_one = present_kind(everything, likely)
-    alike_same = times(alike_one, len(throws))
+    usual = present_kind(everything, likely)
+    usual_throws = times(usual, len(throws))
     now, chance = float(everything.probabilities.max()), everything.chance(futures)
     if len(explanations) > 1:
         progress("trying the throws on drawn gliders")
@@ -260,13 +260,13 @@ def propose(
         levels=tuple(k.level for k in everything.kept(throws)) if funnel else (),
         chance_now=now,
         chance_then=chance,
-        chance_alike=everything.chance(everything.futures(alike_same)),
-        alike=count_alike(everything, alike_one, chance),
+        chance_same_kind=everything.chance(everything.futures(usual_throws)),
+        equivalent=equivalent_count(everything, usual, chance),
         distances=everything.distances(futures),
         ending_air=scatter.air,
         ending_now=scatter.by_parameters(before),
         ending_then=scatter.by_parameters(after),
-        ending_alike=scatter.by_parameters(everything.covariance(alike_same)),
+        ending_same_kind=scatter.by_parameters(everything.covariance(usual_throws)),
         stds=_stds(task, explanations[0], before, after),
         seconds=time.perf_counter() - begin,
     )
@@ -305,7 +305,7 @@ def present_kind(forecast: Forecast, flights: Task) -> Grams:
     return times(added(found), 1.0 / len(found))
 
 
-def count_alike(forecast: Forecast, one: Grams, chance: float) -> int | None:
+def equivalent_count(forecast: Forecast, one: Grams, chance: float) -> int | None:
     """Number of throws of one kind that reach a chance; None above MOST_THROWS."""
 
     def reaches(count: int) -> bool:

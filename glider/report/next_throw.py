@@ -182,15 +182,15 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "chance": {
                 "now": p.chance_now,
                 "then": p.chance_then,
-                "as_many_of_the_present_kind": p.chance_alike,
+                "as_many_of_the_present_kind": p.chance_same_kind,
             },
-            "throws_of_the_present_kind_for_the_same": p.alike,
+            "throws_of_the_present_kind_for_the_same": p.equivalent,
             "expected_log_evidence": p.distances,
             "end_of_flight_m": {
                 "air": p.ending_air,
                 "coefficients_now": p.ending_now,
                 "coefficients_then": p.ending_then,
-                "coefficients_by_the_present_kind": p.ending_alike,
+                "coefficients_by_the_present_kind": p.ending_same_kind,
             },
             "coefficients": {
                 name: {"std_now": now, "std_then": then, "unit": unit}

@@ -96,7 +96,7 @@ def test_help_teaches(capsys):
 # -------------------------------------------------------------------- failing well
 
 
-def test_a_folder_that_cannot_be_written_is_told_before_the_work(capsys, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_reported_first(capsys, monkeypatch):
     def never(*arguments, **options):
         raise AssertionError("the work has begun")
 
@@ -221,7 +221,7 @@ def test_next_throw_keeps_inside_a_funnel(done, tmp_path, capsys, monkeypatch):
         (["{campaign}", "--funnel", "nowhere.npz"], "nowhere.npz"),
     ],
 )
-def test_bad_input_of_next_throw_is_told(arguments, words, capsys, tmp_path):
+def test_bad_input_of_next_throw_is_reported(arguments, words, capsys, tmp_path):
     campaign = str(campaign_path("still_air"))
     filled = [a.format(campaign=campaign) for a in arguments]
     out = tmp_path / "out"

@@ -48,9 +48,10 @@ def test_a_small_lag_is_a_rival_of_a_delay_that_nobody_named(late):
 def test_designed_throws_are_worth_many_of_the_present_kind(late, proposal):
     assert proposal.chance_now == max(e.probability for e in late[3])
     assert proposal.chance_then > 0.95
-    assert proposal.chance_then > proposal.chance_alike > proposal.chance_now - 1e-9
-    assert proposal.alike is None or proposal.alike >= 2 * len(proposal.throws)
-    assert proposal.ending_then < proposal.ending_alike < proposal.ending_now
+    assert proposal.chance_then > proposal.chance_same_kind > proposal.chance_now - 1e-9
+    usual = proposal.equivalent
+    assert usual is None or usual >= 2 * len(proposal.throws)
+    assert proposal.ending_then < proposal.ending_same_kind < proposal.ending_now
     said = " ".join(sentences(proposal))
     assert "servo_lag" in said
     assert "command_delay" in said

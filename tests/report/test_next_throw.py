@@ -114,7 +114,12 @@ def weighed(*probabilities, **changes):
 
 def test_two_rivals_are_named_with_their_chances():
     proposal = weighed(
-        0.55, 0.43, chance_now=0.55, chance_then=0.97, chance_alike=0.6, alike=40
+        0.55,
+        0.43,
+        chance_now=0.55,
+        chance_then=0.97,
+        chance_same_kind=0.6,
+        equivalent=40,
     )
     first, second = (e.name for e in proposal.explanations)
     said = sentences(proposal)
@@ -134,7 +139,7 @@ def test_what_throws_cannot_show_is_reported():
     assert (
         "No throw within the limits distinguishes them much" in sentences(proposal)[1]
     )
-    never = dataclasses.replace(proposal, chance_then=0.9, alike=None)
+    never = dataclasses.replace(proposal, chance_then=0.9, equivalent=None)
     assert "more than 1000 of them" in sentences(never)[1]
 
 
