@@ -45,13 +45,10 @@ class ResidualModel:
 
     def key_figures(self) -> dict[str, object]:
         """Returns its errors, for a file."""
-        e = self.errors
-        equation = {"tangential": e.tangential, "normal": e.normal, "pitch": e.pitch}
-        rollout = ("position_rms_m", "position_end_m", "pitch_rms_rad")
         return {
             **dict(zip(COEFFICIENTS, self.rms.tolist(), strict=True)),
-            "equation": equation,
-            "rollout": {name: getattr(e, name) for name in rollout},
+            "equation": dataclasses.asdict(self.errors.equation),
+            "rollout": dataclasses.asdict(self.errors.rollout),
         }
 
 
