@@ -109,7 +109,7 @@ class Split:
         fitted: names.
         held_out: names of those that errors are measured on.
         outlying: name to the reason, of all flights that stand out.
-        outlying_held_out: names of those that were held out, whose errors count apart.
+        outlying_held_out: names of those that were held out, whose errors are separate.
     """
 
     fitted: tuple[str, ...]
@@ -393,7 +393,7 @@ class Analysis:
 
 
 def _air(model: FitResult) -> Air:
-    """Returns how the air moves; what no log shows is still air."""
+    """Strength of the moving air; below what a log shows it is still."""
     scales = model.scales
     is_still = scales.air < STILL * FLOOR.air
     return Air(std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time)

@@ -91,7 +91,7 @@ def evaluate(
     Args:
         models: by name.
         unseen: held-out flights.
-        outlying: those that stand out, whose errors count apart.
+        outlying: those that stand out, whose errors are separate.
         signs: of the logged angles.
     """
     predictions = {

@@ -44,7 +44,7 @@ WINDOW = 0.1
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
-    """Returns why a model cannot be trusted, one clause, or None.
+    """Finds the reason why a model cannot be trusted: one clause, or None.
 
     Args:
         task: the flights, of a glider whose mass and areas are known; others pass.
@@ -81,7 +81,7 @@ def _at_ceilings(model: FitResult) -> list[str]:
 
 
 def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
-    """Returns how far elevators move by how far the model's do, and its error.
+    """Ratio of measured to modelled elevator travel, and its standard error.
 
     The median over flights of regressions of travel on travel; 1 and infinity where
     there is no servo.

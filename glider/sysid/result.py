@@ -29,11 +29,12 @@ VERDICTS = (
 was found does not hold on flights that were held out."""
 
 MODELS = ("nominal", "refitted", "corrected")
-"""Nominal model; flat plate with its own parameters refitted; with the effects."""
+"""Nominal model; baseline, the flat plate with re-identified parameters; corrected
+model, with the effects."""
 
 CALIBRATED = "calibrated"
-"""A further model: the refitted plate with a constant error of the pitch reading taken
-out. Calibration is not physics, so it has a line of its own."""
+"""A further model: the baseline with a constant error of the pitch reading removed.
+Calibration is not physics, so it has its own line."""
 
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
@@ -53,7 +54,7 @@ class ReportedEffect:
     """An effect that the flights show.
 
     Attributes:
-        kind: in the library, of the caller's own, or "unexplained".
+        kind: of the library, a user effect, or "unexplained".
         coefficients: by name.
         evidence: log-likelihood lost without it, all else refitted [nats]; NaN where
             only flight-to-flight variation was found.
@@ -106,12 +107,12 @@ CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A term that the plate lacks, over the angle of attack, with a band.
+    """Residual of the flat plate in one term, over the angle of attack, with a band.
 
     Attributes:
         term: one of CURVE_TERMS.
         alpha: (n,) [rad].
-        lack: (n,) all that the plate lacks there: identified effects and what is
+        lack: (n,) the residual of the flat plate: identified effects and what is
             carried.
         std: (n,) standard error of it.
         named: (n,) the identified part.
@@ -141,7 +142,7 @@ class Curve:
 class Air:
     """How the air moves: its velocity in x and in z, one standard deviation.
 
-    A model's own error looks like moving air too.
+    An error of the model looks like moving air too.
     """
 
     std_m_s: Number
@@ -169,7 +170,7 @@ class Combination:
 
     Attributes:
         kinds: of its effects.
-        evidence: log-likelihood gained over the plate alone, less the penalty of the
+        evidence: log-likelihood gained over the flat plate alone, penalized by the
             effects [nats].
     """
 
@@ -243,8 +244,8 @@ class Fold:
 
     Attributes:
         held_out: names of the flights.
-        refitted: errors of the refitted plate on them.
-        corrected: errors of the plate with the effects.
+        refitted: errors of the baseline on them.
+        corrected: errors of the model with the effects.
     """
 
     held_out: tuple[str, ...]
@@ -290,7 +291,7 @@ class EvidenceThreshold:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutlyingFlights:
-    """Held-out flights that no model explains with the others, scored apart.
+    """Held-out flights that no model explains with the others, scored separately.
 
     Attributes:
         flights: names of their files.
@@ -371,7 +372,7 @@ class Report:
         correlations: "kind.coefficient" to the same to the correlation of their errors.
         candidates: evidence of each kind when tried alone [nats].
         combinations: sets of effects that were fitted, best first.
-        curves: what the plate lacks, over the angle of attack.
+        curves: residual of the flat plate over the angle of attack.
         vehicle: name of a parameter that was not specified to its estimate.
         warnings: sentences about the campaign and the result.
         set_aside: rows that were excluded.
@@ -431,7 +432,7 @@ class Result(Report):
         covariance: of the errors of its coefficients and of the fitted parameters of
             the vehicle; None where nothing was fitted.
         held_out: held-out flights, measured and flown.
-        residual_before: of the nominal model (of the refitted plate where the vehicle
+        residual_before: of the nominal model (of the baseline where the vehicle
             is not known).
         residual_after: of the corrected model.
         own_effects: kinds of the caller's that were tried beside the library.

@@ -90,7 +90,7 @@ def changes_baseline_alone(model: FitResult) -> bool:
 
 
 def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
-    """Returns why a correction does not hold against the baseline, or None."""
+    """Finds the reason why a correction does not beat the baseline, or None."""
     if held_out is not None and not held_out.gain.are_significant:
         return _no_gain(held_out.gain, "re-identified baseline")
     ratios = [
@@ -101,7 +101,7 @@ def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
 
 
 def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
-    """Returns why other parameters of the flat plate do not hold, or None.
+    """Finds the reason why other parameters of the flat plate do not hold, or None.
 
     Args:
         held_out: beside the baseline, with all of its parameters refitted.
@@ -117,7 +117,7 @@ def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | No
 
 
 def _no_gain(gain: Gains, over: str) -> str:
-    """Returns that a correction gains too little on held-out flights."""
+    """Sentence about a correction that gains too little on held-out flights."""
     if abs(gain.t) >= gain.least_t and gain.t > 0.0:
         return (
             "On the flights that neither the search nor a fit has seen, the correction "
@@ -130,7 +130,7 @@ def _no_gain(gain: Gains, over: str) -> str:
 
 
 def _worse(ratios: Sequence[float], than: str) -> str | None:
-    """Returns that a correction makes unseen flights worse, where it does.
+    """Sentence about a correction that makes held-out flights worse, or None.
 
     Args:
         ratios: of errors, in the order of FLOWN, as many as count.

@@ -165,7 +165,7 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
 
 def hold_out(
     task: Task,
-    plate: FitResult,
+    baseline: FitResult,
     corrected: FitResult,
     scales: Scales,
     rng: np.random.Generator,
@@ -176,7 +176,7 @@ def hold_out(
 
     Args:
         task: on all flights.
-        plate: the baseline.
+        baseline: flat plate with its parameters refitted.
         corrected: the model with the effects.
         scales: of sensors and of flight-to-flight variation, of rollouts.
         rng: that deals the flights to folds.
@@ -187,7 +187,7 @@ def hold_out(
     is_new = np.array([record.name not in searched for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    refits = [_Refits(task, model) for model in (plate, corrected)]
+    refits = [_Refits(task, model) for model in (baseline, corrected)]
     gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
     refit_nominal = None if nominal is None else _Refits(task, nominal)
     over_nominal = np.zeros(count)
@@ -229,7 +229,7 @@ def hold_out(
 
 
 def predictable(predictions: Sequence[Sequence[Prediction]]) -> list[int]:
-    """Returns which flights a model at least flies to the end.
+    """Finds the flights that at least one model flies to the end.
 
     Args:
         predictions: of each model, those of all flights.

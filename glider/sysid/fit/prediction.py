@@ -76,7 +76,7 @@ class Prediction:
 
 
 def beginning_rows(record: Record, per_flight_trims: bool) -> int:
-    """Returns how many nodes the launch state is fitted on."""
+    """Number of nodes that the launch state is fitted on."""
     share = BEGINNING_WITH_TRIM if per_flight_trims else BEGINNING
     rows = int(np.searchsorted(record.time, share * record.time[-1]))
     return min(max(rows, _FEWEST_ROWS), len(record.time))

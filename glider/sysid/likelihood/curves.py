@@ -106,13 +106,13 @@ def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
 
 
 def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-    """Returns what each simplest formula adds to TERMS, a tuple of (n,) each."""
+    """Shapes that the simplest formulas add to TERMS, a tuple of (n,) each."""
     s, c = np.sin(alpha), np.cos(alpha)
     none, one = np.zeros_like(alpha), np.ones_like(alpha)
     return [
         (none, one, none, none),  # Profile drag.
         (c * c, s * c, none, none),  # Camber: C_n = cos alpha.
-        (s * c, s * s, none, none),  # The plate's own lift: mass, area.
+        (s * c, s * s, none, none),  # The flat plate's lift: mass, area.
         (-s, c, none, none),  # Axial drag.
         (none, none, one, none),  # Pitch moment.
         (none, none, s, none),  # Center of pressure, and

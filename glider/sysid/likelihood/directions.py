@@ -10,7 +10,7 @@ from glider.physics.effects import EffectKind
 from glider.sysid.replay.theta import Layout
 
 SMALL = 1e-6
-"""Step of a slope, in a coefficient's own scale: good to 1e-6 of it."""
+"""Step of a derivative, in the coefficient's scale: good to 1e-6 of it."""
 
 SMALL_SIGNAL = 5e-4
 """The same of a coefficient on the log's clocks: about 1e-5 s of a delay."""
@@ -86,7 +86,7 @@ def starts_of(
 def nearest_start(
     layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
 ) -> int:
-    """Returns which of some starts has shapes the nearest to those of theta.
+    """Index of the start whose shapes are nearest to those of theta.
 
     Args:
         layout: of theta, whose scales distances are counted in.

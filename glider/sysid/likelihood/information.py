@@ -148,7 +148,7 @@ class Evidence:
         return float(0.5 * (half @ half + np.log(ratio).sum()))
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the coefficients of columns, counted from nothing."""
+        """Returns the coefficients of columns, counted from zero."""
         index = list(columns)
         if not index:
             return np.zeros(0)

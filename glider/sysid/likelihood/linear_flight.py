@@ -281,7 +281,7 @@ def _is_plain(record: Record, direction: Direction) -> bool:
 
 
 def _apart(record, direction, field, constants, wind):
-    """Returns nodes and ends under a direction's own base."""
+    """Returns nodes and ends under a direction's base."""
     nodes = true_nodes(record, direction.base, field)
     signals = pose_signals(record, direction.base)
     return nodes, _advance(

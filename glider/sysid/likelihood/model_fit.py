@@ -78,7 +78,7 @@ class FitResult:
 
 
 def start_of(task: Task, noise: Noise, with_curves: bool) -> FitResult:
-    """Returns the nominal model, nothing fitted yet, in still air."""
+    """Returns the nominal model, unfitted, in still air."""
     count = task.curves.count if with_curves else 0
     return FitResult(
         kinds=(),

@@ -96,7 +96,7 @@ _LEAST_SQUARE = 1e-6
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:
-    """Returns which mean squares (flights,) are out of line with the others.
+    """Finds the mean squares (flights,) that are out of line with the others.
 
     Logarithms are compared, since an error common to all flights scales the squares.
     With few flights the deviation is uncertain, and a larger one is required. If more

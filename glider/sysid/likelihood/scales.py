@@ -59,7 +59,7 @@ NAMES = tuple(field.name for field in dataclasses.fields(Scales))
 
 
 def start_scales(noise: Noise) -> Scales:
-    """Returns where a fit of the scales starts: little more than sensor noise."""
+    """Start of a fit of the scales: little more than sensor noise."""
     return Scales(
         position=noise.position,
         pitch=noise.pitch,
@@ -108,7 +108,7 @@ _LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
 """Spread of a launch about its smoothed measurement, as the state [m, rad, s]."""
 
 _EXTRA = 0.05
-"""Spread of effects' own states about rest, in their scales."""
+"""Spread of effects' states about rest, in their scales."""
 
 _TIME_PRIOR = (np.log(0.25), 0.7)
 """Mean and spread of log(air_time): the log of a flight in nearly still air does not

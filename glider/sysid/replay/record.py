@@ -31,7 +31,7 @@ class Record:
         pose: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
         elevator: (n,) measured [rad]; zero where not seen.
         seen: (n, 4) which of x, z, pitch and elevator count as measured.
-        nodes: (n, layout.num_states) smoothed states, the effects' own at zero.
+        nodes: (n, layout.num_states) smoothed states, those of the effects at zero.
         pitch: (n - 1, 3, 2) smoothed pitch and its rate at the start, middle and
             end of each interval.
         acceleration: (n, 3) smoothed ẍ, z̈, θ̈.
@@ -240,7 +240,7 @@ def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
 def in_plane(
     pitch: np.ndarray, roll_and_yaw: np.ndarray, sideways: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns what a planar glider makes of a rolled one.
+    """Computes the planar equivalent of a rolled glider.
 
     Args:
         pitch: (n,) smoothed [rad].

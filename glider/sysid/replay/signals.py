@@ -138,7 +138,7 @@ def true_nodes(
 ) -> np.ndarray:
     """Returns the smoothed states as a model sees them, (n, num_states).
 
-    The model's sensor effects are undone, and the effects' own states follow from
+    The model's sensor effects are undone, and the effects' states follow from
     their equations along the flight, at rest where it begins.
     """
     layout = record.layout
@@ -185,7 +185,7 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
 def launch_steady_states(
     record: Record, theta: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Returns the effects' own states at rest at a flight's first row."""
+    """Returns the effects' states at rest at a flight's first row."""
     elevator, rate = pose_signals(record, theta)
     state = start.copy()
     state[OFFSET] += elevator[0, 0]

@@ -42,11 +42,11 @@ class Layout:
             of the vehicle is "parameters".
         index: the other way round.
         num_compiled: entries of theta that the compiled dynamics take, the first.
-        num_states: of the compiled dynamics: 7, then the effects' own.
+        num_states: of the compiled dynamics: 7, then those of the effects.
         lower: the smallest physical theta.
         upper: the largest.
         scale: typical sizes of theta's entries.
-        state_scale: typical sizes of the effects' own states.
+        state_scale: typical sizes of the effects' states.
         sensor_slots: indices into theta of the compiled sensor effects.
     """
 
@@ -65,11 +65,11 @@ class Layout:
     sensor_slots: tuple[int, ...]
 
     def __reduce__(self):
-        """Returns how another process gets it: by its user effects, made once there."""
+        """Another process makes it from the user effects, once."""
         return layout_of, (self.user_kinds,)
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
-        """Returns where a kind's coefficients lie in theta."""
+        """Indices of a kind's coefficients in theta."""
         return self._slots_of_kinds.get(kind, ())
 
     @functools.cached_property
@@ -93,7 +93,7 @@ class Layout:
         return theta[: self.num_compiled]
 
     def replay(self, theta: np.ndarray) -> Replay:
-        """Returns how a log's signals are replayed."""
+        """Settings for the replay of a log's signals."""
         replay = Replay()
         for kind in self.replayed_kinds:
             values = theta[list(self.slots_of(kind.kind))].tolist()
@@ -103,7 +103,7 @@ class Layout:
     def steady_states(
         self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
     ) -> np.ndarray:
-        """Returns the effects' own states at rest in still air.
+        """Returns the effects' states at rest in still air.
 
         Args:
             time: [s].

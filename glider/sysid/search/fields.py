@@ -63,7 +63,7 @@ SURVEY_FLIGHTS = 12
 """Flights of the survey; the field is fitted to all."""
 
 _LEAST_RANGE = 1e-6
-"""Range of a variable below which nothing can depend on it."""
+"""Range below which a residual cannot depend on a variable."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -208,7 +208,7 @@ def _gain(
 
 
 def survey(task: Task, model: FitResult) -> Survey:
-    """Returns what a field over each variable would explain on top of a model."""
+    """Computes the evidence of a field over each variable, on top of a model."""
     few = task.thinned(SURVEY_FLIGHTS)
     flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
     gains = {}
@@ -239,7 +239,7 @@ class FoundField:
 
 
 def fit_fields(task: Task, model: FitResult, found: Survey) -> list[FoundField]:
-    """Adds each leading field of a survey to a model, apart."""
+    """Adds each leading field of a survey to a model, one at a time."""
     return [fit_field(task, model, found, key) for key in found.leading]
 
 

@@ -136,7 +136,7 @@ def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FirstOrder:
-    """Sets of effects judged to first order about a model.
+    """Sets of effects compared to first order about a model.
 
     Attributes:
         candidates: about the model.

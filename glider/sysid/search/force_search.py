@@ -184,7 +184,7 @@ def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     Args:
         task: that the model is of.
         model: with its moment.
-        forces: of whose scales the forces are judged.
+        forces: model whose scales the forces are weighted by.
     """
     index = task.layout.index
     kept = {index[slot] for slot in _OF_MOMENT}

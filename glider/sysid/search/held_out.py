@@ -43,7 +43,7 @@ class HeldOutEvidence:
         self._alone = self._costs(np.array(self._always, dtype=np.int64))
 
     def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns what columns gain over none; -inf where they are not physical."""
+        """Gain of columns over none; -inf where they are not physical."""
         if not columns:
             return 0.0
         own = [self._place[j] for j in columns]
@@ -56,7 +56,7 @@ class HeldOutEvidence:
         return float(self._counts @ (self._alone - self._costs(index)))
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the coefficients of columns, counted from nothing."""
+        """Returns the coefficients of columns, counted from zero."""
         index = np.array([*self._always, *(self._place[j] for j in columns)])
         return self._steps(self._sum[None], index)[0, len(self._always) :]
 

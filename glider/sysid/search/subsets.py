@@ -27,7 +27,7 @@ class SetEvidence(Protocol):
         ...
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the columns' coefficients, counted from nothing."""
+        """Returns the columns' coefficients, counted from zero."""
         ...
 
 
@@ -63,7 +63,7 @@ class Scorer:
         return self.with_penalty(penalized_cost)
 
     def with_penalty(self, penalty: Callable[[str], float]) -> "Scorer":
-        """Returns the scorer with other prices of members, by their kind [nats]."""
+        """Returns the scorer with other penalties of members, by their kind [nats]."""
         other = Scorer(self.evidence, self.variants, penalty)
         other._kept = self._kept
         return other
@@ -186,7 +186,7 @@ def best_of_sizes(score: Scorer) -> list[Members]:
 
 
 def best_set(score: Scorer, start: Members = ()) -> Members:
-    """Returns the best set that a beam from nothing and a climb from a start find."""
+    """Returns the best set that a beam, or a climb from a start, finds."""
     return climb(
         score, max([(), climb(score, start), *best_of_sizes(score)], key=score)
     )

@@ -214,5 +214,5 @@ class SearchResult:
 
     @property
     def judged(self) -> FitResult:
-        """The model as its effects were judged."""
+        """The model in which the effects were compared."""
         return self.model if self.forces is None else self.forces
