@@ -43,7 +43,11 @@ def planted(kind, **plan):
     return model, campaign
 
 
-@pytest.fixture(scope="module", params=[FLAP, BOOM], ids=["flap", "boom"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(FLAP, marks=pytest.mark.nightly), BOOM],
+    ids=["flap", "boom"],
+)
 def closed(request):
     """A user effect without and one with a state of its own, closed the loop on."""
     _, campaign = planted(request.param, flights=8)

@@ -127,6 +127,7 @@ def test_the_librarys_forms_are_the_librarys(kind):
     assert difference < 1e-6 + 1e-4 * np.abs(pose - nothing).max()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("kind", "form"), ALL_FORMS)
 def test_every_form_changes_the_flights_well_beyond_the_noise(kind, form, nominal):
     planted, (_, _, _, pose) = planted_flights(kind, form)
@@ -151,6 +152,7 @@ def test_gusts_have_their_strength_and_memory(nominal):
 DRAWS = (draw_campaign, turbulence_campaign, draw_throws)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("draw", DRAWS, ids=lambda draw: draw.__name__)
 def test_a_seed_gives_one_campaign(draw):
     (one, truth), (same, _), (other, _) = (draw(seed, 3) for seed in (7, 7, 8))
@@ -160,6 +162,7 @@ def test_a_seed_gives_one_campaign(draw):
         assert a.pose.shape != c.pose.shape or np.any(a.pose != c.pose)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("draw", DRAWS, ids=lambda draw: draw.__name__)
 def test_what_is_drawn_can_be_saved_and_read(draw, tmp_path):
     for seed in range(2):
@@ -190,6 +193,7 @@ def test_the_log_is_the_flight_with_noise():
         assert np.all(np.mod(switches + 1e-9, 1 / COMMAND_RATE) < 1 / 120)
 
 
+@pytest.mark.nightly
 def test_trims_differ_by_their_spread_and_the_elevator_does_not_show_it():
     _, truth = turbulence_campaign(3, 400)
     spread = truth.spreads["elevator_trim"]

@@ -155,7 +155,7 @@ def campaign():
     return foreign.flights("attached_lift", count=1)
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_damaged_file_gives_data_or_one_sentence(tmp_path, campaign, name, seed):
     """Cut short, bytes swapped or overwritten, columns or lines lost."""
