@@ -59,15 +59,16 @@ def _describe(value: object, seen: set[int]) -> Iterator[str]:
     elif isinstance(value, type):
         fields = getattr(value, "__annotations__", {})
         yield f"{value.__module__}.{value.__qualname__} {fields}"
-    elif isinstance(value, tuple):
+    elif isinstance(value, (tuple, list)):
         for part in value:
             yield from _describe(part, seen)
     elif isinstance(value, np.ndarray):
         yield f"{value.dtype} {value.shape} {value.tobytes().hex()}"
     elif isinstance(value, (int, float, complex, str, np.generic, type(None))):
         yield repr(value)
-    else:  # An address in its text would make each process compile.
-        yield f"{type(value).__module__}.{type(value).__qualname__}"
+    else:  # By name: an address in its text would make each process compile.
+        kind, name = type(value), getattr(value, "__name__", "")
+        yield f"{kind.__module__}.{kind.__qualname__} {name}"
 
 
 def _codes(code: types.CodeType) -> Iterator[types.CodeType]:

@@ -180,7 +180,7 @@ def test_an_edit_of_the_physics_gets_another_file(
 
 
 def test_an_edit_of_what_a_formula_calls_gets_another_file(fresh_cache, module_of):
-    """A helper of a helper, a constant and a closure, each in another module."""
+    """A helper of a helper, a constant, a closure and a built-in, in other modules."""
 
     def edited(**changes):
         return module_of(
@@ -190,16 +190,19 @@ def test_an_edit_of_what_a_formula_calls_gets_another_file(fresh_cache, module_o
                 "users_inner": "def make(k):\n    return scalar(lambda x: k * x)\n"
                 f"{SCALAR}inner = make({changes.get('closure', 1.0)})\n",
                 "users_helper": f"{SCALAR}import users_number\n"
-                "from users_inner import inner\n@scalar\ndef gain(x):\n    return "
-                f"{changes.get('gain', 1.0)} * inner(x) * users_number.SIZE\n",
+                "from users_inner import inner\n"
+                f"from math import {changes.get('root', 'sin')} as root\n"
+                "@scalar\ndef gain(x):\n    return "
+                f"{changes.get('gain', 1.0)} * inner(root(x)) * users_number.SIZE\n",
             },
         )
 
     load((edited(),))
     load((edited(),))
     assert len(files_in(fresh_cache)) == 1
-    for count, name in enumerate(("gain", "size", "closure"), start=2):
-        load((edited(**{name: 3.0}),))
+    edits = {"gain": 3.0, "size": 3.0, "closure": 3.0, "root": "cos"}
+    for count, name in enumerate(edits, start=2):
+        load((edited(**{name: edits[name]}),))
         assert len(files_in(fresh_cache)) == count
 
 
