@@ -49,8 +49,8 @@ def headline(comparison: Comparison) -> str:
     if rest:
         numbers = "1 number agrees" if rest == 1 else f"{rest} numbers agree"
         agree = f"{numbers} within {comparison.z_significant:.1f} σ."
-        said.append(agree if said else f"Nothing changed that shows: {agree}")
-    return " ".join(said) or "Neither report has a number that could have changed."
+        said.append(agree if said else f"No significant change: {agree}")
+    return " ".join(said) or "Neither report has a number to compare."
 
 
 def _change(d: Difference) -> str:

@@ -53,10 +53,10 @@ def print_summary(result: Result, console: Console) -> None:
     for warning in result.warnings:
         say(f"Warning: {warning}")
     for rows in result.set_aside[:_MOST_SET_ASIDE]:
-        say(f"Set aside: {set_aside_words(rows)}")
+        say(f"Excluded: {set_aside_words(rows)}")
     more = len(result.set_aside) - _MOST_SET_ASIDE
     if more > 0:
-        say(f"Set aside: {more} more, see report.html.")
+        say(f"Excluded: {more} more, see report.html.")
     for note in notes_of(result):
         say(f"Note: {note}")
 
@@ -68,7 +68,7 @@ def _say_effect(effect, say):
     if effect["more"]:
         say(f"and {effect['more']} more in model.yaml", indent=2)
     for name, spread in effect["spread"]:
-        say(f"{name} differs from flight to flight by {spread}", indent=2)
+        say(f"{name} varies from flight to flight by {spread}", indent=2)
     say(
         f"evidence {effect['evidence']} nats; chosen in {effect['inclusion']} of "
         f"resampled sets of flights; {effect['share']} of all evidence",
@@ -77,9 +77,9 @@ def _say_effect(effect, say):
     if not effect["shape_fits"]:
         say("shape not the library's", indent=2)
     if effect["confused"]:
-        say(f"could be confused with: {'; '.join(effect['confused'])}", indent=2)
+        say(f"indistinguishable from: {'; '.join(effect['confused'])}", indent=2)
     elif not effect["is_unexplained"]:
-        say("could be confused with: nothing in the library", indent=2)
+        say("indistinguishable from: nothing in the library", indent=2)
     if effect["depends_on"]:
         say(f"varies with: {', '.join(effect['depends_on'])}", indent=2)
     say()

@@ -24,7 +24,7 @@ _MOST_IN_LINE = 2
 """Of more effects the headline leaves the coefficients to what follows it."""
 
 _WORTH_TELLING = 0.95
-"""A pitch zero that leaves less of the error than this is told."""
+"""A pitch zero that leaves a smaller share of the error than this is reported."""
 
 
 def headline(result: Result) -> str:
@@ -41,10 +41,9 @@ def headline(result: Result) -> str:
         error = f"an error{varying} and that no effect of the library explains"
         found.append(error if varying else error.replace(" and that", " that"))
     if not found:
-        found = differences(result)
+        found = [f"that {variation}" for variation in differences(result)]
     if result.verdict == "not_trusted":
-        text = "It is not to be trusted what the flights seem to show"
-        text += ": " if found else ""
+        text = "Not trusted: the flights seem to show " if found else "Not trusted"
     else:
         text = "The flights show "
     change = _change(result)
@@ -60,18 +59,18 @@ def _nothing_found(result: Result) -> str:
     if errors is None or not math.isfinite(errors.position_rms_m):
         return text + "."
     size = _length(result, errors.position_rms_m)
-    return f"{text}; it flies held-out flights to {size} in position (RMS)."
+    return f"{text}; its position error on held-out flights is {size} (RMS)."
 
 
 def remarks(result: Result) -> list[str]:
-    """Returns what a reader of the headline must know too, as sentences."""
+    """Sentences that qualify the headline."""
     said = []
     for e in result.effects:
         if e.indistinguishable_from:
             others = join(
                 [words_of(k, result) for k in e.indistinguishable_from], " or "
             )
-            said.append(f"From these flights, {e.words} could also be {others}.")
+            said.append(f"These flights do not distinguish {e.words} from {others}.")
         if e.shape != LIBRARY_SHAPE:
             said.append(
                 f"Shape not the library's ({e.kind}): the model carries a curve "
@@ -81,7 +80,7 @@ def remarks(result: Result) -> list[str]:
 
 
 def _calibration_words(result: Result) -> str:
-    """Returns what a pitch zero alone buys, where it buys something."""
+    """Improvement by a pitch zero alone, if there is one."""
     plate, calibrated = (result.errors.get(m) for m in ("refitted", CALIBRATED))
     if plate is None or calibrated is None:
         return ""
@@ -89,9 +88,9 @@ def _calibration_words(result: Result) -> str:
         return ""
     change = _from_to(result, plate.position_rms_m, calibrated.position_rms_m)
     return (
-        "Taking a constant error of the pitch reading out of the refitted plate alone "
-        f"takes the held-out position error {change} (RMS): that is calibration, not "
-        "physics."
+        "Removing a constant error of the pitch reading from the refitted baseline "
+        f"alone changes the held-out position error {change} (RMS): this is "
+        "calibration, not physics."
     )
 
 
@@ -102,12 +101,12 @@ def left_words(result: Result) -> str:
         return ""
     model = "model" if result.verdict == "no_effect" else "corrected model"
     size = _length(result, left.position_m)
-    text = f"The {model} leaves {size} of held-out flights"
+    text = f"The {model} leaves a position error of {size} (RMS) on held-out flights"
     if math.isfinite(left.ratio_to_noise):
         ratio = f"{left.ratio_to_noise:.3g}"
         if left.ratio_to_noise >= 100.0:
             ratio = f"{left.ratio_to_noise:,.0f}"
-        text += f" (RMS), {ratio} times the noise of the measured position"
+        text += f", {ratio} times the measurement noise"
     if left.depends_on:
         text += f"; it varies with {join(left.depends_on)}"
     return text + "."
@@ -119,21 +118,21 @@ def air_words(result: Result) -> str:
     if not math.isfinite(air.std_m_s):
         return ""
     if air.std_m_s == 0.0:
-        return "The flights need no moving air."
+        return "The flights show no moving air."
     lasting = ""
     if math.isfinite(air.correlation_s):
-        lasting = f", for about {air.correlation_s:.2g} s at a time"
+        lasting = f", with a correlation time of about {air.correlation_s:.2g} s"
     return (
-        f"The air moves by {air.std_m_s:.2g} m/s (one standard deviation){lasting}; a "
-        "model's own error looks like that too."
+        f"The air moves by {air.std_m_s:.2g} m/s (one standard deviation){lasting}; "
+        "model errors can look the same."
     )
 
 
 def differences(result: Result) -> list[str]:
-    """Returns what differs from flight to flight, where no effect tells it."""
+    """Flight-to-flight variation that no effect reports."""
     told = {e.kind for e in result.effects if e.spread_over_flights}
     return [
-        f"{_name(n)} differs from flight to flight by {format_spread(s.std, s.unit)}"
+        f"{_name(n)} varies from flight to flight by {format_spread(s.std, s.unit)}"
         for n, s in result.spreads.items()
         if math.isfinite(s.std) and n not in told
     ]
@@ -146,8 +145,9 @@ def fold_words(result: Result) -> str:
         return ""
     better = sum(f.corrected.position_rms_m < f.refitted.position_rms_m for f in folds)
     return (
-        f"With each flight held out once, the corrected model's free rollouts are "
-        f"closer than the refitted plate's in {better} of {counted(folds, 'fold')}."
+        f"With each flight held out once, free rollouts of the corrected model are "
+        "closer than those of the refitted baseline in "
+        f"{better} of {counted(folds, 'fold')}."
     )
 
 
@@ -166,8 +166,8 @@ def _change(result: Result) -> str:
         return "held-out rollouts of the corrected model diverge"
     if not old < DIVERGED:
         size = _length(result, new)
-        return f"held-out rollouts, which diverged, now err by {size} (RMS)"
-    verb = "falls" if new < old else "goes"
+        return f"held-out rollouts, which diverged, now have an error of {size} (RMS)"
+    verb = "falls" if new < old else "changes"
     return f"held-out position error {verb} {_from_to(result, old, new)} (RMS)"
 
 
@@ -215,7 +215,7 @@ def _in_line(effect):
         for name, c in list(effect.coefficients.items())[:3]
     ]
     texts += [
-        f"{_name(name)} differs by {format_spread(s, effect.coefficients[name].unit)} "
+        f"{_name(name)} varies by {format_spread(s, effect.coefficients[name].unit)} "
         "from flight to flight"
         for name, s in effect.spread_over_flights.items()
         if name in effect.coefficients

@@ -129,7 +129,7 @@ def test_every_error_of_a_pose_has_its_noise_beside_it():
 
 def test_calibration_has_a_column_and_is_not_called_physics():
     (said,) = [r for r in remarks(ALL_MODELS) if "calibration" in r]
-    assert "from 206 mm to 169 mm (RMS): that is calibration, not physics." in said
+    assert "from 206 mm to 169 mm (RMS): this is calibration, not physics." in said
     for text in (Page(to_html(ALL_MODELS)).text, summary(ALL_MODELS)):
         assert LABELS[CALIBRATED] in text
         assert said in flat(text)
@@ -183,9 +183,9 @@ def test_each_verdict_has_its_badge_and_its_sentence(verdict):
 
 def test_a_finding_that_does_not_hold_is_not_claimed():
     text = headline(VARIANTS["not trusted"])
-    assert text.startswith("It is not to be trusted what the flights seem")
+    assert text.startswith("Not trusted: the flights seem to show ")
     assert "a steady wind: x = -0.600" in text
-    assert text.endswith("goes from 206 mm to 248 mm (RMS).")
+    assert text.endswith("changes from 206 mm to 248 mm (RMS).")
 
 
 def test_what_has_no_name_is_told_with_what_it_varies_with():
@@ -201,7 +201,7 @@ def test_what_has_no_name_is_told_with_what_it_varies_with():
 def test_a_difference_between_flights_alone_is_a_finding():
     result = make_result(effects=())
     assert headline(result).startswith(
-        "The flights show elevator trim differs from flight to flight by 0.0203 rad"
+        "The flights show that elevator trim varies from flight to flight by 0.0203 "
     )
 
 
@@ -216,9 +216,9 @@ def test_the_reason_follows_the_verdict():
 @pytest.mark.parametrize(
     "ratio, position, text",
     [
-        (13.25, 5.3e-3, "leaves 5.30 mm of held-out flights (RMS), 13.2 times the"),
-        (12_499_590.0, 2.0, "2,000 mm of held-out flights (RMS), 12,499,590 times"),
-        (math.inf, 0.02, "leaves 20.0 mm of held-out flights; it varies with V."),
+        (13.25, 5.3e-3, "error of 5.30 mm (RMS) on held-out flights, 13.2 times the"),
+        (12_499_590.0, 2.0, "2,000 mm (RMS) on held-out flights, 12,499,590 times"),
+        (math.inf, 0.02, "20.0 mm (RMS) on held-out flights; it varies with V."),
     ],
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
@@ -235,9 +235,9 @@ def test_what_is_left_is_not_told_where_it_is_not_known():
 @pytest.mark.parametrize(
     "std, correlation, text",
     [
-        (0.12, 0.31, "The air moves by 0.12 m/s (one standard deviation), for about "),
-        (0.12, math.inf, "The air moves by 0.12 m/s (one standard deviation); a "),
-        (0.0, 0.3, "The flights need no moving air."),
+        (0.12, 0.31, "The air moves by 0.12 m/s (one standard deviation), with a "),
+        (0.12, math.inf, "The air moves by 0.12 m/s (one standard deviation); model "),
+        (0.0, 0.3, "The flights show no moving air."),
         (math.nan, 0.3, ""),
     ],
 )
@@ -250,11 +250,11 @@ def test_air_is_told_as_it_moves(std, correlation, text):
 def test_differences_from_flight_to_flight_are_told_with_their_number():
     result = make_result()
     (said,) = differences(result)
-    assert said == "elevator trim differs from flight to flight by 0.0203 rad (1.16°)"
-    assert "Elevator trim differs from flight to flight by 0.0203 rad" in flat(
+    assert said == "elevator trim varies from flight to flight by 0.0203 rad (1.16°)"
+    assert "Elevator trim varies from flight to flight by 0.0203 rad" in flat(
         summary(result)
     )
-    assert "x differs from flight to flight by 0.0512 m/s" in flat(summary(result))
+    assert "x varies from flight to flight by 0.0512 m/s" in flat(summary(result))
     assert "x ± 0.0512 m/s" in flat(Page(to_html(result)).text)
 
 
@@ -298,7 +298,7 @@ def test_warnings_and_rows_set_aside_are_told():
             assert aside.file in text
             assert aside.why in text
     many = make_result(set_aside=result.set_aside * 4)
-    assert "Set aside: 3 more" in summary(many)
+    assert "Excluded: 3 more" in summary(many)
     assert Page(to_html(many)).text.count("the pose is frozen.") == 4
 
 
@@ -319,7 +319,7 @@ def test_combinations_are_compared_with_the_best():
     assert [r.is_chosen for r in rows] == [True, False, False]
     assert rows[1].words == [KINDS["frame_tilt"].words, KINDS["camber"].words]
     page = Page(to_html(make_result())).text
-    assert "none: the plate alone" in page
+    assert "none: the flat plate alone" in page
 
 
 def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
@@ -330,10 +330,10 @@ def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
 
 def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
     """Forty flights and fewer have another than more, one effect another than two."""
-    for effect, words in ((6.6, "less than 6.6"), (20.0, "less than 20")):
+    for effect, words in ((6.6, "at least 6.6"), (20.0, "at least 20")):
         threshold = EvidenceThreshold(effect=effect, coefficient=1.6)
         page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)
-        assert f"{words} is not taken" in page
+        assert f"must contribute {words};" in page
         assert "not every glider has" not in page
     threshold = EvidenceThreshold(effect=3.0, coefficient=2.0, uncommon=8.0)
     page = flat(Page(to_html(make_result(evidence_threshold=threshold))).text)
@@ -415,14 +415,14 @@ def test_a_flight_that_diverged_stands_out():
 
 
 def test_evidence_is_told_as_it_was_found():
-    """A known glider's is of the fitted flights, another's of flights left out."""
+    """A known glider's is of the fitted flights, another's of held-out flights."""
     known = flat(Page(to_html(make_result())).text)
     assert "log-likelihood of the fitted flights that is lost without" in known
-    assert "left out of the fit" not in known
+    assert "of held-out flights that is lost" not in known
     # So is that of a glider of which only the tracked point is not told.
     offset = {"wing_offset": Estimate(value=0.02, std=0.001, unit="m")}
     partly = make_result(vehicle=offset, errors=VARIANTS["unknown vehicle"].errors)
-    assert "left out of the fit" not in flat(Page(to_html(partly)).text)
+    assert "of held-out flights that is lost" not in flat(Page(to_html(partly)).text)
     unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
-    assert "log-likelihood of flights left out of the fit" in unknown
+    assert "log-likelihood of held-out flights that is lost" in unknown
     assert "judged by flights left out of its fit" in unknown
