@@ -425,4 +425,4 @@ def test_evidence_is_told_as_it_was_found():
     assert "of held-out flights that is lost" not in flat(Page(to_html(partly)).text)
     unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
     assert "log-likelihood of held-out flights that is lost" in unknown
-    assert "judged by flights left out of its fit" in unknown
+    assert "scored on held-out flights" in unknown
