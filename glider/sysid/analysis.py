@@ -198,14 +198,7 @@ class Analysis:
         with_signs: bool,
         settings: dict[str, object],
     ) -> Result:
-        """Runs all stages.
-
-        Args:
-            names: of the flights to fit and of those held out.
-            kinds: of vehicle.kinds, those to try.
-            with_signs: whether to look for angles of the other sign first.
-            settings: what the caller asked for, to be kept in the result.
-        """
+        """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
         flights = self._smooth(names[0] if with_signs else ())
@@ -234,11 +227,7 @@ class Analysis:
         )
 
     def _smooth(self, asked: tuple[str, ...]) -> SmoothedFlights:
-        """Turns wrong signs back and smooths all flights.
-
-        Args:
-            asked: names of the flights that show the signs; none to leave them.
-        """
+        """Turns wrong signs back and smooths all flights."""
         logged, masks = self.inspection.campaign, self.inspection.masks
         with self.stage("signs"):
             signs = Signs()

@@ -86,14 +86,7 @@ def evaluate(
     outlying: FlownRecords,
     signs: Signs,
 ) -> Evaluation:
-    """Predicts held-out flights by all models.
-
-    Args:
-        models: by name.
-        unseen: held-out flights.
-        outlying: those that stand out, whose errors are separate.
-        signs: of the logged angles.
-    """
+    """Predicts held-out flights by all models."""
     predictions = {
         name: measure_errors(model, unseen.of(name))[1]
         for name, model in models.items()
@@ -150,15 +143,7 @@ def evaluate_in_folds(
     baseline: FitResult,
     rng: np.random.Generator,
 ) -> HeldOut:
-    """Holds out each flight once, baseline and corrected model refitted.
-
-    Args:
-        everything: task on all flights.
-        task: on those that the search has seen.
-        traced: result of the search.
-        baseline: flat plate with its parameters refitted.
-        rng: that deals flights to folds.
-    """
+    """Holds out each flight once, baseline and corrected model refitted."""
     models, nominal = [baseline, traced.model], None
     if traced.forces is not None:
         models = [forces_alone(task, model, traced.forces) for model in models]
@@ -184,14 +169,7 @@ def residual_tables(
     models: Mapping[str, RolloutModel],
     records: FlownRecords,
 ) -> ResidualTables:
-    """Returns the residual of the nominal, of the named and of the corrected model.
-
-    Args:
-        task: that the corrected model was fitted to.
-        model: the corrected one.
-        models: of `rollout_models`.
-        records: all flights.
-    """
+    """Returns the residual of the nominal, of the named and of the corrected model."""
     before = models.get("nominal", models["refitted"])
     after = _table(models["corrected"], records.corrected)
     named = after

@@ -38,35 +38,15 @@ from glider.sysid.search.peaks import find_peaks
 from glider.sysid.search.support import SearchResult
 
 FAMILIES = {
-    "c_lift": (
-        "attached_lift",
-        "camber",
-        "dynamic_stall",
-        "pitch_rate_lift",
-        "airspeed_dependence",
-        "ground_effect",
-        "mass",
-        "added_mass",
-    ),
-    "c_drag": ("profile_drag", "axial_drag", "induced_drag", "thrust"),
-    "c_moment": (
-        "center_of_pressure",
-        "pitch_moment",
-        "pitch_damping",
-        "inertia",
-        "downwash",
-        "stalled_downwash",
-    ),
-    "elevator_factor": (
-        "tail_wake",
-        "elevator_area",
-        "elevator_blowback",
-        "downwash",
-        "stalled_downwash",
-        "servo_lag",
-    ),
+    "c_lift": "attached_lift camber dynamic_stall pitch_rate_lift airspeed_dependence "
+    "ground_effect mass added_mass",
+    "c_drag": "profile_drag axial_drag induced_drag thrust",
+    "c_moment": "center_of_pressure pitch_moment pitch_damping inertia downwash "
+    "stalled_downwash",
+    "elevator_factor": "tail_wake elevator_area elevator_blowback downwash "
+    "stalled_downwash servo_lag",
 }
-"""Kinds of effects whose formula may be wrong in a term's curve."""
+"""Kinds of effects whose formula may be wrong in a term's curve, in words."""
 
 SPREAD_KINDS = {
     "elevator_trim": ("trim", "angle", "rad"),
@@ -100,17 +80,20 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurv
     """Returns the significant curves of a model."""
     if not model.has_curves:
         return ResidualCurves(terms=(), data=None)
-    curves = task.curves
-    low, high = np.percentile(curves.angles, [5.0, 95.0])
-    alpha = np.linspace(low, high, 41)
-    values = curves.values(model.coordinates, alpha)
+    alpha = _central_angles(task)
+    values = task.curves.values(model.coordinates, alpha)
     corner = known.covariance[len(model.free) :, len(model.free) :]
     units = np.eye(len(model.coordinates))
-    basis = np.stack([curves.values(u, alpha) for u in units], axis=2)  # (41, 4, q)
+    basis = np.stack([task.curves.values(u, alpha) for u in units], axis=2)
     std = np.sqrt(np.einsum("atq,qr,atr->at", basis, corner, basis))
     high_z = np.max(np.abs(values) / np.maximum(std, 1e-12), axis=0)
     found = tuple(t for t, z in zip(TERMS, high_z, strict=True) if z > CURVE_Z)
-    return ResidualCurves(terms=found, data=curves.data(model.coordinates))
+    return ResidualCurves(terms=found, data=task.curves.data(model.coordinates))
+
+
+def _central_angles(task: Task) -> np.ndarray:
+    """Angles over the central 90 % of those flown, (41,) [rad]."""
+    return np.linspace(*np.percentile(task.curves.angles, [5.0, 95.0]), 41)
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
@@ -149,45 +132,37 @@ def effects_of(
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
-    model, layout = traced.model, task.layout
-    gained = sum(traced.evidence.values())
-    gained += 0.0 if traced.field is None else traced.field.evidence
-    gained = max(gained, 1e-9)
-    found: list[FoundEffect] = []
-    if not signs.are_right:
-        found.append(_sign_entry(signs))
+    model, layout, field = traced.model, task.layout, traced.field
+    gained = sum(traced.evidence.values()) + (0.0 if field is None else field.evidence)
+    found = [] if signs.are_right else [_sign_entry(signs)]
     left = set(carried.terms)
     for name in model.kinds:
-        kind = layout.kinds[name]
-        mine = {t for t in carried.terms if name in FAMILIES[t]}
+        kind, support = layout.kinds[name], traced.weighed[name]
+        mine = {t for t in carried.terms if name in FAMILIES[t].split()}
         left -= mine
-        evidence = traced.evidence.get(name, 0.0)
         spread = {}
         if name in spreads:
             spread = {SPREAD_KINDS[name][1]: spreads[name].std}
+        slots = zip(layout.slots_of(name), kind.coefficients, strict=True)
+        entry = _entry(
+            name,
+            kind.words,
+            {c.name: _estimate(model.theta[i], known.std(i), c.unit) for i, c in slots},
+            kind.depends_on,
+            traced.evidence.get(name, 0.0),
+            gained,
+        )
         found.append(
-            FoundEffect(
-                kind=name,
-                words=kind.words,
-                coefficients={
-                    c.name: Estimate(
-                        value=float(model.theta[i]), std=known.std(i), unit=c.unit
-                    )
-                    for i, c in zip(
-                        layout.slots_of(name), kind.coefficients, strict=True
-                    )
-                },
-                evidence=float(evidence),
-                share_of_residual=float(np.clip(evidence / gained, 0.0, 1.0)),
-                indistinguishable_from=traced.weighed[name].rivals,
-                depends_on=kind.depends_on,
-                inclusion=traced.weighed[name].inclusion,
+            dataclasses.replace(
+                entry,
+                indistinguishable_from=support.rivals,
+                inclusion=support.inclusion,
                 spread_over_flights=spread,
                 shape=OTHER_SHAPE if mine else LIBRARY_SHAPE,
             )
         )
-    if traced.field is not None:
-        found.append(_field_entry(traced.field, gained))
+    if field is not None:
+        found.append(_field_entry(field, gained))
     elif left:
         found.append(_curve_entry(task, model, tuple(sorted(left))))
     if found and task.vehicle.trim_is_known:
@@ -199,80 +174,74 @@ def effects_of(
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
-def _sign_entry(signs: Signs) -> FoundEffect:
+def _estimate(value: float, std: float, unit: str) -> Estimate:
+    return Estimate(value=float(value), std=std, unit=unit)
+
+
+def _entry(
+    kind: str,
+    words: str,
+    coefficients: dict[str, Estimate],
+    depends_on: tuple[str, ...],
+    evidence: float = math.nan,
+    gained: float = math.nan,
+) -> FoundEffect:
+    """Makes an effect whose share is its evidence over all that was gained [nats]."""
     return FoundEffect(
-        kind=ANGLE_SIGN.kind,
-        words=ANGLE_SIGN.words,
-        coefficients={
-            name: Estimate(value=float(getattr(signs, name)), std=0.0, unit="-")
-            for name in ("pitch", "elevator", "command")
-        },
-        evidence=signs.evidence,
-        share_of_residual=signs.share,
+        kind=kind,
+        words=words,
+        coefficients=coefficients,
+        evidence=float(evidence),
+        share_of_residual=float(np.clip(evidence / max(gained, 1e-9), 0.0, 1.0)),
         indistinguishable_from=(),
-        depends_on=ANGLE_SIGN.depends_on,
+        depends_on=depends_on,
+    )
+
+
+def _sign_entry(signs: Signs) -> FoundEffect:
+    names = ("pitch", "elevator", "command")
+    turned = {name: _estimate(getattr(signs, name), 0.0, "-") for name in names}
+    entry = _entry(ANGLE_SIGN.kind, ANGLE_SIGN.words, turned, ANGLE_SIGN.depends_on)
+    return dataclasses.replace(
+        entry, evidence=signs.evidence, share_of_residual=signs.share
     )
 
 
 def _field_entry(field: FoundField, gained: float) -> FoundEffect:
-    extra = field.model.extra
-    assert extra is not None
+    assert field.model.extra is not None
     what = {"air": "the air moves", "forces": "forces change"}[field.basis.form]
-    return FoundEffect(
-        kind="unexplained",
-        words=f"no effect of the library: {what} with {', '.join(field.depends_on)}",
-        coefficients=find_peaks(extra, field.covariance),
-        evidence=field.evidence,
-        share_of_residual=float(np.clip(field.evidence / gained, 0.0, 1.0)),
-        indistinguishable_from=(),
-        depends_on=field.depends_on,
+    return _entry(
+        "unexplained",
+        f"no effect of the library: {what} with {', '.join(field.depends_on)}",
+        find_peaks(field.model.extra, field.covariance),
+        field.depends_on,
+        field.evidence,
+        gained,
     )
 
 
 def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
-    low, high = np.percentile(task.curves.angles, [5.0, 95.0])
-    alpha = np.linspace(low, high, 41)
+    alpha = _central_angles(task)
     values = task.curves.values(model.coordinates, alpha)
     peaks = {}
     for term in terms:
         curve = values[:, TERMS.index(term)]
         peak = int(np.argmax(np.abs(curve)))
         unit = "m" if term == "c_moment" else "-"
-        peaks[f"{term}_peak"] = Estimate(
-            value=float(curve[peak]), std=math.nan, unit=unit
-        )
-        peaks[f"{term}_peak_at_alpha"] = Estimate(
-            value=float(alpha[peak]), std=math.nan, unit="rad"
-        )
-    return FoundEffect(
-        kind="unexplained",
-        words=f"no effect of the library: {', '.join(terms)} change with alpha",
-        coefficients=peaks,
-        evidence=math.nan,
-        share_of_residual=math.nan,
-        indistinguishable_from=(),
-        depends_on=("alpha",),
-    )
+        peaks[f"{term}_peak"] = _estimate(curve[peak], math.nan, unit)
+        peaks[f"{term}_peak_at_alpha"] = _estimate(alpha[peak], math.nan, "rad")
+    words = f"no effect of the library: {', '.join(terms)} change with alpha"
+    return _entry("unexplained", words, peaks, ("alpha",))
 
 
 def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
     """Returns a flight-to-flight variation as an effect, with the mean over flights."""
-    kind = task.layout.kinds[name]
-    first = SPREAD_KINDS[name][1]
+    kind, (_, first, unit) = task.layout.kinds[name], SPREAD_KINDS[name]
     values = list(spread.values.values())
-    mean, error = float(np.mean(values)), spread.std / math.sqrt(len(values))
-    return FoundEffect(
-        kind=name,
-        words=f"{kind.words}, different in each flight",
-        coefficients={
-            c.name: Estimate(value=mean, std=error, unit=c.unit)
-            for c in kind.coefficients
-            if c.name == first
-        },
-        evidence=math.nan,
-        share_of_residual=math.nan,
-        indistinguishable_from=(),
-        depends_on=kind.depends_on,
+    mean = _estimate(np.mean(values), spread.std / math.sqrt(len(values)), unit)
+    words = f"{kind.words}, different in each flight"
+    return dataclasses.replace(
+        _entry(name, words, {first: mean}, kind.depends_on),
         inclusion=math.nan,
         spread_over_flights={first: spread.std},
     )
@@ -324,9 +293,7 @@ def vehicle_of(vehicle: Vehicle, model: FitResult, known: Uncertainty) -> dict:
         if kind != "parameters":
             kind_of = vehicle.layout.kinds[kind]
             unit = next(c.unit for c in kind_of.coefficients if c.name == name)
-        found[label] = Estimate(
-            value=float(model.theta[slot]), std=known.std(slot), unit=unit
-        )
+        found[label] = _estimate(model.theta[slot], known.std(slot), unit)
     return found
 
 
@@ -357,18 +324,14 @@ def correlations_of(
 ) -> dict[str, dict[str, float]]:
     """Returns the correlations of the errors of the effects' coefficients."""
     slots = [i for kind in model.kinds for i in task.layout.slots_of(kind)]
-    slots = [i for i in slots if i in known.free]
-    index = [known.free.index(i) for i in slots]
+    index = [known.free.index(i) for i in slots if i in known.free]
     corner = known.covariance[np.ix_(index, index)]
     std = np.sqrt(np.diag(corner))
-    labels = [".".join(task.layout.slots[i]) for i in slots]
+    matrix = (corner / std[:, None] / std).tolist()
+    labels = [".".join(task.layout.slots[known.free[k]]) for k in index]
     return {
-        a: {
-            b: float(corner[j, k] / (std[j] * std[k]))
-            for k, b in enumerate(labels)
-            if k != j
-        }
-        for j, a in enumerate(labels)
+        a: {b: r for b, r in zip(labels, row, strict=True) if b != a}
+        for a, row in zip(labels, matrix, strict=True)
     }
 
 
@@ -376,10 +339,6 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
     """Returns the residual of the flat plate over the angle of attack, in equal bins.
 
     Bands are standard errors over flights.
-
-    Args:
-        before: of the flat plate.
-        named: of the flat plate with the identified effects, on the same rows.
     """
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
@@ -403,23 +362,11 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
                 continue
             means = [np.mean(lack[term][of_flight]) for of_flight in rows_of]
             parts = [np.mean(explained[term][of_flight]) for of_flight in rows_of]
-            rows.append(
-                (
-                    float(np.mean(alpha[here])),
-                    float(np.mean(means)),
-                    float(np.std(means, ddof=1) / np.sqrt(len(means))),
-                    float(np.mean(parts)),
-                )
-            )
-        columns = np.array(rows).reshape(-1, 4).T
+            error = np.std(means, ddof=1) / np.sqrt(len(means))
+            rows.append((np.mean(alpha[here]), np.mean(means), error, np.mean(parts)))
+        angles, means, errors, parts = np.array(rows).reshape(-1, 4).T
         curves.append(
-            Curve(
-                term=term,
-                alpha=columns[0],
-                lack=columns[1],
-                std=columns[2],
-                named=columns[3],
-            )
+            Curve(term=term, alpha=angles, lack=means, std=errors, named=parts)
         )
     return tuple(curves)
 

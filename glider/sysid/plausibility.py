@@ -44,12 +44,7 @@ WINDOW = 0.1
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
-    """Finds the reason why a model cannot be trusted: one clause, or None.
-
-    Args:
-        task: the flights, of a glider whose mass and areas are known; others pass.
-        model: fitted to them.
-    """
+    """Finds the reason why a model cannot be trusted: one clause, or None."""
     if not task.vehicle.knows_forces:
         return None
     found = [*_at_ceilings(model)]

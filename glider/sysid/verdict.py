@@ -101,13 +101,7 @@ def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
 
 
 def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
-    """Finds the reason why other parameters of the flat plate do not hold, or None.
-
-    Args:
-        held_out: beside the baseline, with all of its parameters refitted.
-        gain: over the nominal model.
-        errors: of unseen flights, by model.
-    """
+    """Finds the reason why other parameters of the flat plate do not hold, or None."""
     if not gain.are_significant:
         return _no_gain(gain, "nominal model")
     if held_out.gain.t < -held_out.gain.least_t:
@@ -130,12 +124,7 @@ def _no_gain(gain: Gains, over: str) -> str:
 
 
 def _worse(ratios: Sequence[float], than: str) -> str | None:
-    """Sentence about a correction that makes held-out flights worse, or None.
-
-    Args:
-        ratios: of errors, in the order of FLOWN, as many as count.
-        than: the model that they are worse than.
-    """
+    """Sentence about a correction that makes held-out flights worse, or None."""
     for words, worse, ratio in zip(FLOWN, WORSE, ratios, strict=False):
         if ratio > worse:
             found = (

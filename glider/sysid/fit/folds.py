@@ -145,14 +145,7 @@ def clipped(gains: np.ndarray) -> np.ndarray:
 
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
-    """Returns a fitted model as one that flies logs again.
-
-    Args:
-        task: on the flights that it was fitted to.
-        model: fitted.
-        scales: of sensors and of flight-to-flight variation, as the best model has
-            them: a wrong model would exaggerate them.
-    """
+    """Returns a fitted model as one that flies logs again."""
     flown = RolloutModel(
         theta=model.theta,
         field=field_of(task, model),
@@ -172,17 +165,7 @@ def hold_out(
     searched: Collection[str] = (),
     nominal: FitResult | None = None,
 ) -> HeldOut:
-    """Holds out each flight once.
-
-    Args:
-        task: on all flights.
-        baseline: flat plate with its parameters refitted.
-        corrected: the model with the effects.
-        scales: of sensors and of flight-to-flight variation, of rollouts.
-        rng: that deals the flights to folds.
-        searched: names of the flights that the search for effects has seen.
-        nominal: the nominal model, where the gain over it is computed too.
-    """
+    """Holds out each flight once."""
     count = len(task.records)
     is_new = np.array([record.name not in searched for record in task.records])
     order = rng.permutation(count)
@@ -229,11 +212,7 @@ def hold_out(
 
 
 def predictable(predictions: Sequence[Sequence[Prediction]]) -> list[int]:
-    """Finds the flights that at least one model flies to the end.
-
-    Args:
-        predictions: of each model, those of all flights.
-    """
+    """Finds the flights that at least one model flies to the end."""
     by_flight = zip(*predictions, strict=True)
     return [i for i, own in enumerate(by_flight) if any(p.is_finite for p in own)]
 

@@ -89,11 +89,6 @@ def rollout_scales(
 
     A rollout has no gusts: its errors persist, and a launch must fit all rows of the
     beginning, not only the first. Flights on which the model diverges do not count.
-
-    Args:
-        model: whose scales are not used.
-        records: flights that it was fitted to.
-        scales: of the sensors and of flight-to-flight variation.
     """
     still = dataclasses.replace(
         scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo

@@ -62,9 +62,6 @@ class Candidates:
 
         The share of those that act is returned to the error.
 
-        Args:
-            grams: (..., m + 1, m + 1).
-
         Returns:
             the same with the error of the model without effects; and (m,) the columns'
             values there, their prior means and precisions.
@@ -88,11 +85,7 @@ class Candidates:
         return whole, value, mean, precision
 
     def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
-        """Returns the evidence of sets of effects, and the variants in its columns.
-
-        Args:
-            gram: (m + 1, m + 1), summed over flights.
-        """
+        """Returns the evidence of sets of effects, and the variants in its columns."""
         whole, value, mean, precision = self.from_nothing(gram)
         slots = [d.slot for d in self.directions]
         always = self.always

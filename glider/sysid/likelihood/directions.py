@@ -86,13 +86,7 @@ def starts_of(
 def nearest_start(
     layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
 ) -> int:
-    """Index of the start whose shapes are nearest to those of theta.
-
-    Args:
-        layout: of theta, whose scales distances are counted in.
-        starts: of `starts_of`, of an effect that has sizes.
-        theta: with the shapes.
-    """
+    """Index of the start whose shapes are nearest to those of theta."""
     apart = [
         sum(abs(v - theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
         for columns in starts

@@ -20,11 +20,6 @@ def solve_scaled(
     """Solves A x = b for coefficients of any units, (..., m).
 
     Rows and columns are scaled to a diagonal of one, where `ridge` is added.
-
-    Args:
-        matrix: A, (..., m, m), positive definite.
-        right: b, (..., m).
-        ridge: share of the diagonal.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
     scaled = matrix * scale[..., :, None] * scale[..., None, :]

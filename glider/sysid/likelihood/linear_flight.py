@@ -148,15 +148,7 @@ def linearize(
     directions: Sequence[Direction] = (),
     constants: Constants = Constants(),
 ) -> LinearFlight:
-    """Makes a flight linear about its smoothed measurement.
-
-    Args:
-        record: the flight.
-        theta: the model.
-        field: its residual field.
-        directions: the columns wanted.
-        constants: of this flight.
-    """
+    """Makes a flight linear about its smoothed measurement."""
     layout = record.layout
     if constants.pitch_zero:
         theta, directions = _as_read(layout, theta, directions, constants.pitch_zero)

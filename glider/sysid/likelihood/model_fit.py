@@ -157,14 +157,7 @@ def fit_model(
     iterations: int = 6,
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
-    """Fits a model's free parameters, its curves and its scales.
-
-    Args:
-        task: flights and model.
-        model: where the fit starts.
-        iterations: at most.
-        free_scales: names of the scales to fit; all by default.
-    """
+    """Fits a model's free parameters, its curves and its scales."""
     index = list(model.free)
     m = len(index)
     lower, upper = task.layout.lower[index], task.layout.upper[index]

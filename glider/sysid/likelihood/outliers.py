@@ -54,12 +54,7 @@ _HEAVY = 2.0
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
-    """Returns the outliers and their mean square over the median.
-
-    Args:
-        task: on all flights.
-        noise: of the sensors.
-    """
+    """Returns the outliers and their mean square over the median."""
     if len(task.records) < FEWEST:
         return {}
     squares = mean_squares(task, noise)
@@ -123,10 +118,6 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     The constants of one flight may absorb that its positions have another unit or that
     it is of another glider; the flight-to-flight variation then grows to include it and
     hides the effects of all others.
-
-    Args:
-        task: the flights, of a glider of known mass and areas; others have none.
-        model: fitted to (most of) them.
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}

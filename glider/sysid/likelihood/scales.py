@@ -165,14 +165,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
 def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> WhitenedFlight:
-    """Filters a flight.
-
-    Args:
-        flight: linear in all its columns.
-        scales: of all noise.
-        start: (n + 8,) variances of the deviations at the first node, if not those of
-            `start_variances`.
-    """
+    """Filters a flight."""
     record = flight.record
     n = flight.by_x.shape[1]
     rows = len(record.time)
@@ -204,12 +197,7 @@ def whiten(
 
 
 def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    """Returns the deviations at the first node, given all rows, (n + 8,).
-
-    Args:
-        flight: with one column, its error.
-        scales: of all noise.
-    """
+    """Returns the deviations at the first node, given all rows, (n + 8,)."""
     variances = start_variances(flight, scales)
     gram = whiten(flight.with_launch(), scales, np.zeros_like(variances)).gram
     precision = 1.0 / np.maximum(variances, 1e-16)

@@ -107,16 +107,7 @@ def prepare(
     masks: Mapping[str, Masks] | None = None,
     maps: dict[bytes, list[np.ndarray]] | None = None,
 ) -> list[Record]:
-    """Smooths flights; the maps of equal time grids are shared.
-
-    Args:
-        flights: of the campaign.
-        campaign: whose clocks and limits count.
-        noise: of its channels.
-        layout: of the models that will fly them.
-        masks: name of a flight to its excluded rows; none by default.
-        maps: of time grids, from earlier calls with the same noise; written.
-    """
+    """Smooths flights; the maps of equal time grids are shared."""
     maps = {} if maps is None else maps
     stops = None
     if campaign.elevator == "servo":

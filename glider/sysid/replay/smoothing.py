@@ -162,12 +162,7 @@ class Noise:
 def measure_noise(
     campaign: Campaign, masks: Mapping[str, Masks] | None = None
 ) -> Noise:
-    """Finds the noise of a campaign's channels from all its flights.
-
-    Args:
-        campaign: the flights.
-        masks: name of a flight to its excluded rows; none by default.
-    """
+    """Finds the noise of a campaign's channels from all its flights."""
     masks = masks or {}
     usable = [
         masks[f.name].usable if f.name in masks else np.ones(len(f.time), dtype=bool)

@@ -295,13 +295,6 @@ def _with_needed_terms(
 
     Beside a vertical wind over x, a horizontal one would fit noise and be largest
     where the flights determine it least. A term stays if it has evidence beside others.
-
-    Args:
-        flights: linear about the model.
-        task: of the flights.
-        model: with the field.
-        basis: of the field.
-        weights: of the field in the model.
     """
     terms = basis.terms
     best = _gain(flights, task, model, basis, weights)[0]

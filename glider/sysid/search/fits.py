@@ -154,13 +154,7 @@ class FirstOrder:
 
 
 def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
-    """Returns the evidence of sets about a model; None where the model diverges.
-
-    Args:
-        task: of the flights.
-        model: to start from.
-        rounds: of fitting the scales.
-    """
+    """Returns the evidence of sets about a model; None where the model diverges."""
     candidates = gather(task, model)
     scales, _ = saturated_scales(candidates, model.scales, rounds)
     grams = candidates.grams(scales)
@@ -182,12 +176,6 @@ def marginal_scorer(
     a model of one effect at most and air, a member need only be more likely than that
     no effect of the library acts. Sets of many members are proposed at that penalty;
     once fitted, they are compared by `penalized_cost`.
-
-    Args:
-        candidates: about a model.
-        grams: of each flight.
-        counts: how often each flight counts.
-        scales: of noise, if not the model's.
     """
     evidence, variants = candidates.evidence(np.tensordot(counts, grams, 1))
     model = candidates.model

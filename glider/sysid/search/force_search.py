@@ -180,11 +180,6 @@ def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model as a refit_forces of its forces to other flights takes it.
 
     The moment stays as it is.
-
-    Args:
-        task: that the model is of.
-        model: with its moment.
-        forces: model whose scales the forces are weighted by.
     """
     index = task.layout.index
     kept = {index[slot] for slot in _OF_MOMENT}

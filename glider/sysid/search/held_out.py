@@ -19,13 +19,7 @@ class HeldOutEvidence:
     """
 
     def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
-        """Takes the flights' information and how often each counts.
-
-        Args:
-            candidates: whose columns they are.
-            grams: (flights, m + 1, m + 1), see `Candidates.grams`.
-            counts: (flights,) how often each was drawn.
-        """
+        """Takes the flights' information and how often each counts."""
         drawn = np.flatnonzero(counts)
         whole, value, mean, precision = candidates.from_nothing(grams[drawn])
         self._own, self._counts = whole, counts[drawn]

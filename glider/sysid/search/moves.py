@@ -113,11 +113,6 @@ def with_another(
     """Returns a model worth more with one effect more, or None.
 
     An effect may show once another that stood in for it was dropped.
-
-    Args:
-        search: that remembers fits.
-        model: to add to.
-        dropped: effects that are not tried again.
     """
     near = search.near(model)
     if near is None:
@@ -138,11 +133,6 @@ def with_a_rival(
 
     To first order rivals do as well as an effect; refitted, one may do better. The
     nearest rivals are tried, of effects that resampled flights do not always choose.
-
-    Args:
-        search: that remembers fits.
-        model: that was weighed.
-        weighed: support of each of its effects.
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
     near = search.near(model) if doubtful else None

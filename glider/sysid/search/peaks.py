@@ -15,10 +15,6 @@ def find_peaks(data: FieldData, covariance_of_all: np.ndarray) -> dict[str, Esti
     f = b(ξ)·w, to first order a peak's height moves with δw as b·δw, its place
     as -b'·δw / f'': their variances are b'C b and b''C b' / f''². A peak at the
     edge of the flown range is not one of the field: its place has no error (NaN).
-
-    Args:
-        data: the field.
-        covariance_of_all: of its weights, functions first, then terms.
     """
     variable = data.variables[0]
     centers, width = np.array(data.centers)[:, 0], data.widths[0]

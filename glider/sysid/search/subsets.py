@@ -138,12 +138,6 @@ def climb(
     """Returns the set that no swap betters, and no drop or addition where it may.
 
     Nor one effect in the place of two: a tilted frame is a turned pitch and a thrust.
-
-    Args:
-        score: of sets.
-        members: to start from.
-        same_size: whether no member may be dropped or added.
-        keep: members that stay.
     """
 
     def best_of(options: Iterable[Members]) -> Members:

@@ -50,14 +50,7 @@ ROUNDS = 8
 def trace(
     task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
-    """Finds the effects that the flights show.
-
-    Args:
-        task: the flights, and what may be wrong.
-        noise: of the sensors.
-        rng: that resamples the flights.
-        progress: called with a line of text as the work goes on.
-    """
+    """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
@@ -228,13 +221,7 @@ def by_sets(search: Search, model: FitResult) -> FitResult:
 def best_members(
     score: Scorer, kinds: Sequence[str], tried: Collection[frozenset[str]]
 ) -> Members:
-    """Returns the best set, or the best of the effects that stand out if that is new.
-
-    Args:
-        score: of sets, about a model.
-        kinds: of the model.
-        tried: sets that were fitted.
-    """
+    """Returns the best set, or the best of the effects that stand out if that is new."""
     start = score.by_first(kinds)
     best = best_set(score, start)
     haste = HASTE * (score(best) - score(start))
