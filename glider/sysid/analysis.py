@@ -18,6 +18,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
+from glider.sysid import outcome, result
 from glider.sysid.evaluation import (
     Evaluation,
     FlownRecords,
@@ -38,36 +39,12 @@ from glider.sysid.likelihood.uncertainty import (
     uncertainty_of,
     with_allowed_curves,
 )
-from glider.sysid.outcome import (
-    ResidualCurves,
-    carried_of,
-    correlations_of,
-    covariance_of,
-    curves_of,
-    effects_of,
-    model_of,
-    spreads_of,
-    vehicle_of,
-)
 from glider.sysid.plausibility import find_doubt
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.signs import Signs, turn_campaign
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
-from glider.sysid.result import (
-    CALIBRATED,
-    MODELS,
-    MOST_COMBINATIONS,
-    Air,
-    Combination,
-    Errors,
-    FlightNames,
-    MeasurementNoise,
-    Residual,
-    Result,
-    Spread,
-)
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
@@ -159,9 +136,9 @@ class Findings:
 
     task: Task
     traced: SearchResult
-    carried: ResidualCurves
+    carried: outcome.ResidualCurves
     known: Uncertainty
-    spreads: dict[str, Spread]
+    spreads: dict[str, result.Spread]
     baseline: FitResult
 
 
@@ -197,7 +174,7 @@ class Analysis:
         kinds: tuple[str, ...],
         with_signs: bool,
         settings: dict[str, object],
-    ) -> Result:
+    ) -> result.Result:
         """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
@@ -288,9 +265,11 @@ class Analysis:
         """Finds standard errors and variations, and refits the flat plate alone."""
         with self.stage("weigh", "standard errors"):
             judged = traced.judged
-            carried = carried_of(task, traced.model, uncertainty_of(task, judged))
+            carried = outcome.carried_of(
+                task, traced.model, uncertainty_of(task, judged)
+            )
             known = uncertainty_of(task, with_allowed_curves(task, judged))
-            spreads = spreads_of(task, traced.model)
+            spreads = outcome.spreads_of(task, traced.model)
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = traced.bare
             if traced.forces is None:
@@ -318,12 +297,12 @@ class Analysis:
         held_out: HeldOut | None,
         tables: ResidualTables,
         settings: dict[str, object],
-    ) -> Result:
+    ) -> result.Result:
         """Judges all that was found, and collects it."""
         task, traced, known = findings.task, findings.traced, findings.known
         signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
         carried, spreads, model = findings.carried, findings.spreads, traced.model
-        effects = effects_of(task, traced, known, carried, spreads, signs)
+        effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
         corrected = evaluation.errors["corrected"]
         assert corrected is not None
         left = _left(task, traced.judged, corrected, noise)
@@ -331,32 +310,33 @@ class Analysis:
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
-        return Result(
+        return result.Result(
             campaign=flights.logged.name,
             path=flights.logged.path,
-            flights=FlightNames(
+            flights=result.FlightNames(
                 fit=split.fitted, held_out=tuple(f.name for f in evaluation.held_out)
             ),
             verdict=verdict,
             reason=reason,
             effects=effects,
             errors={
-                model: evaluation.errors.get(model) for model in (*MODELS, CALIBRATED)
+                model: evaluation.errors.get(model)
+                for model in (*result.MODELS, result.CALIBRATED)
             },
             outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
             candidates=traced.alone,
             combinations=tuple(
-                Combination(kinds=kinds, evidence=gain)
-                for kinds, gain in traced.combinations[:MOST_COMBINATIONS]
+                result.Combination(kinds=kinds, evidence=gain)
+                for kinds, gain in traced.combinations[: result.MOST_COMBINATIONS]
             ),
             evidence_threshold=traced.threshold,
-            correlations=correlations_of(task, model, known),
+            correlations=outcome.correlations_of(task, model, known),
             spreads=spreads,
             air=_air(model),
-            curves=curves_of(tables.before, tables.named),
-            vehicle=vehicle_of(vehicle, model, known),
+            curves=outcome.curves_of(tables.before, tables.named),
+            vehicle=outcome.vehicle_of(vehicle, model, known),
             knows_forces=vehicle.knows_forces,
             warnings=(
                 *self.inspection.warnings,
@@ -367,9 +347,11 @@ class Analysis:
             ),
             set_aside=_excluded(self.inspection, split.outlying),
             planarity=_planarity(flights.logged),
-            noise=MeasurementNoise(position_m=noise.position, pitch_rad=noise.pitch),
-            model=model_of(task, model, carried, signs, flights.campaign),
-            covariance=covariance_of(task, model, known),
+            noise=result.MeasurementNoise(
+                position_m=noise.position, pitch_rad=noise.pitch
+            ),
+            model=outcome.model_of(task, model, carried, signs, flights.campaign),
+            covariance=outcome.covariance_of(task, model, known),
             held_out=evaluation.held_out,
             residual_before=tables.before,
             residual_after=tables.after,
@@ -381,11 +363,13 @@ class Analysis:
         )
 
 
-def _air(model: FitResult) -> Air:
+def _air(model: FitResult) -> result.Air:
     """Strength of the moving air; below what a log shows it is still."""
     scales = model.scales
     is_still = scales.air < STILL * FLOOR.air
-    return Air(std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time)
+    return result.Air(
+        std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time
+    )
 
 
 STILL = 2.0
@@ -412,12 +396,14 @@ def _excluded(
     return tuple(sorted(rows + flights, key=lambda s: s.file))
 
 
-def _left(task: Task, model: FitResult, corrected: Errors, noise: Noise) -> Residual:
+def _left(
+    task: Task, model: FitResult, corrected: result.Errors, noise: Noise
+) -> result.Residual:
     """Returns the residual of the corrected model, and over what it varies."""
     found = survey(task, model).gains
     real = [key for key, gain in found.items() if gain > FIELD_THRESHOLD]
     real.sort(key=lambda key: -found[key])
-    return Residual(
+    return result.Residual(
         ratio_to_noise=corrected.position_rms_m / (math.sqrt(2.0) * noise.position),
         position_m=corrected.position_rms_m,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),

@@ -5,14 +5,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from glider.sysid.fit import prediction
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
-from glider.sysid.fit.prediction import (
-    Prediction,
-    RolloutModel,
-    beginning_rows,
-    errors_of,
-    measure_errors,
-)
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import Task
@@ -81,21 +75,21 @@ class Evaluation:
 
 
 def evaluate(
-    models: Mapping[str, RolloutModel],
+    models: Mapping[str, prediction.RolloutModel],
     unseen: FlownRecords,
     outlying: FlownRecords,
     signs: Signs,
 ) -> Evaluation:
     """Predicts held-out flights by all models."""
     predictions = {
-        name: measure_errors(model, unseen.of(name))[1]
+        name: prediction.measure_errors(model, unseen.of(name))[1]
         for name, model in models.items()
     }
     keep = predictable(list(predictions.values())) or range(len(unseen.names))
     predictions = {name: [p[i] for i in keep] for name, p in predictions.items()}
     kept = unseen.among([unseen.names[i] for i in keep])
     errors: dict[str, Errors | None] = {
-        name: errors_of(model, kept.of(name), predictions[name])
+        name: prediction.errors_of(model, kept.of(name), predictions[name])
         for name, model in models.items()
     }
     apart = None
@@ -103,7 +97,7 @@ def evaluate(
         apart = OutlyingFlights(
             flights=outlying.names,
             errors={
-                name: measure_errors(model, outlying.of(name))[0]
+                name: prediction.measure_errors(model, outlying.of(name))[0]
                 for name, model in models.items()
             },
         )
@@ -118,7 +112,7 @@ def evaluate(
 
 def rollout_models(
     task: Task, traced: SearchResult, baseline: FitResult
-) -> dict[str, RolloutModel]:
+) -> dict[str, prediction.RolloutModel]:
     """Returns the models to evaluate, by name; the nominal one only where known."""
     vehicle, layout = task.vehicle, task.layout
     offset = layout.slots_of("pitch_offset")
@@ -166,7 +160,7 @@ class ResidualTables:
 def residual_tables(
     task: Task,
     model: FitResult,
-    models: Mapping[str, RolloutModel],
+    models: Mapping[str, prediction.RolloutModel],
     records: FlownRecords,
 ) -> ResidualTables:
     """Returns the residual of the nominal, of the named and of the corrected model."""
@@ -181,16 +175,16 @@ def residual_tables(
     )
 
 
-def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
+def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """Returns a model's residual over flights, each with the trim that it has."""
-    predictions = measure_errors(flown, records)[1]
+    predictions = prediction.measure_errors(flown, records)[1]
     trims = [predicted.trim for predicted in predictions]
     return make_table(records, flown.theta, trims, flown.field)
 
 
 def _flights(
     records: Sequence[Record],
-    predictions: Mapping[str, list[Prediction]],
+    predictions: Mapping[str, list[prediction.Prediction]],
     per_flight_trims: bool,
     signs: Signs,
 ) -> tuple[HeldOutFlight, ...]:
@@ -199,7 +193,7 @@ def _flights(
     turned = np.array([1.0, 1.0, signs.pitch])
     as_logged = {"corrected": turned}
     for i, record in enumerate(records):
-        rows = beginning_rows(record, per_flight_trims)
+        rows = prediction.beginning_rows(record, per_flight_trims)
         flights.append(
             HeldOutFlight(
                 name=record.name,

@@ -10,28 +10,14 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
+from glider.sysid import result
+from glider.sysid.likelihood import scales
 from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
-from glider.sysid.likelihood.scales import (
-    FLOOR,
-    NAMES,
-    PER_FLIGHT,
-    fit_scales,
-    flight_values,
-)
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.signs import Signs, sign_effect
 from glider.sysid.replay.vehicle import Vehicle, parameters_of
-from glider.sysid.result import (
-    LIBRARY_SHAPE,
-    OTHER_SHAPE,
-    Curve,
-    Estimate,
-    FoundEffect,
-    ResidualTable,
-    Spread,
-)
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.peaks import find_peaks
@@ -96,26 +82,28 @@ def _central_angles(task: Task) -> np.ndarray:
     return np.linspace(*np.percentile(task.curves.angles, [5.0, 95.0]), 41)
 
 
-def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
+def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
     """Returns the flight-to-flight variation, with the value of each flight.
 
     It is reported where it reaches the threshold of an effect, all else refitted.
     """
     flights = error_flights(task, model)
-    _, base = fit_scales(flights, model.scales)
+    _, base = scales.fit_scales(flights, model.scales)
     found = {}
-    own = flight_values(flights, model.scales)
+    own = scales.flight_values(flights, model.scales)
     names = [record.name for record in task.records]
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
-        least = dataclasses.replace(model.scales, **{scale: getattr(FLOOR, scale)})
-        others = [name for name in NAMES if name != scale]
-        lost = fit_scales(flights, least, others)[1] - base
+        least = dataclasses.replace(
+            model.scales, **{scale: getattr(scales.FLOOR, scale)}
+        )
+        others = [name for name in scales.NAMES if name != scale]
+        lost = scales.fit_scales(flights, least, others)[1] - base
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
         shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
         if shows or (kind == "elevator_trim" and task.per_flight_trims):
-            values = [float(o[PER_FLIGHT[kind][coefficient]]) for o in own]
-            found[kind] = Spread(
+            values = [float(o[scales.PER_FLIGHT[kind][coefficient]]) for o in own]
+            found[kind] = result.Spread(
                 std=getattr(model.scales, scale),
                 unit=unit,
                 values=dict(zip(names, values, strict=True)),
@@ -128,9 +116,9 @@ def effects_of(
     traced: SearchResult,
     known: Uncertainty,
     carried: ResidualCurves,
-    spreads: dict[str, Spread],
+    spreads: dict[str, result.Spread],
     signs: Signs,
-) -> tuple[FoundEffect, ...]:
+) -> tuple[result.FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
     model, layout, field = traced.model, task.layout, traced.field
     gained = sum(traced.evidence.values()) + (0.0 if field is None else field.evidence)
@@ -158,7 +146,7 @@ def effects_of(
                 indistinguishable_from=support.rivals,
                 inclusion=support.inclusion,
                 spread_over_flights=spread,
-                shape=OTHER_SHAPE if mine else LIBRARY_SHAPE,
+                shape=result.OTHER_SHAPE if mine else result.LIBRARY_SHAPE,
             )
         )
     if field is not None:
@@ -174,20 +162,20 @@ def effects_of(
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
-def _estimate(value: float, std: float, unit: str) -> Estimate:
-    return Estimate(value=float(value), std=std, unit=unit)
+def _estimate(value: float, std: float, unit: str) -> result.Estimate:
+    return result.Estimate(value=float(value), std=std, unit=unit)
 
 
 def _entry(
     kind: str,
     words: str,
-    coefficients: dict[str, Estimate],
+    coefficients: dict[str, result.Estimate],
     depends_on: tuple[str, ...],
     evidence: float = math.nan,
     gained: float = math.nan,
-) -> FoundEffect:
+) -> result.FoundEffect:
     """Makes an effect whose share is its evidence over all that was gained [nats]."""
-    return FoundEffect(
+    return result.FoundEffect(
         kind=kind,
         words=words,
         coefficients=coefficients,
@@ -198,7 +186,7 @@ def _entry(
     )
 
 
-def _sign_entry(signs: Signs) -> FoundEffect:
+def _sign_entry(signs: Signs) -> result.FoundEffect:
     names = ("pitch", "elevator", "command")
     turned = {name: _estimate(getattr(signs, name), 0.0, "-") for name in names}
     entry = _entry(ANGLE_SIGN.kind, ANGLE_SIGN.words, turned, ANGLE_SIGN.depends_on)
@@ -207,7 +195,7 @@ def _sign_entry(signs: Signs) -> FoundEffect:
     )
 
 
-def _field_entry(field: FoundField, gained: float) -> FoundEffect:
+def _field_entry(field: FoundField, gained: float) -> result.FoundEffect:
     assert field.model.extra is not None
     what = {"air": "the air moves", "forces": "forces change"}[field.basis.form]
     return _entry(
@@ -220,7 +208,9 @@ def _field_entry(field: FoundField, gained: float) -> FoundEffect:
     )
 
 
-def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
+def _curve_entry(
+    task: Task, model: FitResult, terms: tuple[str, ...]
+) -> result.FoundEffect:
     alpha = _central_angles(task)
     values = task.curves.values(model.coordinates, alpha)
     peaks = {}
@@ -234,7 +224,7 @@ def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundE
     return _entry("unexplained", words, peaks, ("alpha",))
 
 
-def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
+def _spread_entry(task: Task, name: str, spread: result.Spread) -> result.FoundEffect:
     """Returns a flight-to-flight variation as an effect, with the mean over flights."""
     kind, (_, first, unit) = task.layout.kinds[name], SPREAD_KINDS[name]
     values = list(spread.values.values())
@@ -335,7 +325,9 @@ def correlations_of(
     }
 
 
-def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
+def curves_of(
+    before: result.ResidualTable, named: result.ResidualTable
+) -> tuple[result.Curve, ...]:
     """Returns the residual of the flat plate over the angle of attack, in equal bins.
 
     Bands are standard errors over flights.
@@ -366,12 +358,12 @@ def curves_of(before: ResidualTable, named: ResidualTable) -> tuple[Curve, ...]:
             rows.append((np.mean(alpha[here]), np.mean(means), error, np.mean(parts)))
         angles, means, errors, parts = np.array(rows).reshape(-1, 4).T
         curves.append(
-            Curve(term=term, alpha=angles, lack=means, std=errors, named=parts)
+            result.Curve(term=term, alpha=angles, lack=means, std=errors, named=parts)
         )
     return tuple(curves)
 
 
-def _lack_of(table: ResidualTable) -> dict[str, np.ndarray]:
+def _lack_of(table: result.ResidualTable) -> dict[str, np.ndarray]:
     """Returns measured minus modelled coefficients along and across the wing."""
     alpha = table.variables["alpha"]
     s, c = np.sin(alpha), np.cos(alpha)

@@ -17,17 +17,9 @@ from glider.sysid.fit.prediction import (
     predict,
     rollout_scales,
 )
+from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
-from glider.sysid.likelihood.model_fit import (
-    FitResult,
-    field_of,
-    grams_of,
-    linear_flights,
-    prior_of,
-    with_constants,
-    with_prior,
-)
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
@@ -144,11 +136,11 @@ def clipped(gains: np.ndarray) -> np.ndarray:
     return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
 
 
-def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
+def flown_by(task: Task, model: model_fit.FitResult, scales: Scales) -> RolloutModel:
     """Returns a fitted model as one that flies logs again."""
     flown = RolloutModel(
         theta=model.theta,
-        field=field_of(task, model),
+        field=model_fit.field_of(task, model),
         scales=scales,
         per_flight_trims=task.per_flight_trims,
     )
@@ -158,12 +150,12 @@ def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
 
 def hold_out(
     task: Task,
-    baseline: FitResult,
-    corrected: FitResult,
+    baseline: model_fit.FitResult,
+    corrected: model_fit.FitResult,
     scales: Scales,
     rng: np.random.Generator,
     searched: Collection[str] = (),
-    nominal: FitResult | None = None,
+    nominal: model_fit.FitResult | None = None,
 ) -> HeldOut:
     """Holds out each flight once."""
     count = len(task.records)
@@ -227,23 +219,23 @@ def _predictor(flown: RolloutModel) -> Callable[[Record], Prediction]:
 class _Refits:
     """A model, refitted to all flights but some by one step from the fit to all."""
 
-    def __init__(self, task: Task, model: FitResult):
-        model = with_constants(task, model)
+    def __init__(self, task: Task, model: model_fit.FitResult):
+        model = model_fit.with_constants(task, model)
         self.task, self.model = task, model
         directions = slopes(task.layout, model.theta, model.free)
-        self.flights = linear_flights(task, model, directions)
+        self.flights = model_fit.linear_flights(task, model, directions)
         scales = model.scales
-        self.grams = np.stack(grams_of(self.flights, scales))
+        self.grams = np.stack(model_fit.grams_of(self.flights, scales))
 
-    def without(self, part: np.ndarray) -> tuple[FitResult, np.ndarray]:
+    def without(self, part: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
         """Returns the model without some flights, and their costs under it [nats]."""
         model, index = self.model, list(self.model.free)
         rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
-        own, mean, precision = prior_of(self.task, model, index)
+        own, mean, precision = model_fit.prior_of(self.task, model, index)
         count, free = len(model.coordinates), len(index)
         wide = np.full(count, np.inf)
         step = bounded_step(
-            with_prior(rest, own, mean, precision),
+            model_fit.with_prior(rest, own, mean, precision),
             np.full(free + count, 1e-9),
             0.0,
             np.append(self.task.layout.lower[index], -wide) - own,

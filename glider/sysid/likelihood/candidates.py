@@ -5,16 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.information import Evidence, eliminate, solve
 from glider.sysid.likelihood.linear_flight import LinearFlight
-from glider.sysid.likelihood.model_fit import (
-    FitResult,
-    grams_of,
-    linear_flights,
-    prior_of,
-    with_prior,
-)
 from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
 
@@ -38,7 +32,7 @@ class Candidates:
     """
 
     task: Task
-    model: FitResult
+    model: model_fit.FitResult
     directions: tuple[Direction, ...]
     variants: dict[str, tuple[Variant, ...]]
     flights: Sequence[LinearFlight]
@@ -53,7 +47,7 @@ class Candidates:
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return np.stack(grams_of(self.flights, scales))
+        return np.stack(model_fit.grams_of(self.flights, scales))
 
     def from_nothing(
         self, grams: np.ndarray
@@ -68,7 +62,7 @@ class Candidates:
         """
         task, model = self.task, self.model
         slots = [d.slot for d in self.directions]
-        value, mean, precision = prior_of(task, model, slots)
+        value, mean, precision = model_fit.prior_of(task, model, slots)
         restored = np.zeros(grams.shape[-1])
         restored[-1] = 1.0
         for j, slot in enumerate(slots):
@@ -112,7 +106,7 @@ class Candidates:
         }
 
 
-def gather(task: Task, model: FitResult) -> Candidates:
+def gather(task: Task, model: model_fit.FitResult) -> Candidates:
     """Linearizes all flights about a model, in all candidate effects."""
     layout = task.layout
     directions = slopes(layout, model.theta, model.free)
@@ -139,7 +133,9 @@ def gather(task: Task, model: FitResult) -> Candidates:
                 directions += mine
         if found:
             variants[kind] = tuple(found)
-    flights, wild = tamed(task, directions, linear_flights(task, model, directions))
+    flights, wild = tamed(
+        task, directions, model_fit.linear_flights(task, model, directions)
+    )
     for kind in set(variants) - set(model.kinds):
         variants[kind] = tuple(v for v in variants[kind] if not wild & set(v))
     return Candidates(
@@ -188,10 +184,10 @@ def saturated_scales(
         the scales, and the change of all columns there (m,).
     """
     slots = [d.slot for d in candidates.directions]
-    own, mean, precision = prior_of(candidates.task, candidates.model, slots)
+    own, mean, precision = model_fit.prior_of(candidates.task, candidates.model, slots)
     for _ in range(rounds):
         gram = candidates.grams(scales).sum(axis=0)
-        total = with_prior(gram, own, mean, precision)
+        total = model_fit.with_prior(gram, own, mean, precision)
         change = solve(total)
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)

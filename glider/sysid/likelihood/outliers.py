@@ -17,15 +17,9 @@ again 42, with positions 5 % too large 3.
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
+from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.information import solve
-from glider.sysid.likelihood.model_fit import (
-    FitResult,
-    error_flights,
-    prior_of,
-    start_of,
-    with_prior,
-)
 from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
@@ -69,15 +63,17 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
-    model = start_of(task, noise, with_curves=task.vehicle.knows_forces)
+    model = model_fit.start_of(task, noise, with_curves=task.vehicle.knows_forces)
     candidates = gather(task, model)
     grams = candidates.grams(COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     slots = [d.slot for d in candidates.directions]
-    own, mean, precision = prior_of(task, model, slots)
+    own, mean, precision = model_fit.prior_of(task, model, slots)
     weights = np.ones(len(grams))
     for _ in range(_ROUNDS):
-        total = with_prior(np.tensordot(weights, grams, 1), own, mean, precision)
+        total = model_fit.with_prior(
+            np.tensordot(weights, grams, 1), own, mean, precision
+        )
         left = np.append(-solve(total), 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
@@ -112,7 +108,7 @@ LEAST_EXTREME = 0.3
 """... and least deviation, in the coefficient's scale."""
 
 
-def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
+def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     """Returns flights of extreme wind, trim or pitch offset, and the reasons.
 
     The constants of one flight may absorb that its positions have another unit or that
@@ -121,7 +117,7 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}
-    flights = error_flights(task, model)
+    flights = model_fit.error_flights(task, model)
     own = flight_values(flights, model.scales)
     found: dict[str, str] = {}
     for kind, places in PER_FLIGHT.items():

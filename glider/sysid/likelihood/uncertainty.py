@@ -4,16 +4,10 @@ import dataclasses
 
 import numpy as np
 
+from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import covariance, eliminate
-from glider.sysid.likelihood.model_fit import (
-    STRENGTH_RANGE,
-    FitResult,
-    grams_of,
-    linear_flights,
-    prior_of,
-)
 from glider.sysid.likelihood.task import Task
 
 
@@ -39,22 +33,22 @@ class Uncertainty:
         return float(np.sqrt(self.covariance[k, k]))
 
 
-def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:
+def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
     """Returns the covariance of a model's parameters.
 
     The larger of that of the likelihood and that of the jackknife over flights, see
     `glider.sysid.likelihood.information.covariance`.
     """
     directions = slopes(task.layout, model.theta, model.free)
-    flights = linear_flights(task, model, directions)
-    grams = np.stack(grams_of(flights, model.scales))
-    _, _, precision = prior_of(task, model, model.free)
+    flights = model_fit.linear_flights(task, model, directions)
+    grams = np.stack(model_fit.grams_of(flights, model.scales))
+    _, _, precision = model_fit.prior_of(task, model, model.free)
     return Uncertainty(
         free=model.free, covariance=covariance(grams, 1.0, precision), flights=grams
     )
 
 
-def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
+def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:
     """Returns a model with the strongest prior of curves that its flights allow.
 
     No glider follows formulas exactly. Curves over the angle of attack that the flights
@@ -78,12 +72,12 @@ def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
         model=bent,
         directions=tuple(directions),
         variants={},
-        flights=linear_flights(task, bent, directions),
+        flights=model_fit.linear_flights(task, bent, directions),
     )
     scales, _ = saturated_scales(columns, model.scales, 2)
     gram = columns.grams(scales).sum(axis=0)
     known = slice(0, len(index))
-    own, mean, precision = prior_of(task, bent, index)
+    own, mean, precision = model_fit.prior_of(task, bent, index)
     change = (mean - own)[known]
     reduced = eliminate(gram, range(len(index)), precision[known], change)
     information = reduced[:-1, :-1]
@@ -101,5 +95,5 @@ def with_allowed_curves(task: Task, model: FitResult) -> FitResult:
 ALLOWED = 4.5
 """Evidence that the curves' strength may cost [nats]: three standard deviations."""
 
-STRENGTHS_ASKED = np.geomspace(0.003, STRENGTH_RANGE[1], 60)
+STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)
 """Strengths of curves that are tried; no sensor detects the least."""

@@ -13,26 +13,9 @@ import numpy as np
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
+from glider.sysid.search import fits, moves
 from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
-from glider.sysid.search.fits import (
-    SIMPLE_MOMENT,
-    Progress,
-    Search,
-    bare_of,
-    marginal_scorer,
-    threshold_of,
-    to_first_order,
-    without,
-)
 from glider.sysid.search.force_search import search_forces
-from glider.sysid.search.moves import (
-    left_of_many,
-    with_a_rival,
-    with_a_shaped_one,
-    with_another,
-    with_forced,
-    with_weaker_curves,
-)
 from glider.sysid.search.pruning import (
     CURVE_THRESHOLD,
     prune,
@@ -48,24 +31,24 @@ ROUNDS = 8
 
 
 def trace(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
+    task: Task, noise: Noise, rng: np.random.Generator, progress: fits.Progress
 ) -> SearchResult:
     """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
-    search = Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
+    search = fits.Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
     model, evidence = prune(search, by_sets(search, start))
     while better := (
         with_fewer(search, model)
-        or with_weaker_curves(search, model)
-        or with_a_shaped_one(search, model)
-        or (left_of_many(search, model) if leaves_a_form(model) else None)
+        or moves.with_weaker_curves(search, model)
+        or moves.with_a_shaped_one(search, model)
+        or (moves.left_of_many(search, model) if leaves_a_form(model) else None)
     ):
         model, evidence = prune(search, better)
     search.task = task
-    if leaves_something(model) and (other := with_forced(search, model, LATE)):
+    if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
         model, evidence = prune(search, by_sets(search, other))
     pruned, field = model, None
     if leaves_something(model):
@@ -86,7 +69,7 @@ def trace(
     bare = model
     if model.kinds or model.extra is not None or model.has_curves:
         progress("fitting the flat plate alone")
-        bare = search.fit(bare_of(task, model))
+        bare = search.fit(fits.bare_of(task, model))
     combinations = sorted(
         (
             (m.kinds, search.penalized_cost(bare) - search.penalized_cost(m))
@@ -102,14 +85,14 @@ def trace(
         weighed=weighed,
         alone=search.alone,
         combinations=tuple(combinations),
-        threshold=threshold_of(task, model),
+        threshold=fits.threshold_of(task, model),
         field=field,
         forces=None,
     )
 
 
 def supported(
-    search: Search,
+    search: fits.Search,
     model: FitResult,
     evidence: dict[str, float],
     beside_field: bool,
@@ -124,16 +107,16 @@ def supported(
     search.progress("weighing the effects")
     dropped: set[str] = set()
     while True:
-        weighed = weigh(task, model, marginal_scorer, rng)
-        other = None if beside_field else with_a_rival(search, model, weighed)
+        weighed = weigh(task, model, fits.marginal_scorer, rng)
+        other = None if beside_field else moves.with_a_rival(search, model, weighed)
         if other is None:
             weak = weakest(weighed, evidence, beside_field)
             if weak is None:
                 return model, evidence, weighed
             dropped.add(weak)
-            other = search.fit(without(task, model, weak))
+            other = search.fit(fits.without(task, model, weak))
             if not beside_field:
-                other = with_another(search, other, dropped) or other
+                other = moves.with_another(search, other, dropped) or other
         model, evidence = prune(search, other)
 
 
@@ -149,10 +132,10 @@ def leaves_something(model: FitResult) -> bool:
 
 def leaves_a_form(model: FitResult) -> bool:
     """Whether a model leaves more than moving air does: errors of its formulas."""
-    return model.scales.moment > SIMPLE_MOMENT or model.strength > 0.5
+    return model.scales.moment > fits.SIMPLE_MOMENT or model.strength > 0.5
 
 
-def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
+def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None:
     """Returns a field that reaches its threshold, beside the effects or in their place.
 
     Fields in place of effects are tried too: effects may imitate one.
@@ -164,7 +147,7 @@ def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
         return None
     options = fit_fields(task, model, found)
     if model.kinds:
-        nothing = without(task, model, *model.kinds)
+        nothing = fits.without(task, model, *model.kinds)
         bare = min(
             fit_fields(task, nothing, survey(task, nothing)),
             key=lambda o: search.penalized_cost(o.model),
@@ -180,13 +163,13 @@ def unmodelled_field(search: Search, model: FitResult) -> FoundField | None:
     return None
 
 
-def effects_instead_of_curves(search: Search, model: FitResult) -> FitResult:
+def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResult:
     """Returns a set of effects without curves where it explains nearly as much.
 
     Beside a wrong effect or none, curves absorb what a small effect explains: they stay
     where they bring CURVE_THRESHOLD more than the best effects do.
     """
-    bare = bare_of(search.task, model)
+    bare = fits.bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
     is_worth = (
         search.penalized_cost(named) < search.penalized_cost(model) + CURVE_THRESHOLD
@@ -198,12 +181,12 @@ FIELD_THRESHOLD = 40.0
 """Evidence that an unmodelled field must bring [nats]."""
 
 
-def by_sets(search: Search, model: FitResult) -> FitResult:
+def by_sets(search: fits.Search, model: FitResult) -> FitResult:
     """Returns the best of the sets that a search in closed form proposes."""
     task, tried = search.task, dict[frozenset[str], FitResult]()
     for round_ in range(ROUNDS):
         search.progress(f"searching for effects, round {round_ + 1}")
-        near = to_first_order(task, model, 2 if round_ else 3)
+        near = fits.to_first_order(task, model, 2 if round_ else 3)
         if near is None:
             break
         score = near.score
