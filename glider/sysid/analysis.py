@@ -22,7 +22,6 @@ from glider.sysid import outcome, result
 from glider.sysid.evaluation import (
     Evaluation,
     FlownRecords,
-    ResidualTables,
     evaluate,
     evaluate_in_folds,
     residual_tables,
@@ -34,11 +33,7 @@ from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.likelihood.uncertainty import (
-    Uncertainty,
-    uncertainty_of,
-    with_allowed_curves,
-)
+from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
 from glider.sysid.plausibility import find_doubt
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.signs import Signs, turn_campaign
@@ -122,27 +117,6 @@ class Split:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Findings:
-    """What a search found, and how well it is known.
-
-    Attributes:
-        task: on the flights to fit.
-        traced: result of the search.
-        carried: curves beside the formulas.
-        known: uncertainty of the model's parameters.
-        spreads: flight-to-flight variation.
-        baseline: the flat plate with its own parameters refitted.
-    """
-
-    task: Task
-    traced: SearchResult
-    carried: outcome.ResidualCurves
-    known: Uncertainty
-    spreads: dict[str, result.Spread]
-    baseline: FitResult
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Analysis:
     """The stages in order, timed.
 
@@ -183,9 +157,10 @@ class Analysis:
         everything, split, traced = self._search(flights, split, kinds)
         task = split.fit_task(everything)
         everything = split.all_task(everything)
-        findings = self._weigh(flights, task, traced)
+        with self.stage("refit", "refitting the flat plate alone"):
+            baseline = self._baseline(flights, task, traced)
         with self.stage("predict", "predicting held-out flights"):
-            models = rollout_models(task, traced, findings.baseline)
+            models = rollout_models(task, traced, baseline)
             evaluation = evaluate(
                 models,
                 flights.among(split.held_out),
@@ -195,12 +170,12 @@ class Analysis:
             held_out = None
             if flights.signs.are_right:
                 held_out = evaluate_in_folds(
-                    everything, task, traced, findings.baseline, self.rng
+                    everything, task, traced, baseline, self.rng
                 )
             kept = [record.name for record in everything.records]
             tables = residual_tables(task, traced.model, models, flights.among(kept))
         return self._result(
-            flights, split, findings, evaluation, held_out, tables, settings
+            flights, split, task, traced, evaluation, held_out, tables, settings
         )
 
     def _smooth(self, asked: tuple[str, ...]) -> SmoothedFlights:
@@ -259,53 +234,41 @@ class Analysis:
                     traced = trace(task, noise, self.rng, self.progress)
         return everything, split, traced
 
-    def _weigh(
+    def _baseline(
         self, flights: SmoothedFlights, task: Task, traced: SearchResult
-    ) -> Findings:
-        """Finds standard errors and variations, and refits the flat plate alone."""
-        with self.stage("weigh", "standard errors"):
-            judged = traced.judged
-            carried = outcome.carried_of(
-                task, traced.model, uncertainty_of(task, judged)
-            )
-            known = uncertainty_of(task, with_allowed_curves(task, judged))
-            spreads = outcome.spreads_of(task, traced.model)
-        with self.stage("refit", "refitting the flat plate alone"):
-            baseline = traced.bare
-            if traced.forces is None:
-                # It meets the log as it is, signs and all.
-                names = [record.name for record in task.records]
-                as_logged = task.on(flights.among(names).logged)
-                free = self.vehicle.baseline_slots
-                bare = dataclasses.replace(baseline, coordinates=np.zeros(0), free=free)
-                baseline = fit_model(as_logged, bare)
-        return Findings(
-            task=task,
-            traced=traced,
-            carried=carried,
-            known=known,
-            spreads=spreads,
-            baseline=baseline,
+    ) -> FitResult:
+        """Refits the flat plate to the log as it is, signs and all."""
+        if traced.forces is not None:
+            return traced.bare
+        names = [record.name for record in task.records]
+        bare = dataclasses.replace(
+            traced.bare, coordinates=np.zeros(0), free=self.vehicle.baseline_slots
         )
+        return fit_model(task.on(flights.among(names).logged), bare)
 
     def _result(
         self,
         flights: SmoothedFlights,
         split: Split,
-        findings: Findings,
+        task: Task,
+        traced: SearchResult,
         evaluation: Evaluation,
         held_out: HeldOut | None,
-        tables: ResidualTables,
+        tables: tuple[result.ResidualTable, ...],
         settings: dict[str, object],
     ) -> result.Result:
-        """Judges all that was found, and collects it."""
-        task, traced, known = findings.task, findings.traced, findings.known
+        """Finds standard errors and the verdict, and collects all that was found."""
         signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
-        carried, spreads, model = findings.carried, findings.spreads, traced.model
+        model, judged = traced.model, traced.judged
+        before, named, after = tables
+        with self.stage("weigh", "standard errors"):
+            carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
+            known = uncertainty_of(task, with_allowed_curves(task, judged))
+            spreads = outcome.spreads_of(task, model)
         effects = outcome.effects_of(task, traced, known, carried, spreads, signs)
         corrected = evaluation.errors["corrected"]
         assert corrected is not None
-        left = _left(task, traced.judged, corrected, noise)
+        left = _left(task, judged, corrected, noise)
         doubt = find_doubt(task, model)
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
@@ -335,7 +298,7 @@ class Analysis:
             correlations=outcome.correlations_of(task, model, known),
             spreads=spreads,
             air=_air(model),
-            curves=outcome.curves_of(tables.before, tables.named),
+            curves=outcome.curves_of(before, named),
             vehicle=outcome.vehicle_of(vehicle, model, known),
             knows_forces=vehicle.knows_forces,
             warnings=(
@@ -353,8 +316,8 @@ class Analysis:
             model=outcome.model_of(task, model, carried, signs, flights.campaign),
             covariance=outcome.covariance_of(task, model, known),
             held_out=evaluation.held_out,
-            residual_before=tables.before,
-            residual_after=tables.after,
+            residual_before=before,
+            residual_after=after,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
             own_effects=vehicle.layout.user_kinds,

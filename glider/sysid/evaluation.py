@@ -148,21 +148,12 @@ def evaluate_in_folds(
     return hold_out(everything, *models, scales, rng, searched, nominal)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResidualTables:
-    """Residual data sets: before, with the named effects alone, and corrected."""
-
-    before: ResidualTable
-    named: ResidualTable
-    after: ResidualTable
-
-
 def residual_tables(
     task: Task,
     model: FitResult,
     models: Mapping[str, prediction.RolloutModel],
     records: FlownRecords,
-) -> ResidualTables:
+) -> tuple[ResidualTable, ResidualTable, ResidualTable]:
     """Returns the residual of the nominal, of the named and of the corrected model."""
     before = models.get("nominal", models["refitted"])
     after = _table(models["corrected"], records.corrected)
@@ -170,9 +161,7 @@ def residual_tables(
     if model.has_curves or model.extra is not None:
         bare = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
         named = _table(flown_by(task, bare, model.scales), records.corrected)
-    return ResidualTables(
-        before=_table(before, records.logged), named=named, after=after
-    )
+    return _table(before, records.logged), named, after
 
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:

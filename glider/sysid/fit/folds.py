@@ -1,8 +1,9 @@
 """Flights held out in folds, baseline and corrected model refitted to the others."""
 
 import dataclasses
+import functools
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.special import stdtrit
@@ -22,7 +23,6 @@ from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Record
 from glider.sysid.result import Fold
 
 FOLDS = 5
@@ -174,7 +174,9 @@ def hold_out(
         for j, refit in enumerate(refits):
             model, costs[j] = refit.without(part)
             flown.append(flown_by(task, model, scales))
-            predictions.append(in_parallel(_predictor(flown[j]), unseen))
+            predictions.append(
+                in_parallel(functools.partial(predict, flown[j]), unseen)
+            )
             for i, record, predicted in zip(part, unseen, predictions[j], strict=True):
                 free[i, j], along[i, j] = flight_errors(record, predicted)
         gain[part] = costs[0] - costs[1]
@@ -207,13 +209,6 @@ def predictable(predictions: Sequence[Sequence[Prediction]]) -> list[int]:
     """Finds the flights that at least one model flies to the end."""
     by_flight = zip(*predictions, strict=True)
     return [i for i, own in enumerate(by_flight) if any(p.is_finite for p in own)]
-
-
-def _predictor(flown: RolloutModel) -> Callable[[Record], Prediction]:
-    def one(record: Record) -> Prediction:
-        return predict(flown, record)
-
-    return one
 
 
 class _Refits:

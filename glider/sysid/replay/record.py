@@ -15,6 +15,11 @@ from glider.physics.effects import Replay
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
+_OF_NODES = (
+    *("time", "pose", "elevator", "seen", "nodes"),
+    *("acceleration", "acceleration_std"),
+)
+
 _GAP = 1.6
 """Time between two rows, over the usual one, above which nodes are inserted."""
 
@@ -81,22 +86,19 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        rows, intervals = slice(0, count), slice(0, count - 1)
-        return dataclasses.replace(
-            self,
-            time=self.time[rows],
-            pose=self.pose[rows],
-            elevator=self.elevator[rows],
-            seen=self.seen[rows],
-            nodes=self.nodes[rows],
-            pitch=self.pitch[intervals],
-            acceleration=self.acceleration[rows],
-            acceleration_std=self.acceleration_std[rows],
-            bank=self.bank[intervals],
-            side_wind=self.side_wind[intervals],
-            replays={},
-            undone={},
-        )
+        rows = [
+            "time",
+            "pose",
+            "elevator",
+            "seen",
+            "nodes",
+            "acceleration",
+            "acceleration_std",
+        ]
+        cut = {name: getattr(self, name)[:count] for name in rows}
+        for name in ("pitch", "bank", "side_wind"):  # Of intervals.
+            cut[name] = getattr(self, name)[: count - 1]
+        return dataclasses.replace(self, **cut, replays={}, undone={})
 
 
 def prepare(

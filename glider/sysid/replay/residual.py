@@ -23,30 +23,28 @@ _EDGE = 3
 
 def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
     """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
-    elevator, rate = node_signals(record, theta)
-    nodes = true_nodes(record, theta)
-    values = flow_at(
-        record.layout.compiled_kinds,
-        record.time,
-        nodes,
-        elevator,
-        rate,
-        record.layout.dynamics(theta),
-        NO_FIELD,
-    )
-    alpha = np.arctan2(values[:, 1], values[:, 2])
-    columns = {
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    nodes, signals = true_nodes(record, theta), node_signals(record, theta)
+    flow = flow_at(kinds, record.time, nodes, *signals, dynamics, NO_FIELD)
+    columns = _variables(record, nodes, flow, signals[1])
+    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
+
+
+def _variables(
+    record: Record, nodes: np.ndarray, flow: np.ndarray, rate: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Columns of FIELD_VARIABLES from states, flow and elevator rate."""
+    return {
         "x": nodes[:, 0],
         "z": nodes[:, 1],
         "t": record.time,
         "pitch": nodes[:, 2],
-        "V": values[:, 0],
-        "alpha": alpha,
+        "V": flow[:, 0],
+        "alpha": np.arctan2(flow[:, 1], flow[:, 2]),
         "pitchdot": nodes[:, 6],
-        "elevator": values[:, 8],
+        "elevator": flow[:, 8],
         "elevator_rate": rate,
     }
-    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
 
 
 def flow_along(
@@ -80,13 +78,10 @@ def make_table(
         field: the model's residual field.
     """
     index = records[0].layout.index
-    mass, area = (
-        theta[index["parameters", "mass"]],
-        theta[index["parameters", "wing_area"]],
+    mass, area, inertia, density, gravity = (
+        theta[index["parameters", name]]
+        for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
-    inertia = theta[index["parameters", "pitch_inertia"]]
-    density = theta[index["parameters", "air_density"]]
-    gravity = theta[index["parameters", "gravity"]]
     rows: dict[str, list[np.ndarray]] = {}
 
     def put(name: str, values: np.ndarray) -> None:
@@ -95,20 +90,10 @@ def make_table(
     for number, (record, trim) in enumerate(zip(records, trims, strict=True)):
         nodes, flow = flow_along(record, theta, field, trim)
         _, rate = node_signals(record, theta)
-        speed, sin_alpha, cos_alpha, air_x, air_z = flow[:, :5].T
-        alpha = np.unwrap(np.arctan2(sin_alpha, cos_alpha))
-        variables = {
-            "x": nodes[:, 0],
-            "z": nodes[:, 1],
-            "t": record.time,
-            "pitch": nodes[:, 2],
-            "V": speed,
-            "alpha": alpha,
-            "pitchdot": nodes[:, 6],
-            "elevator": flow[:, 8],
-            "elevator_rate": rate,
-            "alphadot": np.gradient(alpha, record.time),
-        }
+        speed, _, _, air_x, air_z = flow[:, :5].T
+        variables = _variables(record, nodes, flow, rate)
+        variables["alpha"] = np.unwrap(variables["alpha"])
+        variables["alphadot"] = np.gradient(variables["alpha"], record.time)
         for name in (*FIELD_VARIABLES, "alphadot"):
             put(name, variables[name])
         put("flight", np.full(len(record.time), number))

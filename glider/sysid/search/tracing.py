@@ -204,7 +204,7 @@ def by_sets(search: fits.Search, model: FitResult) -> FitResult:
 def best_members(
     score: Scorer, kinds: Sequence[str], tried: Collection[frozenset[str]]
 ) -> Members:
-    """Returns the best set, or the best of the effects that stand out if that is new."""
+    """Returns the best set, or the best of the outstanding effects if that is new."""
     start = score.by_first(kinds)
     best = best_set(score, start)
     haste = HASTE * (score(best) - score(start))
