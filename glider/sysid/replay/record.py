@@ -15,7 +15,7 @@ from glider.physics.effects import Replay
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
-_OF_NODES = (
+_OF_NODES = (  # Arrays of a record with one row for each node.
     *("time", "pose", "elevator", "seen", "nodes"),
     *("acceleration", "acceleration_std"),
 )
