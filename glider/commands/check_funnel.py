@@ -21,22 +21,22 @@ SEED = 0
 """Default seed of the draws."""
 
 _DESCRIPTION = """\
-Checks the certificate of a funnel: that it is of a flight from a problem's launch to
+Checks the certificate of a funnel: that its flight leads from a problem's launch to
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
 that the servo stays within its limits; and that it ends in the goal. No solver and no
 plan are used: the file holds everything, the glider included. --model compares that
 with your glider; --problem names another problem than the article's. --hook also
 requires that the hook accepts every state of the last set, by speed and pitch.
 
-That check is of the third-order Taylor polynomials of the dynamics, with a bound on
-their remainder; between the times V is sampled in floating point. --prove proves it for
-the full dynamics and in continuous time: no flight that starts in the inlet leaves the
-funnel. That takes minutes; with --resume FILE an interrupted proof continues.
+This check applies to the third-order Taylor polynomials of the dynamics, with a bound
+on their remainder; between the times V is sampled in floating point. --prove proves it
+for the full dynamics and in continuous time: no flight that starts in the inlet leaves
+the funnel. That takes minutes; with --resume FILE an interrupted proof continues.
 
-The check is of one glider; --prove covers all gliders of a funnel that was made for a
-set of them. --confidence draws gliders that the data allow, from the covariance in
---model's file (close-the-loop writes it), flies them from the boundary and climbs to
-the worst flights and the worst corner of their set. Flights prove nothing.
+The check applies to one glider; --prove covers all gliders of a funnel that was made
+for a set of them. --confidence draws gliders that the data allow, from the covariance
+in --model's file (close-the-loop writes it), flies them from the boundary and climbs to
+the worst flights and the worst corner of their set. Flights alone prove nothing.
 
 exit code: 0 if everything checked holds and no flight leaves, 1 if not, 2 if the file
 is not a funnel.

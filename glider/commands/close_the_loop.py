@@ -23,7 +23,7 @@ _EPILOG = """\
 A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
 and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
 positive pitch is nose down), or that folder as .zip, or the name of a sample:
-python -m glider samples lists them.
+python -m glider samples lists these.
 
 examples:
   python -m glider close-the-loop attached_lift
@@ -70,7 +70,7 @@ def add(commands: Commands) -> None:
         metavar="FRACTION",
         type=float,
         default=0.3,
-        help="share of the flights that errors are measured on (default: 0.3)",
+        help="share of the flights that are held out to measure errors (default: 0.3)",
     )
     parser.add_argument(
         "--seed",

@@ -1,4 +1,4 @@
-"""The command `compare`: what changed between two campaigns, from their reports."""
+"""The command `compare`: show what changed between the reports of two campaigns."""
 
 import argparse
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 from glider.commands.parsing import Commands, add_command
 
 _DESCRIPTION = """\
-Compares the reports of two campaigns, number by number: did last week's change to
-the glider show? A change is reported where it is larger than the standard errors of
-both reports allow.
+Compares the reports of two campaigns value by value: did last week's change to the
+glider make a difference? A change is reported if it is larger than the standard errors
+of both reports explain.
 
 exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
 """
@@ -20,7 +20,7 @@ def add(commands: Commands) -> None:
         commands,
         "compare",
         run,
-        help="what changed between two campaigns, from their reports",
+        help="show what changed between the reports of two campaigns",
         description=_DESCRIPTION,
     )
     for name, letter in (("first", "A"), ("second", "B")):

@@ -1,4 +1,4 @@
-"""The command `doctor`: check what works of this installation.
+"""The command `doctor`: check this installation.
 
 It runs where the rest does not: only the standard library is imported at the top.
 """
@@ -18,11 +18,10 @@ from typing import NamedTuple
 from glider.commands.parsing import Commands, add_command
 
 _DESCRIPTION = """\
-Checks what works of this installation and says what to do about the rest: Python,
-libraries and extras, models, threads, cache, output folder, compiler, Drake and its
-solvers.
+Checks this installation and says how to fix what does not work: Python, libraries and
+extras, models, threads, cache, output folder, compiler, Drake and its solvers.
 
-exit code: 0 when all that is required works, 1 when something does not.
+exit code: 0 if everything that is required works, 1 if not.
 """
 
 _PACKAGE = "drake-glider"
@@ -194,7 +193,7 @@ def add(commands: Commands) -> None:
         commands,
         "doctor",
         run,
-        help="check what works of this installation",
+        help="check this installation",
         description=_DESCRIPTION,
     )
 

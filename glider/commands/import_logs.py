@@ -1,4 +1,4 @@
-"""The command `import`: make a campaign of logs of other software."""
+"""The command `import`: convert logs of other software into a campaign."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from glider.commands.parsing import Commands, add_command
 from glider.errors import InputError
 
 _DESCRIPTION = """\
-Makes a campaign folder of logs of other software: CSV of any dialect, Excel .xlsx,
+Converts logs of other software into a campaign folder: CSV of any dialect, Excel .xlsx,
 OptiTrack Motive and Vicon exports, C3D, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
 
 MAP.yaml specifies which columns are which, in which units and axes, and what is known
@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
         commands,
         "import",
         run,
-        help="make a campaign of logs of other software",
+        help="convert logs of other software into a campaign",
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )

@@ -7,9 +7,9 @@ from glider.commands.parsing import Commands, add_command
 from glider.errors import InputError
 
 _DESCRIPTION = """\
-Lists the campaigns that ship with this package: what their logs hold, and how to run
-one. With a name and --out, writes one as a folder of CSV files, to look at or to start
-from. With --tables, closes the loop on each and prints the README's table of them.
+Lists the campaigns that ship with this package, with their contents and how to run one.
+With a name and --out, writes that campaign as a folder of CSV files, to look at or to
+start from. With --tables, closes the loop on each and prints the results as a table.
 """
 
 
