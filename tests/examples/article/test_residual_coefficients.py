@@ -46,7 +46,7 @@ def test_the_residual_pays_on_held_out_flights(found):
     plate, small, large = models.values()
     assert small.rms[0] < 0.9 * plate.rms[0]
     for learned in (small, large):
-        assert learned.errors.normal < 0.7 * plate.errors.normal
+        assert learned.errors.equation.normal < 0.7 * plate.errors.equation.normal
         before, after = (m.errors.position_rms_m for m in (plate, learned))
         assert after < 0.6 * before
 
@@ -99,9 +99,9 @@ def test_the_result_is_reported(output, found):
         assert output.figures["models"][name] == {
             **dict(zip(COEFFICIENTS, model.rms.tolist(), strict=True)),
             "equation": {
-                "tangential": e.tangential,
-                "normal": e.normal,
-                "pitch": e.pitch,
+                "tangential": e.equation.tangential,
+                "normal": e.equation.normal,
+                "pitch": e.equation.pitch,
             },
             "rollout": {
                 "position_rms_m": e.position_rms_m,
