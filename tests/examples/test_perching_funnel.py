@@ -210,7 +210,7 @@ def test_a_funnel_that_the_hook_does_not_take_is_reported():
     truth, rng = load_truth("head_wind"), np.random.default_rng(0)
     file = PROVEN / "head_wind.npz"
     study = study_funnel(file, truth, trials, rng, lambda text: None)
-    assert any("the hook takes" in fault for fault in study.verdict.faults)
+    assert any("hook accepts" in fault for fault in study.verdict.faults)
 
 
 def test_a_funnel_of_all_gliders_that_the_logs_allow(found, tmp_path):
