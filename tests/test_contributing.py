@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from diagrams import program
 from glider.compiled.user_effects import check_user_effects
 from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.planning.problem import goal_problem
+from glider.report.plots.as_file import draw
 from glider.simulation.fly import fly
 from tests.test_floors import FLOORS
 
@@ -177,12 +178,16 @@ def test_the_source_of_a_loop_is_shown(capsys):
 
 def test_the_figure_of_the_recipe_is_drawn():
     names = {}
-    exec(compile(recipe("def plot_airspeed"), "CONTRIBUTING.md", "exec"), names)
-    ax = Figure().subplots()
-    names["plot_airspeed"](ax, np.arange(3.0), np.array([7.0, 5.0, 2.0]), "flown")
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", "airspeed [m/s]")
-    [line] = ax.get_lines()
-    assert line.get_label() == "flown"
+    exec(compile(recipe("def held_out_height"), "CONTRIBUTING.md", "exec"), names)
+    pose = np.array([[-3.5, 0.1, 0.0], [-3.4, 0.2, 0.0]])
+    flight = types.SimpleNamespace(time=np.array([0.0, 0.1]), measured=pose)
+    specified = names["held_out_height"](types.SimpleNamespace(held_out=[flight]))
+    picture = draw(specified)
+    texts = {text.get_text() for text in picture.findobj(Text)}
+    assert {"height", "time [s]", "z [m]", "measured"} <= texts
+    [ax] = picture.axes
+    assert any(list(line.get_ydata()) == [0.1, 0.2] for line in ax.get_lines())
+    assert names["held_out_height"](types.SimpleNamespace(held_out=[])) is None
 
 
 def test_the_example_of_the_recipe_tells_its_story(tmp_path, capsys):
