@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import softmax
 
 from glider.experiments.findings import Findings
 from glider.sysid.likelihood.candidates import gather, tamed
@@ -62,16 +63,11 @@ class Explanation:
 
 
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:
-    """Fits the sets of effects that the flights may be explained by, best first.
+    """Fits the sets of effects that may explain the flights, best first.
 
     The chosen set; sets that differ from it by one effect and are nearly as good, by
     closed forms for flights linear about it; and the sets and rivals of the analysis.
     A priori each kind of the library is as probable as the next.
-
-    Args:
-        task: all the flights.
-        noise: of the sensors.
-        findings: of the analysis.
     """
     penalty = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
@@ -108,8 +104,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         [e.log_evidence for e in weighed]
         + [weighed[0].log_evidence + value - base for value in left]
     )
-    shares = np.exp(every - every.max())
-    listed = float(shares[: len(weighed)].sum() / shares.sum())
+    listed = float(softmax(every)[: len(weighed)].sum())
     missing = 1.0 - (1.0 - UNKNOWN) * listed
     return with_probabilities(_in_one_air(task, weighed, penalty), missing)
 
@@ -117,18 +112,17 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
 def with_probabilities(
     weighed: Sequence[Explanation], missing: float = 0.0
 ) -> tuple[Explanation, ...]:
-    """Explanations with their probabilities, best first, without hopeless ones.
+    """Explanations with probabilities, best first, without hopeless ones.
 
-    Args:
-        weighed: with their evidence.
-        missing: probability that none of them is right.
+    `missing` is the probability that none of them is right.
     """
-    top = max(e.log_evidence for e in weighed)
-    likely = [e for e in weighed if e.log_evidence - top > np.log(LEAST)]
-    total = sum(np.exp(e.log_evidence - top) for e in likely) / (1.0 - missing)
+    ranked = sorted(weighed, key=lambda e: -e.log_evidence)
+    least = ranked[0].log_evidence + np.log(LEAST)
+    likely = [e for e in ranked if e.log_evidence > least]
+    shares = (1.0 - missing) * softmax([e.log_evidence for e in likely])
     return tuple(
-        dataclasses.replace(e, probability=float(np.exp(e.log_evidence - top) / total))
-        for e in sorted(likely, key=lambda e: -e.log_evidence)
+        dataclasses.replace(e, probability=float(share))
+        for e, share in zip(likely, shares, strict=True)
     )
 
 
@@ -141,9 +135,8 @@ def _in_one_air(
     flights each would distinguish them by more than the flights do.
     """
     logs = np.array([e.model.scales.logs for e in weighed])
-    shares = np.array([e.log_evidence for e in weighed])
-    shares = np.exp(shares - shares.max())
-    scales = Scales.from_logs(shares @ logs / shares.sum())
+    shares = softmax([e.log_evidence for e in weighed])
+    scales = Scales.from_logs(shares @ logs)
     found = []
     for explanation in weighed:
         model = dataclasses.replace(explanation.model, scales=scales)

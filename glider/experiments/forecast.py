@@ -19,6 +19,7 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import log_softmax
 
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
@@ -82,10 +83,7 @@ class Forecast:
         return np.array([e.probability for e in self.explanations])
 
     def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
-        """Records of throws predicted by each explanation, one list a throw.
-
-        Throws of the same duration share their smoothing.
-        """
+        """Records of throws predicted by each explanation, one list a throw."""
         count = len(self.explanations)
         flights = [(t, k, self._filters[k][0]) for t in throws for k in range(count)]
         made = self._fly(flights)
@@ -124,17 +122,13 @@ class Forecast:
         return in_parallel(check, zip(throws, logs, strict=True))
 
     def kept(self, throws: Sequence[Throw]) -> list[Kept]:
-        """Cuts throws to how long every explanation keeps them inside the funnel.
-
-        Without a funnel they are whole, at level 0.
-        """
-        known = self.place.funnel
-        if known is None:
+        """Cuts throws to how long every explanation keeps them in a funnel."""
+        if self.place.funnel is None:
             return [Kept(throw=throw, level=0.0) for throw in throws]
         models = [(theta, field) for theta, field, _ in self._filters]
 
         def cut(throw: Throw) -> Kept:
-            return keep(throw, self.place, known, self.task.layout, models)
+            return keep(throw, self.place, self.task.layout, models)
 
         return in_parallel(cut, throws)
 
@@ -181,8 +175,7 @@ class Forecast:
         for e in self.explanations:
             noise = rng.normal(size=(DRAWN_FUTURES // 2, width))
             numbers = self.numbers(e, rng, DRAWN_FUTURES // 2)
-            both = numbers, np.vstack([noise, -noise])
-            found.append(both)
+            found.append((numbers, np.vstack([noise, -noise])))
         return found
 
     def numbers(
@@ -207,8 +200,6 @@ class Forecast:
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Log-probability of each explanation in futures, (M, n), up to a constant.
 
-        Those of today where the columns are zero.
-
         Args:
             gram: of the throws, flown by the true explanation.
             moved: (M, c) products of all columns with the change of the log, X_i δ + ν.
@@ -232,15 +223,12 @@ class Forecast:
         return found
 
     def futures(self, grams: Grams) -> np.ndarray:
-        """Log-probabilities of the explanations in drawn futures, (n, M, n).
-
-        By the true explanation; probabilities along the last axis sum to 1.
-        """
+        """Log-probabilities in drawn futures, (n, M, n), by the true explanation."""
         found = []
         for i, gram in enumerate(grams):
             numbers, noise = self._draws[i]
             moved = numbers @ gram[self._columns[i]] + noise @ _root(gram)
-            found.append(_normalised(self.odds(gram, moved)))
+            found.append(log_softmax(self.odds(gram, moved), axis=-1))
         return np.array(found)
 
     def chance(self, futures: np.ndarray) -> float:
@@ -341,11 +329,6 @@ def _root(gram: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, vectors = np.linalg.eigh(gram / size[:, None] / size)
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
-
-
-def _normalised(odds: np.ndarray) -> np.ndarray:
-    top = odds.max(axis=-1, keepdims=True)
-    return odds - top - np.log(np.sum(np.exp(odds - top), axis=-1, keepdims=True))
 
 
 def is_finite(grams: Grams) -> bool:

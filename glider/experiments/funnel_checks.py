@@ -60,7 +60,7 @@ def check_launch(known: KnownFunnel, place: Range) -> None:
         )
     genes = np.full(FUNNEL_GENES, 0.5)
     genes[-2:] = 0.0
-    throw = throw_in_funnel(genes, known, place)
+    throw = throw_in_funnel(genes, place)
     limits = place.limits
     nominal, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
     if nominal > 1.0:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH
 from glider.experiments.throws import (
     GENES,
@@ -61,32 +60,30 @@ class Kept:
 
 
 def draw_genes_in_funnel(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Draws genes of throws in a funnel, (count, FUNNEL_GENES).
-
-    From the nominal flight to the largest departures.
-    """
+    """Draws genes, (count, FUNNEL_GENES), of departures from none to large ones."""
     genes = draw_genes(rng, count)
     sizes = rng.random((count, FUNNEL_GENES - GENES))
     return np.hstack([genes, sizes * np.linspace(0.0, 1.0, count)[:, None]])
 
 
-def throw_in_funnel(genes: np.ndarray, known: KnownFunnel, place: Range) -> Throw:
+def throw_in_funnel(genes: np.ndarray, place: Range) -> Throw:
     """The throw that genes encode, as long as the funnel.
 
     Args:
         genes: (FUNNEL_GENES,) in 0 .. 1: height, speed, climb, pitch; angles beside the
             nominal elevator's; when each begins; how fast it moves; how large the
             departures are, of the launch and of the elevator.
-        known: the funnel.
-        place: whose limits of launch and elevator it keeps.
+        place: with a funnel, whose limits of launch and elevator it keeps.
     """
-    limits, funnel = place.limits, known.funnel
+    limits, known = place.limits, place.funnel
+    assert known is not None
+    funnel = known.funnel
     launch_size, size = genes[-2:] ** 2  # Most of the draws are small departures.
     pairs = np.array([getattr(limits, name) for name in LAUNCH])
     departures = launch_size * (2.0 * genes[:4] - 1.0) * known.launch_widths
     launch = launch_state(np.clip(known.launch + departures, *pairs.T), place)
     launch[_PITCHDOT] = funnel.center(0.0)[_PITCHDOT]
-    low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
+    low, high = np.add(limits.elevator, [MARGIN, -MARGIN])
     beside = size * (2.0 * genes[4 : 4 + MOVES] - 1.0) * 0.5 * (high - low)
     begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * known.duration
     most = USED * limits.elevator_rate
@@ -112,27 +109,16 @@ def shortest(place: Range) -> float:
 def keep(
     throw: Throw,
     place: Range,
-    known: KnownFunnel,
     layout: Layout,
     models: Sequence[tuple[np.ndarray, Field]],
 ) -> Kept:
-    """Cuts a throw to how long every model keeps it inside a funnel.
-
-    Perturbed launches too, by the launch errors of the limits.
-
-    Args:
-        throw: as long as the funnel.
-        place: with the limits.
-        known: the funnel.
-        layout: of the models.
-        models: theta and residual field of each.
-    """
+    """Cuts a throw to how long every model keeps it, and launch errors, in a funnel."""
     count = round(throw.duration * place.command_rate)
     fine = int(np.ceil(1.0 / (place.command_rate * _STEP)))
     times = np.arange(count * fine + 1) / (place.command_rate * fine)
     level = np.max(
         [
-            levels(throw, place, known, layout, theta, field, times).max(axis=0)
+            levels(throw, place, layout, theta, field, times).max(axis=0)
             for theta, field in models
         ],
         axis=0,
@@ -156,13 +142,13 @@ def keep(
 def levels(
     throw: Throw,
     place: Range,
-    known: KnownFunnel,
     layout: Layout,
     theta: np.ndarray,
     field: Field,
     times: np.ndarray,
 ) -> np.ndarray:
     """V of a throw at some times by one model, (launches, n)."""
+    assert place.funnel is not None
     replay = layout.replay(theta)
     rest = float(throw.launch[ELEVATOR])
     here, middle = (
@@ -181,4 +167,4 @@ def levels(
     )[..., :NUM_STATES]
     flights[..., ELEVATOR] = here  # Flown as an offset from its path.
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        return known.funnel.level(times, flights)
+        return place.funnel.funnel.level(times, flights)

@@ -21,7 +21,7 @@ from glider.experiments.funnel_throws import (
     shortest,
     throw_in_funnel,
 )
-from glider.experiments.throws import Range, Throw, draw_genes, throw_of
+from glider.experiments.throws import Throw, draw_genes, throw_of
 
 Progress = Callable[[str], None]
 
@@ -63,19 +63,15 @@ def search(
 ) -> list[Throw]:
     """Finds the throws that together leave least uncertain.
 
-    Args:
-        everything: predicts them, by all explanations.
-        scatter: of the ends of flights like those flown.
-        launches: how many throws.
-        rng: draws them.
-        progress: called with a line of text as the work goes on.
-
     Raises:
         InputError: no throw keeps within the limits and inside the funnel.
     """
     few = with_probabilities(everything.explanations[:SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
-    rounds, draw, make = _sampler(everything.place)
+    place, known = everything.place, everything.place.funnel
+    rounds, draw, make = ROUNDS, draw_genes, throw_of
+    if known:
+        rounds, draw, make = ROUNDS_IN_FUNNEL, draw_genes_in_funnel, throw_in_funnel
     nearest, is_any_kept = np.inf, False
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
@@ -92,7 +88,7 @@ def search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = draw(rng, _FIRST)
-        kept = everything.kept([make(g) for g in drawn])
+        kept = everything.kept([make(g, place) for g in drawn])
         nearest = min(nearest, *(k.level for k in kept))
         drawn = drawn[[k.throw is not None for k in kept]]
         new = [k.throw for k in kept if k.throw is not None]
@@ -115,7 +111,6 @@ def search(
         promising = [k for k in promising if k not in bad]
         best = choose(searched, scatter, [grams[k] for k in promising], launches)
         chosen = [promising[k] for k in best]
-    place, known = everything.place, everything.place.funnel
     if known and not is_any_kept:
         raise InputError(
             f"{known.name}: no throw that was tried keeps inside the funnel for "
@@ -128,22 +123,6 @@ def search(
     raise InputError(
         "No throw that was tried keeps within the limits; expected wider limits of the "
         "launch or of the flight (floor, pitch, speed)."
-    )
-
-
-def _sampler(
-    place: Range,
-) -> tuple[
-    int, Callable[[np.random.Generator, int], np.ndarray], Callable[[np.ndarray], Throw]
-]:
-    """Number of rounds, how genes are drawn, and how they become a throw."""
-    known = place.funnel
-    if known is None:
-        return ROUNDS, draw_genes, lambda genes: throw_of(genes, place)
-    return (
-        ROUNDS_IN_FUNNEL,
-        draw_genes_in_funnel,
-        lambda genes: throw_in_funnel(genes, known, place),
     )
 
 

@@ -130,7 +130,7 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
     """
     limits = place.limits
     least, largest = np.array([getattr(limits, name) for name in LAUNCH]).T
-    low, high = limits.elevator[0] + MARGIN, limits.elevator[1] - MARGIN
+    low, high = np.add(limits.elevator, [MARGIN, -MARGIN])
     targets = low + genes[4 : 4 + MOVES] * (high - low)
     begins = np.sort(genes[4 + MOVES : 4 + 2 * MOVES]) * place.duration
     fastest = USED * limits.elevator_rate * (0.3 + 0.7 * genes[-1])
@@ -146,12 +146,7 @@ def throw_of(genes: np.ndarray, place: Range) -> Throw:
 
 
 def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
-    """The state at release, (7,), without rotation.
-
-    Args:
-        launch: (4,) height [m], speed [m/s], climb, pitch [rad].
-        place: of the release.
-    """
+    """The state (7,) at release by height [m], speed [m/s], climb, pitch [rad]."""
     height, speed, climb, pitch = launch
     state = np.zeros(NUM_STATES)
     state[:3] = place.x, height, pitch
@@ -161,13 +156,7 @@ def launch_state(launch: np.ndarray, place: Range) -> np.ndarray:
 
 
 def tape_towards(wanted: np.ndarray, fastest: float, place: Range) -> np.ndarray:
-    """Rates that take the elevator from rest to the wanted angles, (k,) [rad/s].
-
-    Args:
-        wanted: (k,) angle at the end of each command [rad].
-        fastest: largest rate [rad/s].
-        place: its rest and rate of commands.
-    """
+    """Rates (k,) that take the elevator from rest to an angle at each end [rad/s]."""
     commands, angle = np.zeros(len(wanted)), place.rest
     for k, target in enumerate(wanted):
         rate = (target - angle) * place.command_rate
@@ -256,20 +245,12 @@ def is_safe(
 ) -> bool:
     """Checks that a throw keeps within limits, perturbed launches too.
 
-    Args:
-        throw: nominal.
-        record: of it, as the model predicts it.
-        theta: the model.
-        field: its residual field.
-        limits: none open.
+    `record` is the throw as the model (theta, field) predicts it.
     """
     elevator, rate = pose_signals(record, theta)
-    # The place of release is given: it may lie on the edge of what was flown.
-    return all(
-        limits.allows(
-            fly_path(record.layout, theta, launch, record.time, elevator, rate, field)[
-                1:
-            ]
-        )
+    flights = (
+        fly_path(record.layout, theta, launch, record.time, elevator, rate, field)
         for launch in launches(throw, limits)
     )
+    # The place of release is given: it may lie on the edge of what was flown.
+    return all(limits.allows(states[1:]) for states in flights)

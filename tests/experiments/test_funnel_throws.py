@@ -65,9 +65,9 @@ def nominal_genes():
 
 
 def kept(place, known=HOOK, models=(DRAWN,)):
-    throw = throw_in_funnel(nominal_genes(), known, place)
+    throw = throw_in_funnel(nominal_genes(), place)
     numbers = [(theta_of(model), NO_FIELD) for model in models]
-    return throw, keep(throw, place, known, layout_for(DRAWN), numbers)
+    return throw, keep(throw, place, layout_for(DRAWN), numbers)
 
 
 def flown_level(throw, known, limits, delay=0.0):
@@ -98,7 +98,7 @@ def flown_level(throw, known, limits, delay=0.0):
 @settings(max_examples=40)
 def test_any_genes_make_a_throw_within_the_limits(genes):
     place = place_of()
-    throw = throw_in_funnel(np.array(genes), HOOK, place)
+    throw = throw_in_funnel(np.array(genes), place)
     limits = place.limits
     for value, (low, high) in (
         (throw.launch[1], limits.launch_height),
@@ -197,7 +197,7 @@ def test_the_misses_that_are_advised_are_inside_and_hardly_more_are_not(name, re
 
     def level(size):
         here = place(size)
-        throw = throw_in_funnel(nominal_genes(), PROVEN, here)
+        throw = throw_in_funnel(nominal_genes(), here)
         return PROVEN.funnel.level(0.0, np.stack(launches(throw, here.limits))).max()
 
     with pytest.raises(InputError, match=rf"{name} up to .* \(it is 0\.3\)") as error:
@@ -236,7 +236,7 @@ def test_throws_are_released_at_the_funnel_s_x_wherever_flights_were(late):
     limits = place_of(x=[-9.0, 9.0]).limits
     place = range_of(campaign, aside, limits, HOOK)
     assert place.x == HOOK.funnel.nominal.states[0, 0] == -3.5
-    assert throw_in_funnel(nominal_genes(), HOOK, place).launch[0] == -3.5
+    assert throw_in_funnel(nominal_genes(), place).launch[0] == -3.5
     assert range_of(campaign, aside, limits).x == pytest.approx(0.0, abs=0.02)
 
 
