@@ -87,10 +87,6 @@ def describe_check(
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
     Args:
-        funnel: the funnel.
-        verdict: of its check.
-        proof: of its flights, where asked for.
-        problem: that it was compared with.
         model: file of the glider that it was compared with; None for none.
     """
     lines = [_text("certificate", funnel, verdict, model)]

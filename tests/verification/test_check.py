@@ -148,7 +148,7 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     assert np.isnan(largest_between(funnel, unknown, 20))
 
 
-def test_the_nominals_defect_is_counted_in_whole_numbers(funnel):
+def test_the_nominals_defect_is_counted_exactly(funnel):
     assert exact_faults(funnel, [100], NO_DEFECT)[0] == []
     assert exact_faults(funnel, [100], NO_DEFECT + 0.001)[0] == []
     assert (
@@ -157,8 +157,8 @@ def test_the_nominals_defect_is_counted_in_whole_numbers(funnel):
     )
     two = exact_faults(funnel, [50, 100], NO_DEFECT + np.inf)[0]
     times = funnel.nominal.times[[50, 100]]
-    words = f"nothing at 2 times, from {times[0]:.4f} to {times[1]:.4f} s."
-    assert two == [f"The Gram matrix proves {words}"]
+    words = f"at 2 times, from {times[0]:.4f} to {times[1]:.4f} s."
+    assert two == [f"The Gram matrix does not prove that V falls {words}"]
 
 
 def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel, coefficients):

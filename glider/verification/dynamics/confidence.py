@@ -33,14 +33,13 @@ def physical(
 ) -> np.ndarray:
     """Returns deviations (..., m), drawn back to where all numbers are physical.
 
-    A mass below zero, or a coefficient beyond its bounds, is none: such a deviation is
-    shortened until there is no such number. In a convex set about the estimate it
-    stays.
+    A deviation to a mass below zero, or to a coefficient beyond its bounds, is
+    shortened to these. In a convex set about the estimate it stays.
     """
     estimates, lower, upper = np.array([_number(model, name) for name in names]).T
-    room = np.where(deviations > 0.0, upper - estimates, lower - estimates)
+    margin = np.where(deviations > 0.0, upper - estimates, lower - estimates)
     share = np.divide(
-        room, deviations, out=np.ones_like(deviations), where=deviations != 0.0
+        margin, deviations, out=np.ones_like(deviations), where=deviations != 0.0
     )
     share = share.min(axis=-1, keepdims=True, initial=1.0)
     return deviations * np.where(share < 1.0, share * (1.0 - _INSIDE), 1.0)
@@ -52,8 +51,6 @@ def theta_at(
     """Returns the numbers of gliders that deviate from a model.
 
     Args:
-        model: the estimate.
-        names: of the m numbers.
         deviations: m numbers or arrays of any kind; the coefficients that do not
             deviate stay floats.
     """
@@ -118,7 +115,7 @@ _INSIDE = 1e-9
 
 
 LEVEL = 0.95
-"""Probability with which a set holds the true numbers, unless told."""
+"""Default probability with which a set holds the true numbers."""
 
 SHAPES = ("ellipsoid", "box")
 
@@ -134,7 +131,7 @@ class ConfidenceSet:
     """A set of deviations δ of a glider's numbers from their estimates.
 
     Raises:
-        InputError: the level or the shape is none.
+        InputError: the level or the shape is not valid.
     """
 
     covariance: Covariance
@@ -152,13 +149,13 @@ class ConfidenceSet:
         is_number = isinstance(level, (int, float)) and not isinstance(level, bool)
         if not (is_number and 0.0 < level < 1.0):
             raise InputError(
-                f"The confidence is {show(level)}; a probability between 0 and 1 is "
-                "needed."
+                f"The confidence is {show(level)}; expected a probability "
+                "between 0 and 1."
             )
         if self.shape not in SHAPES:
             raise InputError(
-                f"The shape of a confidence set is {show(self.shape)}; "
-                f"{' or '.join(SHAPES)} is needed."
+                f"The shape of a confidence set is {show(self.shape)}; expected "
+                f"{' or '.join(SHAPES)}."
             )
 
     @property

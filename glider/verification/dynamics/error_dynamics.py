@@ -41,7 +41,6 @@ def nonlinear_parts(
     """Returns the indices of the variables and of the rates that are not linear.
 
     Args:
-        model: the glider.
         num_states: n; variable n is the command.
         names: of further variables: numbers of the glider that deviate.
     """
@@ -104,8 +103,8 @@ DEGREE = 5
 """Degree in time; of more, the bounds of the shipped funnels are no lower."""
 
 PIECES = 4
-"""Parts of each interval that are enclosed apart. One alone is bounded five times as
-large as the defect is there."""
+"""Parts of each interval that are enclosed separately. The bound over a whole one is
+five times as large as the defect."""
 
 
 @np.errstate(all="ignore")  # What is infinite is bounded by infinity.

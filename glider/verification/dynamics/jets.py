@@ -136,7 +136,6 @@ def variables(values: np.ndarray, degree: int) -> list[Jet]:
 
     Args:
         values: (n, ...) where to expand.
-        degree: highest that is kept.
     """
     values = np.asarray(values, dtype=float)
     table = monomials(len(values), degree)

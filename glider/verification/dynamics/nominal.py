@@ -55,7 +55,6 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
 
     Args:
         model: the glider that the plan is for.
-        policy: the feedback.
         step: longest step between the times [s].
 
     Raises:
@@ -112,7 +111,6 @@ def nominal_between(nominal: Nominal, share: float) -> Nominal:
     """Returns the flight at one point of each interval, (T - 1) times.
 
     Args:
-        nominal: the flight.
         share: of an interval, where the point is; from 0 to 1.
     """
     times = nominal.times[:-1] + share * np.diff(nominal.times)
@@ -130,10 +128,9 @@ def _between(values, share):
 
 
 def open_loop_rates(model, states, command, theta=None):
-    """Returns ẋ for any kind of number, servo limits apart.
+    """Returns ẋ for any kind of number, without the servo limits.
 
     Args:
-        model: the GliderModel.
         states: n numbers x.
         command: u, a number [rad/s].
         theta: the numbers of a glider that deviates from it; None for its own.
@@ -143,15 +140,13 @@ def open_loop_rates(model, states, command, theta=None):
 
 
 def closed_loop_rates(model, states, gains, x0, u0, theta=None):
-    """Returns ẋ of the closed loop for any kind of number, servo limits apart.
+    """Returns ẋ of the closed loop for any kind of number, without the servo limits.
 
     Args:
-        model: the GliderModel.
         states: n numbers, jets or arrays x.
         gains: n numbers or arrays K.
         x0: n numbers or arrays x₀.
         u0: u₀, a number or an array.
-        theta: as for `open_loop_rates`.
     """
     command = u0
     for gain, x, center in zip(gains, states, x0, strict=True):

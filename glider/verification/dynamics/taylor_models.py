@@ -1,11 +1,11 @@
-"""Taylor models: polynomials on boxes and a proven bound of what they leave out.
+"""Taylor models: polynomials on boxes and a proven bound of their remainder.
 
 A TaylorModel goes through the physics like a Jet does, for many boxes at once. On a box
 c + h v, |v_i| <= 1, it holds of what it stands for
     |f(c + h v) - p(v)| <= remainder,
 with p the polynomial that its coefficients are. All of it is proven: what a product or
 a function has beyond the degree goes into `remainder`, and so does the rounding of
-every operation (Makino and Berz 2003). NumPy's functions are taken to err by less than
+every operation (Makino and Berz 2003). NumPy's functions are assumed accurate to
 100 units in the last place.
 """
 
@@ -20,11 +20,11 @@ from glider.verification.dynamics.arithmetic import Number
 from glider.verification.dynamics.jets import SERIES, Monomials
 
 ROUNDING = 1e-13
-"""Relative bound of an operation's rounding: a sum of 300 products errs by 7e-14."""
+"""Relative bound of an operation's rounding: a sum of 300 products has 7e-14."""
 
 WIDER = 1.0 + 1e-12
-"""Factor that makes up for the rounding of the bounds themselves: they are sums of a
-few hundred terms that are not negative, which err by less than 1e-13."""
+"""Factor that covers the rounding of the bounds themselves: they are sums of a
+few hundred terms that are not negative, with an error below 1e-13."""
 
 
 class TaylorModel(Number):

@@ -59,13 +59,11 @@ def make_funnel(
     Args:
         model: the glider that the plan is for.
         policy: the feedback, e.g. of `glider.control.tvlqr.tracking_policy`.
-        settings: goal and margins.
         confidence: set of gliders that are to stay, each in the funnel about its own
-            center; None for the model's own. It takes a remainder to bear.
+            center; None for the model's own. Needs a `remainder`.
         hook_of: problem whose hook is to take every state of the last set: the goal in
             place, speed and pitch is its (`hook_goal`). None for that of the settings.
-        seed: of the points where remainder and growth are sampled.
-        progress: told what is being done.
+        progress: called with the current stage.
 
     Raises:
         InputError: there can be no funnel about this flight.
@@ -78,8 +76,8 @@ def make_funnel(
     say("funnel: the flight and its Taylor polynomials")
     if confidence and settings.remainder == 0.0:
         raise InputError(
-            "A funnel of a confidence set bears what its gliders do otherwise as a "
-            "remainder; 'remainder' is 0, and a positive number is needed."
+            "A funnel of a confidence set accounts for the differences of its gliders "
+            "by a remainder: 'remainder' is 0; expected a positive number."
         )
     nominal = make_nominal(model, policy, settings.step)
     if hook_of is not None:
@@ -107,7 +105,9 @@ def make_funnel(
             "The plan's flight cannot be enclosed; a shorter step may do."
         )
     try:
-        S = scale_funnel(nominal.times, S, gauge.growth, gauge.room, settings.margin)
+        S = scale_funnel(
+            nominal.times, S, gauge.growth, gauge.servo_margin, settings.margin
+        )
     except np.linalg.LinAlgError:
         raise SolverError(
             "The funnel changes too fast between its times; a shorter step may help."
@@ -145,7 +145,6 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
 
     Args:
         times: (T,) [s].
-        forms: V̇/V on the boundary.
         margin: of V̇/V; the least eigenvalues are EIGENVALUE_SHARE of it [1/s].
 
     Raises:

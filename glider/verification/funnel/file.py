@@ -1,7 +1,7 @@
 """The file of a funnel: notes and arrays in one .npz.
 
 A file is a compressed .npz (`numpy.load`) with the arrays, of float64 but for `grams`
-(float32 is read too, and nothing else),
+(float32 is accepted too, no other type),
 
     times   (T,)       times, increasing from 0 [s]
     states  (T, n)     x₀ of the nominal flight, in the order of `state_names`

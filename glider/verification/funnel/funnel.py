@@ -36,9 +36,9 @@ class Funnel:
         settings: settings that it was made with; the goal is there.
         S: matrices S (T, n, n).
         slopes: slopes Ṡ (T, n, n) [1/s].
-        beta: bounds β (T, n) of the Taylor remainder that it bears [m/s², rad/s²].
+        beta: bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
         weights: weights λ (T, n) of `glider.verification.funnel.remainder`.
-        grams: gram matrices (T, E), one a time: the certificate.
+        grams: Gram matrices (T, E), one a time: the certificate.
         solver: name of the solver that was tried first.
         seconds: duration of the computation [s].
         sha256: hash of the file that it was loaded from, in hexadecimal.

@@ -16,9 +16,9 @@ from glider.verification.funnel.remainder import remainder_form
 from glider.verification.sos.forms import higher_forms, quadratic_form, to_ball
 
 SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Points of each interval between two times where V̇ is looked at. With three, and again
-with five, a funnel was made in which V̇ rises between two of them, where a limit of the
-servo cuts it down, and that could not be proven."""
+"""Points of each interval between two times where V̇ is examined. With three, and with
+five, a funnel was made whose V̇ rises between two of them, where a servo limit cuts it
+down; it could not be proven."""
 
 
 NEIGHBORS = 2
@@ -85,7 +85,6 @@ class GrowthBetween:
         """Expands the dynamics there.
 
         Args:
-            nominal: the flight.
             share: of an interval, where the point is; from 0 to 1.
             every: take every so many intervals only.
         """

@@ -4,7 +4,7 @@ Only the accelerations are not linear in the state. Where |R_k| <= β_k on the s
     2 zᵀ Lᵀ R <= zᵀ D z,  D = Σ_k λ_k (Lᵀ e_k)(Lᵀ e_k)ᵀ + β_k² / λ_k I,  any λ_k > 0,
 on its boundary. Here the largest |R_k| is looked for;
 `glider.verification.proof` proves a bound. For the gliders of a confidence set R is
-also what they do otherwise, about their own center
+also the difference of their rates, about their own center
 (`glider.verification.dynamics.moving_center`).
 """
 
@@ -52,7 +52,6 @@ def sample_remainder(
     bound, but seldom less than nine tenths of one.
 
     Args:
-        nominal: the flight.
         coefficients: (T, n, M) of `expand`.
         S: (K, n, n) of the sets.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
@@ -119,7 +118,6 @@ def split_directions(
     """Returns e (K, B, n) on sets' boundaries and δ (K, B, m) on that of the gliders'.
 
     Args:
-        nominal: the flight.
         center: of the gliders that may fly; None for the model's own, and no δ.
         L_inv: (K, n, n) L⁻¹ of the sets.
         directions: (K, B, n + r).
@@ -140,10 +138,9 @@ def remainder_of(
     center: MovingCenter | None = None,
     deviations: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Returns R (K, B, n) = ė - p(e), the servo's limits apart.
+    """Returns R (K, B, n) = ė - p(e), without the servo's limits.
 
     Args:
-        nominal: the flight.
         coefficients: (T, n, M) of p, as `expand` gives them.
         at: (K,) indices of the times.
         errors: (K, B, n) deviations e, from x₀ + X δ where the center moves.

@@ -29,7 +29,7 @@ from glider.verification.funnel.remainder import (
     remainder_weights,
     sample_remainder,
 )
-from glider.verification.funnel.servo_limits import bounds_about, room
+from glider.verification.funnel.servo_limits import bounds_about, margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import size_matrices
 from glider.verification.sos.sphere import normalized
@@ -51,7 +51,7 @@ def scale_funnel(
     times: np.ndarray,
     S: np.ndarray,
     find_growth: Callable[[np.ndarray], np.ndarray],
-    find_room: Callable[[np.ndarray], np.ndarray],
+    find_margin: Callable[[np.ndarray], np.ndarray],
     margin: float,
 ) -> np.ndarray:
     """Returns S (T, n, n) scaled so that V̇/V stays below zero on its boundary.
@@ -60,23 +60,23 @@ def scale_funnel(
         times: (T,) [s].
         S: (T, n, n) the shapes.
         find_growth: from S to the largest V̇/V at and around the times, (T,) [1/s].
-        find_room: from S to the largest ρ (T,) that the servo allows.
+        find_margin: from S to the largest ρ (T,) that the servo allows.
         margin: aimed at for -V̇/V; MARGIN_SHARE of it is enough [1/s].
     """
     for turn in range(ROUNDS):
-        growth, room = find_growth(S), find_room(S)
-        if growth.max() <= -MARGIN_SHARE * margin and room.min() >= 1.0 - 1e-9:
+        growth, cap = find_growth(S), find_margin(S)
+        if growth.max() <= -MARGIN_SHARE * margin and cap.min() >= 1.0 - 1e-9:
             break
         excess = growth + margin
         # At first as the equation says; then only what is still missing.
-        S = S / _levels(times, excess if turn == 0 else np.maximum(excess, 0.0), room)
+        S = S / _levels(times, excess if turn == 0 else np.maximum(excess, 0.0), cap)
     return S
 
 
-def _levels(times, rate, room):
-    """Returns ρ (T, 1, 1), backward from 1 and within the servo's room."""
+def _levels(times, rate, largest):
+    """Returns ρ (T, 1, 1), backward from 1 and within the servo's margin."""
     log = np.zeros(len(times))
-    cap = np.log(room)
+    cap = np.log(largest)
     log[-1] = min(0.0, cap[-1])
     for k in range(len(times) - 2, -1, -1):
         mean = 0.5 * (rate[k] + rate[k + 1])
@@ -102,7 +102,7 @@ class BoundarySets:
 
 
 class Gauge:
-    """A gauge of sets S (T, n, n) along a flight: their growth and the servo's room."""
+    """A gauge of sets S (T, n, n) along a flight: their growth, the servo's margin."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class Gauge:
         directions: np.ndarray,
         center: MovingCenter | None,
     ):
-        """Takes what a ShapeFlow takes."""
+        """Has the arguments of a ShapeFlow."""
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
         self._center, n = center, nominal.states.shape[1]
@@ -153,9 +153,9 @@ class Gauge:
             growth[:-1] = np.maximum(growth[:-1], found)
         return growth
 
-    def room(self, S: np.ndarray) -> np.ndarray:
+    def servo_margin(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest ρ (T,) that the servo allows."""
-        return room(S, *bounds_about(self._nominal, self._center))
+        return margin_to_limits(S, *bounds_about(self._nominal, self._center))
 
     def _drift(self, S):
         return defect_growth(S, self._defect)

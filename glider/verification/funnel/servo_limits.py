@@ -24,8 +24,8 @@ from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 
 SHRINK = 0.995
-"""Factor on the bounds, for what happens between the times where they are kept:
-the shipped funnels come to 0.9942 of the bounds there."""
+"""Factor on the bounds, to keep them between the times too: there the shipped funnels
+reach 0.9942 of them."""
 
 
 def servo_bounds(
@@ -36,8 +36,6 @@ def servo_bounds(
     """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
 
     Args:
-        nominal: the flight.
-        shrink: factor on b.
         number: makes arrays of what is computed with: of doubles, or by
             `glider.verification.sos.exact.fractions` without rounding.
     """
@@ -62,9 +60,7 @@ def bounds_about(
     A center that moves by X δ leaves b - max aᵀ X δ.
 
     Args:
-        nominal: the flight.
         center: of the gliders that may fly; None for the model's own.
-        shrink: factor on b.
     """
     directions, bounds = servo_bounds(nominal, shrink)
     if center is not None:
@@ -90,7 +86,7 @@ def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
         raise InputError(
             "The gliders of the confidence set end up to "
             f"{1.0 - left:.3g} times as far from the nominal's end as the goal "
-            "reaches; more flights, or a wider goal, are needed."
+            "reaches; expected more flights, or a wider goal."
         )
     return np.diag(1.0 / (left * axes) ** 2)
 
@@ -128,7 +124,9 @@ def keep_bounds(
     return S
 
 
-def room(S: np.ndarray, directions: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def margin_to_limits(
+    S: np.ndarray, directions: np.ndarray, bounds: np.ndarray
+) -> np.ndarray:
     """Returns the largest ρ (T,) for which {eᵀ S e <= ρ} keeps some bounds.
 
     Args:
@@ -141,7 +139,7 @@ def room(S: np.ndarray, directions: np.ndarray, bounds: np.ndarray) -> np.ndarra
 
 
 SHARE = 0.97
-"""Share of the servo's rate that the feedback takes on the boundary: the set changes
+"""Share of the servo's rate that the feedback uses on the boundary: the set changes
 until the gains are used, one time earlier."""
 
 

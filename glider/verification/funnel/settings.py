@@ -106,9 +106,9 @@ def _is_positive(value: float) -> bool:
     return 0.0 < value < math.inf
 
 
-ROOM = 1e-6
-"""Room that is left of each of the hook's limits [m, m/s, rad]: how far it takes a
-glider is compared in floating point."""
+HOOK_MARGIN = 1e-6
+"""Margin to each of the hook's limits [m, m/s, rad], which are compared in floating
+point."""
 
 _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
@@ -116,7 +116,7 @@ _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 def hook_goal(
     axes: tuple[float, ...], end: np.ndarray, problem: PerchingProblem
 ) -> tuple[float, ...]:
-    """Returns the half-axes (7,) of the goal that fills what the problem's hook takes.
+    """Returns the half-axes (7,) of the goal that fills what a problem's hook accepts.
 
     The largest distance, speed and pitch in an ellipsoid with axes along the states are
     at most those of its center and the longest of their half-axes together.
@@ -125,7 +125,6 @@ def hook_goal(
         axes: (7,) half-axes, in the order of STATE_NAMES, of which those of what the
             hook does not ask for are kept: of the elevator and the pitch's rate.
         end: (7 or more) state at the nominal's end.
-        problem: whose hook and wire.
 
     Raises:
         InputError: the hook does not take the nominal's end itself.
@@ -135,17 +134,17 @@ def hook_goal(
     pitch, place = float(end[_PITCH]), [_X, _Z]
     miss = float(np.linalg.norm(end[place] - problem.wire))
     speed = float(np.linalg.norm(end[VELOCITY]))
-    room = {
+    limits = {
         "distance from the wire": (miss, hook.reach - miss, place),
         "speed": (speed, hook.speed_limit - speed, VELOCITY),
         "pitch": (pitch, min(pitch - low, high - pitch), [_PITCH]),
     }
     goal = np.array(axes, dtype=float)
-    for name, (value, left, of) in room.items():
-        if left <= ROOM:
+    for name, (value, left, of) in limits.items():
+        if left <= HOOK_MARGIN:
             raise InputError(
                 f"The flight ends with a {name} of {value:.4g}, which the hook does "
-                "not take: a plan is needed that ends within its limits."
+                "not accept; expected a plan that ends within its limits."
             )
-        goal[of] = left - ROOM
+        goal[of] = left - HOOK_MARGIN
     return tuple(map(float, goal))

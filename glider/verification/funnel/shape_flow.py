@@ -54,9 +54,7 @@ def size_matrices(
     """Returns Σ (T, n, n), in squared units of the states.
 
     Args:
-        nominal: the flight.
         coefficients: (T, n, M) of `expand`.
-        settings: sizes, and those of the launch.
     """
     count, n = nominal.states.shape
     steady = np.diag(np.square(settings.size_axes(n)))
@@ -91,13 +89,11 @@ class ShapeFlow:
         """Takes what the flow depends on.
 
         Args:
-            nominal: the flight.
             coefficients: (T, n, M) of `expand`.
-            settings: goal, sizes and steps.
             directions: (B, n + r) of `sample_remainder`.
             center: of the gliders that may fly; None for the model's own.
             steer: whether the feedback is made on the way, in place of the nominal's.
-                Where centers move depends on it: it takes no `center`.
+                Centers depend on it, so it excludes `center`.
         """
         if steer:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())

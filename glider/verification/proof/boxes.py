@@ -22,10 +22,8 @@ def shifted(table, polynomial, center, half):
     """Returns the Taylor model of a polynomial in w = center + half v.
 
     Args:
-        table: the Monomials, in w and in v.
         polynomial: (M,) coefficients.
         center: (m, B) of the boxes.
-        half: (m, B) their half-widths.
     """
     coefficients, sizes = _shift(
         polynomial,
@@ -73,14 +71,12 @@ def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
     For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
     over the box; there, what is mixed in v or cubic counts by its size, and the others
-    are a sum of quadratic functions of one v_i each. So each ball has a λ of its own,
-    the best of a few, and what is in none has no need of one.
+    are a sum of quadratic functions of one v_i each. So each ball has its own λ, the
+    best of a few, and coordinates in none need none.
 
     Args:
         coefficients: (M, B) of polynomials in v.
-        remainder: (B,).
         center: (m, B) of the boxes.
-        half: (m, B) their half-widths.
         exponents: (M, m) of the monomials.
         balls: which coordinates are those of a unit ball, for each ball.
     """
@@ -176,8 +172,7 @@ def blame_of(difference, rate):
     """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
 
     Args:
-        difference: the TaylorModel that is bounded.
-        rate: that of the rate in it, whose highest degree tells of what is beyond.
+        rate: that of the rate in it, whose highest degree indicates what is beyond.
     """
     exponents, degrees = difference.table.exponents, difference.table.degrees
     sizes = np.abs(difference.coefficients)

@@ -32,7 +32,11 @@ from glider.verification.funnel.remainder import (
     remainder_of,
     split_directions,
 )
-from glider.verification.funnel.servo_limits import bounds_about, goal_reach, room
+from glider.verification.funnel.servo_limits import (
+    bounds_about,
+    goal_reach,
+    margin_to_limits,
+)
 from glider.verification.proof.exact_check import (
     GOAL_ROUNDING,
     exact_faults,
@@ -43,7 +47,7 @@ from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
 SAMPLES = 1000
-"""Points of the boundary where the remainder is looked at, at each time."""
+"""Points of the boundary where the remainder is sampled, at each time."""
 
 SAMPLES_OF_SET = 4000
 """Points of the boundary, with a glider of the set's boundary each."""
@@ -61,8 +65,8 @@ class Verdict:
         times: number of times that were checked exactly.
         of_times: number of times that the funnel has.
         faults: faults of the certificate, a sentence each; empty where it holds. Where
-            the funnel is not the one that is meant, or no flight, nothing else is
-            looked at.
+            the funnel is not the intended one, or not a flight, nothing else is
+            checked.
         slack: slack of V̇ <= -slack V, which is proven at these times [1/s].
         defect: largest V̇/V that the nominal's defect may make, which is counted [1/s].
         rounding: largest change of an eigenvalue by what rounding and solver left over
@@ -71,7 +75,7 @@ class Verdict:
             infinite where β_k is zero and R_k is not; zero where the certificate
             accounts for no remainder at all.
         between: largest V̇/V found between the times, in floating point [1/s]; infinite
-            where something else is wrong already.
+            after any other fault.
     """
 
     times: int
@@ -107,12 +111,11 @@ def check_funnel(
     """Checks a funnel.
 
     Args:
-        funnel: the funnel.
         every: check every so many times only, the first and last included.
         progress: called with the share that is done.
-        problem: the problem that it has to be a funnel of; any if None.
-        model: the glider that it has to be a funnel of; any if None.
-        hook: whether the problem's hook has to take every state of the last set.
+        problem: the problem that it must be a funnel of; any if None.
+        model: the glider that it must be a funnel of; any if None.
+        hook: whether the problem's hook must accept every state of the last set.
     """
     at = funnel.some_times(every)
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
@@ -146,7 +149,7 @@ def check_funnel(
 
 
 def _defect_faults(funnel, growth):
-    """Returns a fault where the nominal's defect alone takes all of the margin."""
+    """Returns a fault where the nominal's defect alone exceeds the margin."""
     worst = int(np.argmax(growth))
     if growth[worst] <= funnel.settings.margin:
         return []
@@ -163,7 +166,6 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
     For a funnel of a set of gliders, it is R of random ones on the set's boundary too.
 
     Args:
-        funnel: the funnel.
         at: indices of the times.
     """
     nominal, n, center = funnel.nominal, funnel.num_states, funnel.gliders
@@ -199,7 +201,6 @@ def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float
     It is infinite where a set between them is no ellipsoid.
 
     Args:
-        funnel: the funnel.
         defect: growth (T,) by the nominal's defect [1/s].
         every: look into every so many intervals only.
     """
@@ -229,7 +230,7 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     faults = []
     directions, bounds = bounds_about(funnel.nominal, funnel.gliders, shrink=1.0)
     try:
-        reach = room(funnel.S, directions, bounds)
+        reach = margin_to_limits(funnel.S, directions, bounds)
         met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))
         if np.any(met):
             faults.append(

@@ -38,7 +38,7 @@ from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
 TURN_SAMPLES = 1000
-"""Points on the sphere where the variation of R is looked at, to turn the basis."""
+"""Points on the sphere where the variation of R is sampled, to turn the basis."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,6 @@ class TaylorRemainder:
 
         Args:
             center: (d, B) of boxes, d the dimension.
-            half: (d, B) their half-widths.
 
         Returns:
             bounds (r, B) on the parts of the boxes in the unit balls; what is surely
@@ -146,7 +145,6 @@ def make_remainder(
     """Prepares the enclosure of R on a part of a funnel of two times.
 
     Args:
-        piece: the funnel.
         basis: (m, m): all y of the sets there are basis w with |w| <= 1.
         span: first and last s of the part.
     """
@@ -233,14 +231,7 @@ def _path_and_slopes(nominal):
 
 
 def _turned(model, center, polynomials, basis):
-    """Returns a basis with axes in the order of how much R varies, and max |R| (r,).
-
-    Args:
-        model: the glider.
-        center: (n + 1,) x₀ and u₀.
-        polynomials: (r, M) P.
-        basis: (m, m) before.
-    """
+    """Returns a basis with axes in the order of how much R varies, and max |R| (r,)."""
     n = len(center) - 1
     which, rows = nonlinear_parts(model, n)
     table = table_of(len(which))

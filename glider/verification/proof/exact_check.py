@@ -1,13 +1,13 @@
-"""The part of a funnel's check that is in whole numbers.
+"""The part of a funnel's check that is in exact arithmetic.
 
-At each time that is looked at:
+At each time that is checked:
 1. S is positive definite, and the set keeps the servo within its limits;
 2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
    coefficients are the doubles that `expand` computes from the glider in the file, with
    any disturbance |R_k| <= β_k, and with the nominal's largest defect in the intervals
    about that time: minus V̇ - slack V has a positive definite Gram matrix.
-At the end the set lies in the goal. What rests on more than whole numbers is told in
-`glider.verification.proof`.
+At the end the set lies in the goal. `glider.verification.proof` states what rests on
+more than exact arithmetic.
 """
 
 from collections.abc import Callable, Sequence
@@ -64,10 +64,9 @@ def exact_faults(
     defect: np.ndarray,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[list[str], float]:
-    """Checks a funnel in whole numbers.
+    """Checks a funnel in exact arithmetic.
 
     Args:
-        funnel: the funnel.
         at: indices of the times.
         defect: growth (T,) by the nominal's defect, `defect_growth`, finite [1/s].
         progress: called with the share that is done.
@@ -120,10 +119,7 @@ def check_time(
     matrix prove nothing.
 
     Args:
-        funnel: the funnel.
         coefficients: (n, M) of `expand` at that time.
-        k: the time's index.
-        slack: [1/s].
     """
     S, slope = funnel.S[k], funnel.slopes[k]
     beta, weights = funnel.beta[k], funnel.weights[k]
@@ -177,7 +173,6 @@ def growth_polynomial(
         L_inv_T: (n, n).
         beta: (n,) bounds of the remainder.
         weights: (n,) λ, positive where beta is.
-        slack: a number [1/s].
 
     Returns:
         coefficients (C,), odd then even, and G (n, n).
@@ -202,13 +197,7 @@ def growth_polynomial(
 
 
 def _keeps_bounds(S, directions, bounds):
-    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite.
-
-    Args:
-        S: (n, n).
-        directions: fractions (K, n) a.
-        bounds: fractions (K,) b.
-    """
+    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite."""
     for a, bound in zip(directions, bounds, strict=True):
         if not bound > 0:
             return False

@@ -2,7 +2,7 @@
 
 Intervals are independent, so that they are proven in several processes, and what is
 proven can be kept in a file: one JSON object a line, of a header and of an interval
-each. A proof that was broken off goes on from there.
+each. An interrupted proof continues from there.
 """
 
 import dataclasses
@@ -109,7 +109,6 @@ def prove_flights(
     """Tries to prove that no flight leaves a funnel between its ends.
 
     Args:
-        funnel: the funnel.
         every: look at every so many intervals only, the first and last included.
         budget: boxes of one interval, until the search for a bound gives up.
         workers: processes; as many as there are cores if -1.
@@ -117,7 +116,7 @@ def prove_flights(
         progress: called with the share that is done.
 
     Raises:
-        InputError: the file is none of this funnel's proof.
+        InputError: the file is not a record of this funnel's proof.
     """
     count = len(funnel.nominal.times) - 1
     wanted = sorted({*range(0, count, every), count - 1})

@@ -44,7 +44,7 @@ class Interval:
         cubic: coefficients (r, C₃) of P₃.
         weights: λ (n,).
         bearing: β² / λ (n,), rounded up.
-        limits: the servo's limits, a (n,) and b (): it does as it is told where aᵀ e <
+        limits: the servo's limits, a (n,) and b (): it follows its command where aᵀ e <
             b.
     """
 

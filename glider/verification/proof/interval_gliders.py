@@ -73,9 +73,7 @@ def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
     """Returns a bound of aᵀ X δ over the set and the interval, rounded up.
 
     Args:
-        piece: a funnel of two times.
         a: (n,) in time.
-        step: its duration.
     """
     if piece.gliders is None:
         return 0.0
@@ -108,7 +106,7 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
 
 
 def unproven_numbers(piece: Funnel) -> bool:
-    """Returns whether numbers deviate on which rates depend that are linear else."""
+    """Determines whether an otherwise linear rate depends on a number that deviates."""
     if piece.gliders is None:
         return False
     model, n = piece.nominal.model, piece.num_states

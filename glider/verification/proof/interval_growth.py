@@ -1,4 +1,4 @@
-"""V falls on the boundary throughout an interval: the proof in whole numbers.
+"""V falls on the boundary throughout an interval: the exact proof.
 
 With e = B z for some basis, V = zᵀ G z, and on the boundary V = 1
     -h (V̇ + slack V) = zᵀ A z + c₃(z) + c₄(z),
@@ -84,10 +84,7 @@ def prove_growth(
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
     Args:
-        interval: the interval.
-        slack: a number [1/s].
         grams: Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e): guesses.
-        halvings: how often it may be halved.
 
     Returns:
         the number of parts that the interval was proven in; None where it was not.
@@ -111,9 +108,7 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
     """Returns the forms above, exactly.
 
     Args:
-        interval: the interval.
         basis: (n, n) B.
-        slack: a number [1/s].
     """
     n, m, h = len(basis), len(interval.which), interval.step
     H = basis.T @ interval.S
@@ -141,7 +136,7 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
 def _prove_whole(interval, slack, grams):
     """Returns a Gram matrix in the middle, in b(e), and whether all is proven.
 
-    It is None where there is none.
+    The matrix is None where none is found.
     """
     S = interval.S.at(Fraction(1, 2)).to_float()
     tables = sphere(len(S))

@@ -132,7 +132,7 @@ def _gram_guesses(piece, slack):
 
 
 TIMES = 9
-"""Times of the interval that are looked at."""
+"""Times of the interval that are sampled."""
 
 STARTS = 200
 """Points where the climb starts at each of them."""
@@ -154,11 +154,7 @@ class Candidate:
 
 
 def worst_candidate(piece: Funnel) -> Candidate:
-    """Returns the worst state and time that were found on the boundary.
-
-    Args:
-        piece: a funnel of two times.
-    """
+    """Returns the worst state and time that were found on the boundary."""
     nominal, n = piece.nominal, piece.num_states
     times = np.linspace(nominal.times[0], nominal.times[1], TIMES)
     shares = np.linspace(0.0, 1.0, TIMES)

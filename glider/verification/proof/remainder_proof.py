@@ -1,4 +1,4 @@
-"""The proof that the Taylor remainder is no larger than a funnel bears.
+"""The proof that the Taylor remainder is within the bounds of a funnel.
 
 The ball of deviations, times an interval of time and the set of gliders, is covered
 with boxes; on each, Taylor models enclose R / β. A box on which the bound is above 1 is
@@ -21,7 +21,7 @@ HALVINGS = 4
 """Times that an interval is halved for a ball that is tight enough."""
 
 PATIENCE = 40_000
-"""Boxes that a ball gets, until each half of its time gets one of its own. Where R
+"""Boxes that a ball gets, until each half of its time gets its own. Where R
 comes near β, a ball that is 2 % wider than the sets may take any number of boxes."""
 
 STRETCH = 1.05
@@ -60,11 +60,8 @@ def prove_remainder(
     """Tries to prove that |R| <= β on the sets of a funnel of two times.
 
     Args:
-        piece: the funnel.
-        interval: its polynomials in time, or those of a part.
         budget: boxes, until the search gives up.
         span: first and last s of the part, of -1 to 1.
-        halvings: how often it may be halved.
     """
     basis, stretch = tight_cover(interval)
     found = RemainderProof(proven=False, boxes=0, ratio=np.inf)
@@ -89,7 +86,6 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Remaind
     """Tries to prove that |R| <= β on all boxes of the ball.
 
     Args:
-        remainder: R in a part of an interval.
         budget: boxes, until the search gives up.
     """
     ratio, boxes = float(remainder.seen.max(initial=0.0)), 0
@@ -121,7 +117,6 @@ def halve(center, half, blame, balls=(slice(0, -1),)):
 
     Args:
         center: (m + 1, B) of the boxes; the last coordinate is time.
-        half: (m + 1, B) their half-widths.
         blame: (m + 1, B); the axis is where it is largest.
         balls: which coordinates are those of a unit ball, for each ball.
 

@@ -127,7 +127,6 @@ def hermite(
     Args:
         values: (2, ...) at τ = 0 and 1.
         slopes: (2, ...) there, in the unit of time.
-        step: duration of the interval.
     """
     a, b = map(exact, values)
     rise_a, rise_b = (exact(slope) * step for slope in slopes)

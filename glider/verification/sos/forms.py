@@ -127,7 +127,6 @@ def substituted(forms: Exact, matrix: Exact, degree: int) -> Exact:
     Args:
         forms: (n, C) coefficients of n forms.
         matrix: (n, n).
-        degree: of the forms.
     """
     n = len(forms)
     tensor = form_tensor(forms, n, degree)
@@ -176,9 +175,7 @@ def gram_polynomial(tables: Sphere, gram: Exact, metric: Exact) -> Exact:
     """Returns the coefficients (C,) of bᵀ Q b, with (zᵀ Q₁₁ z) times zᵀ G z.
 
     Args:
-        tables: those of the dimension.
         gram: (s, s) Q, of which Q₁₁ is the block of z.
-        metric: (n, n) G, nearly the identity.
     """
     n = tables.n
     lifted = quadratic_product(gram[:n, :n], metric)
@@ -204,7 +201,6 @@ def sparse_gram(
     Each coefficient goes to the first place that has its monomial.
 
     Args:
-        tables: those of the dimension.
         coefficients: (C,), odd then even.
         block: (n, n) of z, which represents nothing; zero if None.
     """

@@ -32,8 +32,8 @@ SOLVERS = {"clarabel": ClarabelSolver, "scs": ScsSolver}
 """Solvers by name, in the order in which they are tried."""
 
 CLARABEL_TOLERANCE = 1e-4
-"""Gap and infeasibility where Clarabel stops: below the margins of a funnel. Its own,
-1e-8, takes half as long again, and nobody relies on either."""
+"""Gap and infeasibility where Clarabel stops: below the margins of a funnel. Its
+default, 1e-8, takes half as long again; the check relies on neither."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Moments:
     """A solution of the problem of moments.
 
     Attributes:
-        success: success as the solver tells it; nobody relies on it.
+        success: success as the solver reports it; nothing relies on it.
         multipliers: multipliers λ (K,) of the equations.
         gram: gram matrix (E,), its lower triangle column by column.
     """
@@ -78,8 +78,6 @@ def solve_moments(
         polynomial: (C,) coefficients of p, odd then even.
         rows: (K, C) of the equations, in the same coefficients.
         targets: (K,) right-hand sides.
-        n: the dimension.
-        solver: a key of SOLVERS.
     """
     tables = sphere(n)
     program = MathematicalProgram()
@@ -110,7 +108,6 @@ def least_growth(
         cubic: (C₃,) of c₃.
         quartic: (C₄,) of c₄.
         weight: (n, n) W, positive definite.
-        solver: a key of SOLVERS.
 
     Returns:
         whether the solver succeeded, and N (n, n).
@@ -134,8 +131,6 @@ def largest_margin(
 
     Args:
         coefficients: (C,) of p, odd then even, as `Sphere.coefficients` gives them.
-        n: the dimension.
-        solver: a key of SOLVERS.
 
     Returns:
         whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
@@ -166,8 +161,6 @@ def solve_apart(
 
     Args:
         function: importable by name, or one that cloudpickle takes.
-        tasks: arguments; arrays and plain objects.
-        workers: processes, kept for the next call.
 
     Raises:
         SolverError: a process died.
@@ -185,5 +178,5 @@ def solve_apart(
 
 @functools.cache
 def _pool(workers: int) -> ProcessPoolExecutor:
-    """Returns processes of our own: joblib takes loky's shared ones for its own."""
+    """Returns processes of our own: joblib uses loky's shared ones itself."""
     return ProcessPoolExecutor(max_workers=workers, env=_ONE_THREAD, timeout=60)

@@ -160,7 +160,7 @@ def sphere(n: int) -> Sphere:
 
 
 ROUNDS = 300
-"""Steps, of 1 ms, after which a program is solved anew instead."""
+"""Steps, of 1 ms, after which a program is solved again."""
 
 
 def represent(
@@ -176,7 +176,6 @@ def represent_rest(
     """Returns the closest Gram matrix (E,) whose block of z is known.
 
     Args:
-        tables: those of the dimension.
         entries: (E,) of a Gram matrix.
         block: (n, n) Q₁₁, of which nothing is lifted.
         coefficients: (C,) of what the other blocks represent.
@@ -204,12 +203,9 @@ def nearby_gram(
     """Returns a Gram matrix (E,) of a polynomial, starting from another's.
 
     Args:
-        tables: those of the dimension.
         entries: (E,) to start from.
         project: from entries (E,) to the closest that represent the polynomial.
-        margin: least eigenvalue to have.
         aim: least eigenvalue that the search aims at; twice the margin if None.
-        rounds: after which it gives up.
 
     Returns:
         None where there is none or none was found.

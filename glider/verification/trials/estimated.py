@@ -1,9 +1,9 @@
-"""The estimation error that a funnel bears, by flights on an estimate.
+"""The estimation error that a funnel tolerates, by flights on an estimate.
 
-A funnel is proved for a feedback of the true state. Here the same feedback gets what
-an extended Kalman filter makes of motion capture, and launches from inside the inlet
-may leave. An estimate's error e is measured as the funnel measures a deviation,
-√(eᵀ S e): 1 is as far as the boundary. Nothing here is proved: launches and noise are
+A funnel is proven for a feedback of the true state. Here the same feedback acts on an
+extended Kalman filter's estimate from motion capture, and launches from inside the
+inlet may leave. An estimate's error e is measured as the funnel measures a deviation,
+√(eᵀ S e): 1 is as far as the boundary. Nothing here is proven: launches and noise are
 random, and no escape in 300 flights still allows one in a hundred.
 """
 
@@ -94,10 +94,7 @@ def study_estimates(
     Args:
         funnel: whose feedback flies its own glider.
         flights: launches, uniform in the inlet.
-        rng: draws launches and noise.
-        noises: standard deviations of a measured position, increasing [m].
-        unknown: shares, see `fly_estimated`.
-        progress: told which level is flown.
+        progress: called with the current level.
 
     Returns:
         outcomes, one for each share and noise, the noises of a share in a row.
@@ -142,7 +139,7 @@ def fly_estimated(
         raise InputError(
             f"fly_estimated: the noise is {show(noise)} m and the unknown share "
             f"{show(unknown)}; "
-            "a positive number and one from 0 to 1 are needed."
+            "expected a positive number and one from 0 to 1."
         )
     std = CAPTURE.std * (noise / CAPTURE.position)
     rate = TICKS * CAPTURE.rate

@@ -96,9 +96,7 @@ def falsify_funnel(
     """Flies from random points of the boundary, then climbs from the worst of them.
 
     Args:
-        funnel: to falsify.
         samples: flights from random points, divided among the start times.
-        rng: draws the points.
         model: the glider that flies; the funnel's own if None. States that the funnel
             lacks start at rest.
         shares: of the duration: when flights start.
@@ -129,11 +127,9 @@ def falsify_set(
     """Flies gliders of a set from the boundary, then climbs from the worst of them.
 
     Args:
-        funnel: to falsify.
         confidence: set of the deviations from the funnel's glider.
         samples: flights from random points, divided among start times and gliders; at
             least one each. The climb adds half as many again and more.
-        rng: draws points and gliders.
         shares: of the duration: when flights start.
         climb: whether to look for worse ones near the worst.
         progress: called with the share that is done.

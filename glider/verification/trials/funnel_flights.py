@@ -55,7 +55,6 @@ def fly_from(
 
     Args:
         funnel: the funnel, whose feedback flies.
-        first: index of the time.
         states: (B, n).
         model: the glider that flies; the funnel's own if None.
         deviation: δ (m,) of that glider in the funnel's set; V is then about its own
@@ -86,8 +85,6 @@ def boundary_states(
     """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
 
     Args:
-        funnel: the funnel.
-        k: index of the time.
         directions: (B, n).
         deviation: δ (m,) as for `fly_from`.
     """
