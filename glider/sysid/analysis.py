@@ -49,23 +49,14 @@ from glider.sysid.verdict import judge
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SmoothedFlights:
-    """The flights of a campaign, smoothed.
+    """The flights of a campaign, smoothed."""
 
-    Attributes:
-        logged: the campaign as it was logged.
-        campaign: the same with wrong signs turned.
-        signs: of the logged angles.
-        noise: of the sensors.
-        records: of all flights, as the models take them.
-        untouched: the same as they were logged, where signs were wrong.
-    """
-
-    logged: Campaign
-    campaign: Campaign
-    signs: Signs
-    noise: Noise
-    records: Sequence[Record]
-    untouched: Sequence[Record]
+    logged: Campaign  # The campaign as it was logged.
+    campaign: Campaign  # The same with wrong signs turned.
+    signs: Signs  # Of the logged angles.
+    noise: Noise  # Of the sensors.
+    records: Sequence[Record]  # Of all flights, as the models take them.
+    untouched: Sequence[Record]  # The same as they were logged, where signs were wrong.
 
     def among(self, names: Sequence[str]) -> FlownRecords:
         """Returns some of the flights as each model takes them."""
@@ -75,18 +66,13 @@ class SmoothedFlights:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Split:
-    """Flights to fit to, to measure errors on, and those that fit with no others.
+    """Flights to fit to, to measure errors on, and those that fit with no others."""
 
-    Attributes:
-        fitted: names.
-        held_out: names of those that errors are measured on.
-        outlying: name to the reason, of all flights that stand out.
-        outlying_held_out: names of those that were held out, whose errors are separate.
-    """
-
-    fitted: tuple[str, ...]
-    held_out: tuple[str, ...]
+    fitted: tuple[str, ...]  # Names.
+    held_out: tuple[str, ...]  # Names of those that errors are measured on.
+    # Name to the reason, of all flights that stand out.
     outlying: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    # Names of those that were held out, whose errors are separate.
     outlying_held_out: tuple[str, ...] = ()
 
     def without(self, outlying: Mapping[str, str], campaign: Campaign) -> "Split":
@@ -118,21 +104,13 @@ class Split:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """The stages in order, timed.
+    """The stages in order, timed."""
 
-    Attributes:
-        progress: called with a line of text as the work goes on.
-        seconds: stage to wall-clock time; each stage adds its own.
-        inspection: the campaign as it was read and checked.
-        vehicle: of the campaign.
-        rng: of all that is drawn at random.
-    """
-
-    progress: Callable[[str], None]
-    seconds: dict[str, float]
-    inspection: Inspection
-    vehicle: Vehicle
-    rng: np.random.Generator
+    progress: Callable[[str], None]  # Called with a line of text as the work goes on.
+    seconds: dict[str, float]  # Stage to wall-clock time; each stage adds its own.
+    inspection: Inspection  # The campaign as it was read and checked.
+    vehicle: Vehicle  # Of the campaign.
+    rng: np.random.Generator  # Of all that is drawn at random.
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:

@@ -31,14 +31,10 @@ class FlownRecords:
     """Flights as the corrected model takes them, and as those before it do.
 
     They differ where angles were logged with the other sign.
-
-    Attributes:
-        corrected: with the signs turned.
-        logged: as they were logged, in the same order.
     """
 
-    corrected: Sequence[Record]
-    logged: Sequence[Record]
+    corrected: Sequence[Record]  # With the signs turned.
+    logged: Sequence[Record]  # As they were logged, in the same order.
 
     def of(self, model: str) -> Sequence[Record]:
         """Returns the flights for a model, by its name."""
@@ -59,18 +55,13 @@ class FlownRecords:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """Errors of models, by name.
+    """Errors of models, by name."""
 
-    Attributes:
-        errors: on held-out flights.
-        held_out: those flights, measured and flown.
-        unpredicted: names of held-out flights on which every model diverges.
-        outlying: errors on held-out flights that stand out; None without any.
-    """
-
-    errors: dict[str, Errors | None]
-    held_out: tuple[HeldOutFlight, ...]
+    errors: dict[str, Errors | None]  # On held-out flights.
+    held_out: tuple[HeldOutFlight, ...]  # Those flights, measured and flown.
+    # Names of held-out flights on which every model diverges.
     unpredicted: tuple[str, ...]
+    # Errors on held-out flights that stand out; None without any.
     outlying: OutlyingFlights | None
 
 

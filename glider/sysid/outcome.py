@@ -51,15 +51,10 @@ of the flown angles: at its ten independent places none does so by chance."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualCurves:
-    """Curves that a model carries beside its formulas.
+    """Curves that a model carries beside its formulas."""
 
-    Attributes:
-        terms: that are not zero.
-        data: of all of them.
-    """
-
-    terms: tuple[str, ...]
-    data: FieldData | None
+    terms: tuple[str, ...]  # That are not zero.
+    data: FieldData | None  # Of all of them.
 
 
 def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurves:

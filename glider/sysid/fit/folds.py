@@ -48,14 +48,10 @@ effect on the pitch alone changes the error only by chance."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Gains:
-    """Log-likelihood that a correction gains on flights that it was not fitted to.
+    """Log-likelihood that a correction gains on flights that it was not fitted to."""
 
-    Attributes:
-        values: (flights,) of each [nats].
-        unseen: (flights,) which of them the search for effects has not seen either.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # (flights,) of each [nats].
+    # (flights,) which of them the search for effects has not seen either.
     unseen: np.ndarray
 
     @property
@@ -82,20 +78,14 @@ class Gains:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """Two models on flights that they were fitted without.
+    """Two models on flights that they were fitted without."""
 
-    Attributes:
-        folds: their errors.
-        gain: of the corrected model over the baseline.
-        free: (flights, 2) position RMS of free rollouts, baseline and corrected [m].
-        along: (flights, 2) the same along the measured pitch.
-        over_nominal: gain over the nominal model; None where it was not computed.
-    """
-
-    folds: tuple[Fold, ...]
-    gain: Gains
+    folds: tuple[Fold, ...]  # Their errors.
+    gain: Gains  # Of the corrected model over the baseline.
+    # (flights, 2) position RMS of free rollouts, baseline and corrected [m].
     free: np.ndarray
-    along: np.ndarray
+    along: np.ndarray  # (flights, 2) the same along the measured pitch.
+    # Gain over the nominal model; None where it was not computed.
     over_nominal: Gains | None = None
 
     @property

@@ -39,35 +39,25 @@ _FEWEST_ROWS = 10
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RolloutModel:
-    """A model that flies logs again.
+    """A model that flies logs again."""
 
-    Attributes:
-        theta: its parameters and coefficients.
-        field: its residual field.
-        scales: of errors along its rollouts and of flight-to-flight variation, see
-            `rollout_scales`.
-        per_flight_trims: whether the elevator stands at another angle in each flight.
-    """
-
-    theta: np.ndarray
-    field: Field
+    theta: np.ndarray  # Its parameters and coefficients.
+    field: Field  # Its residual field.
+    # Of errors along its rollouts and of flight-to-flight variation, see
+    # `rollout_scales`.
     scales: Scales
+    # Whether the elevator stands at another angle in each flight.
     per_flight_trims: bool
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Flight of a model, predicted from the beginning of a logged one.
+    """Flight of a model, predicted from the beginning of a logged one."""
 
-    Attributes:
-        pose: (n, 3) of the free rollout, as the sensors would show it.
-        translated: (n, 2) x and z of the forces alone along the measured pitch.
-        trim: elevator trim of the flight, found on the beginning [rad].
-    """
-
-    pose: np.ndarray
+    pose: np.ndarray  # (n, 3) of the free rollout, as the sensors would show it.
+    # (n, 2) x and z of the forces alone along the measured pitch.
     translated: np.ndarray
-    trim: float
+    trim: float  # Elevator trim of the flight, found on the beginning [rad].
 
     @property
     def is_finite(self) -> bool:
@@ -107,15 +97,10 @@ _OF_ROLLOUTS = ("position", "pitch")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Launch:
-    """Start of a flight and its per-flight constants.
+    """Start of a flight and its per-flight constants."""
 
-    Attributes:
-        state: (n,) of the compiled dynamics.
-        constants: its wind, its trim and the zero of its pitch reading.
-    """
-
-    state: np.ndarray
-    constants: Constants
+    state: np.ndarray  # (n,) of the compiled dynamics.
+    constants: Constants  # Its wind, its trim and the zero of its pitch reading.
 
 
 def find_launch(model: RolloutModel, record: Record, rows: int) -> Launch:

@@ -21,21 +21,14 @@ Member = tuple[str, Variant]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """Columns of the flights about a model, and the effects they belong to.
+    """Columns of the flights about a model, and the effects they belong to."""
 
-    Attributes:
-        task: of the flights.
-        model: about which the flights are linear.
-        directions: of the columns; the curves' columns follow.
-        variants: kind to its variants; a kind that acts already has one.
-        flights: linear in all columns.
-    """
-
-    task: Task
-    model: model_fit.FitResult
-    directions: tuple[Direction, ...]
+    task: Task  # Of the flights.
+    model: model_fit.FitResult  # About which the flights are linear.
+    directions: tuple[Direction, ...]  # Of the columns; the curves' columns follow.
+    # Kind to its variants; a kind that acts already has one.
     variants: dict[str, tuple[Variant, ...]]
-    flights: Sequence[LinearFlight]
+    flights: Sequence[LinearFlight]  # Linear in all columns.
 
     @property
     def always(self) -> list[int]:

@@ -34,20 +34,14 @@ _ALPHA = FIELD_VARIABLES.index("alpha")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curves:
-    """A basis of curves over alpha.
+    """A basis of curves over alpha."""
 
-    Attributes:
-        centers: (M,) [rad].
-        width: of the Gaussians [rad].
-        mix: (M * 4, q) weights, functions first and then terms, of each coordinate; a
-            coordinate has a prior spread of one, times the strength.
-        angles: (n,) a sample of the flown angles of attack [rad].
-    """
-
-    centers: np.ndarray
-    width: float
+    centers: np.ndarray  # (M,) [rad].
+    width: float  # Of the Gaussians [rad].
+    # (M * 4, q) weights, functions first and then terms, of each coordinate; a
+    # coordinate has a prior spread of one, times the strength.
     mix: np.ndarray
-    angles: np.ndarray
+    angles: np.ndarray  # (n,) a sample of the flown angles of attack [rad].
 
     @property
     def count(self) -> int:

@@ -18,22 +18,14 @@ SMALL_SIGNAL = 5e-4
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Direction:
-    """One coefficient moved, the shapes of its effect set to some start.
+    """One coefficient moved, the shapes of its effect set to some start."""
 
-    Attributes:
-        kind: of the effect, or "parameters".
-        slot: of the coefficient in theta.
-        base: theta with the effect's shapes set.
-        moved: base with the coefficient moved.
-        size: by how much.
-        shapes: the effect's starting shapes, by slot; empty where it acts already.
-    """
-
-    kind: str
-    slot: int
-    base: np.ndarray
-    moved: np.ndarray
-    size: float
+    kind: str  # Of the effect, or "parameters".
+    slot: int  # Of the coefficient in theta.
+    base: np.ndarray  # Theta with the effect's shapes set.
+    moved: np.ndarray  # Base with the coefficient moved.
+    size: float  # By how much.
+    # The effect's starting shapes, by slot; empty where it acts already.
     shapes: tuple[tuple[int, float], ...] = ()
 
 

@@ -100,19 +100,12 @@ def covariance(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Squares of columns summed over flights, those that always act eliminated.
+    """Squares of columns summed over flights, those that always act eliminated."""
 
-    Attributes:
-        gram: (m + 1, m + 1) of the candidates' columns and, last, the error.
-        precision: (m,) of the prior of the candidates' coefficients.
-        lower: (m,) least changes that are physical.
-        upper: (m,) largest.
-    """
-
-    gram: np.ndarray
-    precision: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
+    gram: np.ndarray  # (m + 1, m + 1) of the candidates' columns and, last, the error.
+    precision: np.ndarray  # (m,) of the prior of the candidates' coefficients.
+    lower: np.ndarray  # (m,) least changes that are physical.
+    upper: np.ndarray  # (m,) largest.
 
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Returns the log marginal likelihood that columns gain over none [nats].

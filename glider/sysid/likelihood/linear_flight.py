@@ -23,17 +23,11 @@ from glider.sysid.replay.theta import OFFSET, Layout
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Constants:
-    """Per-flight constants, about which a flight is linear.
+    """Per-flight constants, about which a flight is linear."""
 
-    Attributes:
-        wind: (2,) [m/s].
-        trim: of the elevator [rad].
-        pitch_zero: of the pitch reading [rad].
-    """
-
-    wind: tuple[float, float] = (0.0, 0.0)
-    trim: float = 0.0
-    pitch_zero: float = 0.0
+    wind: tuple[float, float] = (0.0, 0.0)  # (2,) [m/s].
+    trim: float = 0.0  # Of the elevator [rad].
+    pitch_zero: float = 0.0  # Of the pitch reading [rad].
 
     @property
     def values(self) -> np.ndarray:

@@ -41,34 +41,23 @@ LARGEST_COORDINATE = 30.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FitResult:
-    """A model with everything about it fitted.
+    """A model with everything about it fitted."""
 
-    Attributes:
-        kinds: that act.
-        theta: its parameters and coefficients.
-        free: slots of theta that are fitted.
-        coordinates: of the curves; empty where there are none.
-        strength: prior strength of the curves.
-        scales: of all noise.
-        constants: name of each flight to its constants, about which it is linear.
-        extra: an unmodelled field that acts too, or None.
-        has_force_errors: whether errors of the forces stand in for moving air, see
-            `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
-        cost: negative log posterior [nats].
-        freedom: penalty of the curves for the prior volume that they do not fill, the
-            logarithm of a ratio of volumes [nats].
-    """
-
-    kinds: tuple[str, ...]
-    theta: np.ndarray
-    free: tuple[int, ...]
-    coordinates: np.ndarray
-    strength: float
-    scales: Scales
+    kinds: tuple[str, ...]  # That act.
+    theta: np.ndarray  # Its parameters and coefficients.
+    free: tuple[int, ...]  # Slots of theta that are fitted.
+    coordinates: np.ndarray  # Of the curves; empty where there are none.
+    strength: float  # Prior strength of the curves.
+    scales: Scales  # Of all noise.
+    # Name of each flight to its constants, about which it is linear.
     constants: dict[str, Constants]
-    extra: FieldData | None = None
+    extra: FieldData | None = None  # An unmodelled field that acts too, or None.
+    # Whether errors of the forces stand in for moving air, see
+    # `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
-    cost: float = np.inf
+    cost: float = np.inf  # Negative log posterior [nats].
+    # Penalty of the curves for the prior volume that they do not fill, the logarithm of
+    # a ratio of volumes [nats].
     freedom: float = 0.0
 
     @property

@@ -18,31 +18,18 @@ Flight = TypeVar("Flight")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scales:
-    """Standard deviations of all noise.
+    """Standard deviations of all noise."""
 
-    Attributes:
-        position: of measured x and z [m].
-        pitch: of measured pitch [rad].
-        elevator: of the measured elevator [rad].
-        air: of the moving air, in x and in z [m/s].
-        air_time: its correlation time [s].
-        moment: of unmodelled pitch accelerations [rad/s²].
-        servo: of the elevator's departure from its replayed path [rad].
-        wind: of the steady winds of single flights, in x and in z [m/s].
-        trim: of their elevator trims [rad].
-        pitch_zero: of their pitch readings [rad].
-    """
-
-    position: float = 1e-3
-    pitch: float = 5e-3
-    elevator: float = 1e-2
-    air: float = 0.05
-    air_time: float = 0.25
-    moment: float = 1.0
-    servo: float = 5e-3
-    wind: float = 0.05
-    trim: float = 5e-3
-    pitch_zero: float = 5e-3
+    position: float = 1e-3  # Of measured x and z [m].
+    pitch: float = 5e-3  # Of measured pitch [rad].
+    elevator: float = 1e-2  # Of the measured elevator [rad].
+    air: float = 0.05  # Of the moving air, in x and in z [m/s].
+    air_time: float = 0.25  # Its correlation time [s].
+    moment: float = 1.0  # Of unmodelled pitch accelerations [rad/s²].
+    servo: float = 5e-3  # Of the elevator's departure from its replayed path [rad].
+    wind: float = 0.05  # Of the steady winds of single flights, in x and in z [m/s].
+    trim: float = 5e-3  # Of their elevator trims [rad].
+    pitch_zero: float = 5e-3  # Of their pitch readings [rad].
 
     @property
     def logs(self) -> np.ndarray:
@@ -117,15 +104,10 @@ determine it."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WhitenedFlight:
-    """A flight whitened.
+    """A flight whitened."""
 
-    Attributes:
-        innovations: (K + 1, 4, m) over their standard deviations.
-        log_variances: (K + 1, 4) of them; 0 where nothing was seen.
-    """
-
-    innovations: np.ndarray
-    log_variances: np.ndarray
+    innovations: np.ndarray  # (K + 1, 4, m) over their standard deviations.
+    log_variances: np.ndarray  # (K + 1, 4) of them; 0 where nothing was seen.
 
     @property
     def cost(self) -> float:

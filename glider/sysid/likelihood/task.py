@@ -20,19 +20,12 @@ SHAPE_SCALES = 3.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Task:
-    """Flights and a model to fit to them.
+    """Flights and a model to fit to them."""
 
-    Attributes:
-        records: the flights.
-        vehicle: what is known of the glider.
-        kinds: effects to try.
-        curves: errors of their formulas.
-    """
-
-    records: Sequence[Record]
-    vehicle: Vehicle
-    kinds: tuple[str, ...]
-    curves: Curves
+    records: Sequence[Record]  # The flights.
+    vehicle: Vehicle  # What is known of the glider.
+    kinds: tuple[str, ...]  # Effects to try.
+    curves: Curves  # Errors of their formulas.
 
     @property
     def layout(self) -> Layout:

@@ -13,17 +13,11 @@ from glider.sysid.likelihood.task import Task
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """Covariance of a model's free parameters and curves over flights.
+    """Covariance of a model's free parameters and curves over flights."""
 
-    Attributes:
-        free: slots of theta, then the curves' coordinates follow.
-        covariance: (m + q, m + q).
-        flights: (flights, m + q + 1, m + q + 1) information of each.
-    """
-
-    free: tuple[int, ...]
-    covariance: np.ndarray
-    flights: np.ndarray
+    free: tuple[int, ...]  # Slots of theta, then the curves' coordinates follow.
+    covariance: np.ndarray  # (m + q, m + q).
+    flights: np.ndarray  # (flights, m + q + 1, m + q + 1) information of each.
 
     def std(self, slot: int) -> float:
         """Returns the standard error of a slot of theta; NaN where it is not free."""

@@ -26,56 +26,39 @@ _GAP = 1.6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Record:
-    """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps.
+    """A flight, cleaned and smoothed, at nodes: its rows, and more in its gaps."""
 
-    Attributes:
-        name: of the flight's file.
-        has_servo: whether the elevator was commanded and measured.
-        time: (n,) of the nodes, from the first row that counts [s].
-        layout: of the models that fly it.
-        pose: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
-        elevator: (n,) measured [rad]; zero where not seen.
-        seen: (n, 4) which of x, z, pitch and elevator count as measured.
-        nodes: (n, layout.num_states) smoothed states, those of the effects at zero.
-        pitch: (n - 1, 3, 2) smoothed pitch and its rate at the start, middle and
-            end of each interval.
-        acceleration: (n, 3) smoothed ẍ, z̈, θ̈.
-        acceleration_std: (n, 3) of them, from the measurement noise alone.
-        switch_times: (k,) of the commands, on the same clock [s].
-        commands: (k,) [rad/s].
-        limits: where the elevator stops [rad], or None.
-        rest: where the elevator stood before the first command [rad].
-        trim_is_moment: whether a per-flight elevator trim makes a moment and no force,
-            see `glider.sysid.replay.signals.trimmed`.
-        bank: (n - 1,) factor of the wing's force in the plane where it is rolled, see
-            `glider.sysid.replay.record`; one without attitude.
-        side_wind: (n - 1, 2) air that a sideways motion is like [m/s].
-        replays: cache of `glider.sysid.replay.signals`, by its settings.
-        undone: cache of `glider.sysid.replay.signals`, by the parameters of the vehicle
-            and of its sensors.
-    """
-
-    name: str
-    has_servo: bool
-    time: np.ndarray
-    layout: Layout
-    pose: np.ndarray
-    elevator: np.ndarray
-    seen: np.ndarray
+    name: str  # Of the flight's file.
+    has_servo: bool  # Whether the elevator was commanded and measured.
+    time: np.ndarray  # (n,) of the nodes, from the first row that counts [s].
+    layout: Layout  # Of the models that fly it.
+    pose: np.ndarray  # (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
+    elevator: np.ndarray  # (n,) measured [rad]; zero where not seen.
+    seen: np.ndarray  # (n, 4) which of x, z, pitch and elevator count as measured.
+    # (n, layout.num_states) smoothed states, those of the effects at zero.
     nodes: np.ndarray
+    # (n - 1, 3, 2) smoothed pitch and its rate at the start, middle and end of each
+    # interval.
     pitch: np.ndarray
-    acceleration: np.ndarray
-    acceleration_std: np.ndarray
-    switch_times: np.ndarray
-    commands: np.ndarray
-    limits: tuple[float, float] | None
-    rest: float
+    acceleration: np.ndarray  # (n, 3) smoothed ẍ, z̈, θ̈.
+    acceleration_std: np.ndarray  # (n, 3) of them, from the measurement noise alone.
+    switch_times: np.ndarray  # (k,) of the commands, on the same clock [s].
+    commands: np.ndarray  # (k,) [rad/s].
+    limits: tuple[float, float] | None  # Where the elevator stops [rad], or None.
+    rest: float  # Where the elevator stood before the first command [rad].
+    # Whether a per-flight elevator trim makes a moment and no force, see
+    # `glider.sysid.replay.signals.trimmed`.
     trim_is_moment: bool
+    # (n - 1,) factor of the wing's force in the plane where it is rolled, see
+    # `glider.sysid.replay.record`; one without attitude.
     bank: np.ndarray
-    side_wind: np.ndarray
+    side_wind: np.ndarray  # (n - 1, 2) air that a sideways motion is like [m/s].
+    # Cache of `glider.sysid.replay.signals`, by its settings.
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
+    # Cache of `glider.sysid.replay.signals`, by the parameters of the vehicle and of
+    # its sensors.
     undone: dict[bytes, np.ndarray] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )

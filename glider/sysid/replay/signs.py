@@ -11,21 +11,13 @@ from glider.physics.model import GliderModel
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Signs:
-    """The signs of the logged pitch, elevator and command, and their evidence.
+    """The signs of the logged pitch, elevator and command, and their evidence."""
 
-    Attributes:
-        pitch: +1, or -1 where the log has the other sign.
-        elevator: likewise.
-        command: likewise.
-        evidence: log-likelihood gained by them [nats].
-        share: of the error that they remove.
-    """
-
-    pitch: int = 1
-    elevator: int = 1
-    command: int = 1
-    evidence: float = 0.0
-    share: float = 0.0
+    pitch: int = 1  # +1, or -1 where the log has the other sign.
+    elevator: int = 1  # Likewise.
+    command: int = 1  # Likewise.
+    evidence: float = 0.0  # Log-likelihood gained by them [nats].
+    share: float = 0.0  # Of the error that they remove.
 
     @property
     def are_right(self) -> bool:

@@ -22,17 +22,11 @@ _NUM_POLYNOMIAL = 3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Smoothing:
-    """Noise found in one channel of a campaign.
+    """Noise found in one channel of a campaign."""
 
-    Attributes:
-        noise: standard deviation of the measurement [unit of the channel].
-        ratio: power of the third derivative over noise² [1/s⁵].
-        noise_std: standard error of `noise`.
-    """
-
-    noise: float
-    ratio: float
-    noise_std: float
+    noise: float  # Standard deviation of the measurement [unit of the channel].
+    ratio: float  # Power of the third derivative over noise² [1/s⁵].
+    noise_std: float  # Standard error of `noise`.
 
 
 def _covariance(s: np.ndarray, t: np.ndarray, i: int, j: int) -> np.ndarray:
@@ -144,19 +138,12 @@ def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndar
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Standard deviation of the measurements, and what smooths them.
+    """Standard deviation of the measurements, and what smooths them."""
 
-    Attributes:
-        position: of x and z [m].
-        pitch: [rad].
-        elevator: [rad]; 0 without a servo.
-        smoothing: of the channels x, z, pitch.
-    """
-
-    position: float
-    pitch: float
-    elevator: float
-    smoothing: tuple[Smoothing, ...]
+    position: float  # Of x and z [m].
+    pitch: float  # [rad].
+    elevator: float  # [rad]; 0 without a servo.
+    smoothing: tuple[Smoothing, ...]  # Of the channels x, z, pitch.
 
 
 def measure_noise(

@@ -30,39 +30,25 @@ from its replayed path [rad]."""
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Layout:
-    """Meaning of each entry of theta and of a flown state; see the module.
+    """Meaning of each entry of theta and of a flown state; see the module."""
 
-    Attributes:
-        user_kinds: user effects, beside the library's.
-        kinds: name to kind, of both.
-        compiled_kinds: the effects that the compiled dynamics hold.
-        replayed_kinds: the effects on clocks and paths of the log's signals, which are
-            replayed instead.
-        slots: what each entry of theta is: (kind, coefficient), where the kind
-            of the vehicle is "parameters".
-        index: the other way round.
-        num_compiled: entries of theta that the compiled dynamics take, the first.
-        num_states: of the compiled dynamics: 7, then those of the effects.
-        lower: the smallest physical theta.
-        upper: the largest.
-        scale: typical sizes of theta's entries.
-        state_scale: typical sizes of the effects' states.
-        sensor_slots: indices into theta of the compiled sensor effects.
-    """
-
-    user_kinds: tuple[EffectKind, ...]
-    kinds: dict[str, EffectKind]
+    user_kinds: tuple[EffectKind, ...]  # User effects, beside the library's.
+    kinds: dict[str, EffectKind]  # Name to kind, of both.
+    # The effects that the compiled dynamics hold.
     compiled_kinds: tuple[EffectKind, ...]
+    # The effects on clocks and paths of the log's signals, which are replayed instead.
     replayed_kinds: tuple[EffectKind, ...]
+    # What each entry of theta is: (kind, coefficient), where the kind of the vehicle is
+    # "parameters".
     slots: tuple[tuple[str, str], ...]
-    index: dict[tuple[str, str], int]
-    num_compiled: int
-    num_states: int
-    lower: np.ndarray
-    upper: np.ndarray
-    scale: np.ndarray
-    state_scale: np.ndarray
-    sensor_slots: tuple[int, ...]
+    index: dict[tuple[str, str], int]  # The other way round.
+    num_compiled: int  # Entries of theta that the compiled dynamics take, the first.
+    num_states: int  # Of the compiled dynamics: 7, then those of the effects.
+    lower: np.ndarray  # The smallest physical theta.
+    upper: np.ndarray  # The largest.
+    scale: np.ndarray  # Typical sizes of theta's entries.
+    state_scale: np.ndarray  # Typical sizes of the effects' states.
+    sensor_slots: tuple[int, ...]  # Indices into theta of the compiled sensor effects.
 
     def __reduce__(self):
         """Another process makes it from the user effects, once."""

@@ -49,34 +49,26 @@ model to compare them with."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """A campaign's vehicle as the fits see it.
+    """A campaign's vehicle as the fits see it."""
 
-    Attributes:
-        layout: of theta.
-        theta: the nominal model, unknown entries at a start value.
-        nuisance: indices into theta that are unknown and fitted with everything.
-        baseline_slots: indices of the parameters that the flat-plate baseline refits.
-        kinds: effects that these logs could show.
-        trim_is_known: False where the elevator stands at another angle in each flight.
-        is_known: whether the nominal model is complete, the elevator's angle included.
-        knows_forces: whether mass and areas are known: effects and curves can then be
-            compared with the forces of a nominal model.
-        prior: mean and spread of theta before any flight, for what is unknown.
-        notes: what was assumed, for the report.
-        is_per_mass: whether areas and inertia are per kilogram.
-    """
-
-    layout: Layout
-    theta: np.ndarray
+    layout: Layout  # Of theta.
+    theta: np.ndarray  # The nominal model, unknown entries at a start value.
+    # Indices into theta that are unknown and fitted with everything.
     nuisance: tuple[int, ...]
+    # Indices of the parameters that the flat-plate baseline refits.
     baseline_slots: tuple[int, ...]
-    kinds: tuple[str, ...]
+    kinds: tuple[str, ...]  # Effects that these logs could show.
+    # False where the elevator stands at another angle in each flight.
     trim_is_known: bool
+    # Whether the nominal model is complete, the elevator's angle included.
     is_known: bool
+    # Whether mass and areas are known: effects and curves can then be compared with the
+    # forces of a nominal model.
     knows_forces: bool
+    # Mean and spread of theta before any flight, for what is unknown.
     prior: tuple[np.ndarray, np.ndarray] | None
-    notes: tuple[str, ...]
-    is_per_mass: bool
+    notes: tuple[str, ...]  # What was assumed, for the report.
+    is_per_mass: bool  # Whether areas and inertia are per kilogram.
 
 
 def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:

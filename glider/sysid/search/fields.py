@@ -221,21 +221,13 @@ def survey(task: Task, model: FitResult) -> Survey:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FoundField:
-    """A field in a model.
+    """A field in a model."""
 
-    Attributes:
-        model: with the field.
-        basis: of it.
-        covariance: of its weights, functions first, then terms.
-        depends_on: its variable, then those that do nearly as well.
-        evidence: gained [nats].
-    """
-
-    model: FitResult
-    basis: Basis
-    covariance: np.ndarray
-    depends_on: tuple[str, ...]
-    evidence: float
+    model: FitResult  # With the field.
+    basis: Basis  # Of it.
+    covariance: np.ndarray  # Of its weights, functions first, then terms.
+    depends_on: tuple[str, ...]  # Its variable, then those that do nearly as well.
+    evidence: float  # Gained [nats].
 
 
 def fit_fields(task: Task, model: FitResult, found: Survey) -> list[FoundField]:

@@ -136,17 +136,11 @@ def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FirstOrder:
-    """Sets of effects compared to first order about a model.
+    """Sets of effects compared to first order about a model."""
 
-    Attributes:
-        candidates: about the model.
-        scales: of noise, fitted with everything acting at once.
-        score: of sets.
-    """
-
-    candidates: Candidates
-    scales: Scales
-    score: Scorer
+    candidates: Candidates  # About the model.
+    scales: Scales  # Of noise, fitted with everything acting at once.
+    score: Scorer  # Of sets.
 
     def begin(self, members: Members) -> FitResult:
         """Returns the model with a set of effects, not fitted yet."""

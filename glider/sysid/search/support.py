@@ -43,20 +43,14 @@ _NEAR = 25.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EffectSupport:
-    """Support of an effect of the chosen set.
+    """Support of an effect of the chosen set."""
 
-    Attributes:
-        rivals: kinds that would do as well in its place, on these flights or on flights
-            drawn from them.
-        inclusion: share of the resampled flights that choose it.
-        support: share that choose it or one of its rivals.
-        enough: least support of an effect that is claimed.
-    """
-
+    # Kinds that would do as well in its place, on these flights or on flights drawn
+    # from them.
     rivals: tuple[str, ...]
-    inclusion: float
-    support: float
-    enough: float
+    inclusion: float  # Share of the resampled flights that choose it.
+    support: float  # Share that choose it or one of its rivals.
+    enough: float  # Least support of an effect that is claimed.
 
     def is_settled(self, draws: int) -> bool:
         """Whether the support is two standard errors of so many draws off its limit."""
@@ -187,29 +181,20 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Outcome of a search.
+    """Outcome of a search."""
 
-    Attributes:
-        model: with the effects that were found.
-        bare: the model without any, fitted.
-        evidence: kind to the evidence lost without it [nats].
-        weighed: kind to its support.
-        alone: kind to its evidence as the only effect, to first order [nats].
-        combinations: kinds of each set that was fitted, and its penalized gain [nats].
-        threshold: of evidence, below which an effect is not taken.
-        field: residual field that no effect explains, or None.
-        forces: the model as it was judged, along the measured attitude, if it was not
-            judged as it is.
-    """
-
-    model: FitResult
-    bare: FitResult
-    evidence: dict[str, float]
-    weighed: dict[str, EffectSupport]
+    model: FitResult  # With the effects that were found.
+    bare: FitResult  # The model without any, fitted.
+    evidence: dict[str, float]  # Kind to the evidence lost without it [nats].
+    weighed: dict[str, EffectSupport]  # Kind to its support.
+    # Kind to its evidence as the only effect, to first order [nats].
     alone: dict[str, float]
+    # Kinds of each set that was fitted, and its penalized gain [nats].
     combinations: tuple[tuple[tuple[str, ...], float], ...]
-    threshold: EvidenceThreshold
-    field: FoundField | None
+    threshold: EvidenceThreshold  # Of evidence, below which an effect is not taken.
+    field: FoundField | None  # Residual field that no effect explains, or None.
+    # The model as it was judged, along the measured attitude, if it was not judged as
+    # it is.
     forces: FitResult | None
 
     @property
