@@ -10,14 +10,7 @@ from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
 from glider.compiled.parallel import in_parallel
-from glider.sysid.fit.prediction import (
-    Prediction,
-    RolloutModel,
-    errors_of,
-    flight_errors,
-    predict,
-    rollout_scales,
-)
+from glider.sysid.fit import prediction
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import bounded_step
@@ -126,15 +119,17 @@ def clipped(gains: np.ndarray) -> np.ndarray:
     return np.clip(gains, middle - CLIP * spread, middle + CLIP * spread)
 
 
-def flown_by(task: Task, model: model_fit.FitResult, scales: Scales) -> RolloutModel:
+def flown_by(
+    task: Task, model: model_fit.FitResult, scales: Scales
+) -> prediction.RolloutModel:
     """Returns a fitted model as one that flies logs again."""
-    flown = RolloutModel(
+    flown = prediction.RolloutModel(
         theta=model.theta,
         field=model_fit.field_of(task, model),
         scales=scales,
         per_flight_trims=task.per_flight_trims,
     )
-    scales = rollout_scales(flown, task.records, scales)
+    scales = prediction.rollout_scales(flown, task.records, scales)
     return dataclasses.replace(flown, scales=scales)
 
 
@@ -165,16 +160,18 @@ def hold_out(
             model, costs[j] = refit.without(part)
             flown.append(flown_by(task, model, scales))
             predictions.append(
-                in_parallel(functools.partial(predict, flown[j]), unseen)
+                in_parallel(functools.partial(prediction.predict, flown[j]), unseen)
             )
             for i, record, predicted in zip(part, unseen, predictions[j], strict=True):
-                free[i, j], along[i, j] = flight_errors(record, predicted)
+                free[i, j], along[i, j] = prediction.flight_errors(record, predicted)
         gain[part] = costs[0] - costs[1]
         if refit_nominal is not None:
             over_nominal[part] = refit_nominal.without(part)[1] - costs[1]
         keep = predictable(predictions) or range(len(part))
         errors = [
-            errors_of(model, [unseen[k] for k in keep], [own[k] for k in keep])
+            prediction.errors_of(
+                model, [unseen[k] for k in keep], [own[k] for k in keep]
+            )
             for model, own in zip(flown, predictions, strict=True)
         ]
         folds.append(
@@ -195,7 +192,7 @@ def hold_out(
     )
 
 
-def predictable(predictions: Sequence[Sequence[Prediction]]) -> list[int]:
+def predictable(predictions: Sequence[Sequence[prediction.Prediction]]) -> list[int]:
     """Finds the flights that at least one model flies to the end."""
     by_flight = zip(*predictions, strict=True)
     return [i for i, own in enumerate(by_flight) if any(p.is_finite for p in own)]

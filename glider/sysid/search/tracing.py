@@ -13,16 +13,9 @@ import numpy as np
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.search import fits, moves
+from glider.sysid.search import fits, moves, pruning
 from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
 from glider.sysid.search.force_search import search_forces
-from glider.sysid.search.pruning import (
-    CURVE_THRESHOLD,
-    prune,
-    with_fewer,
-    with_means,
-    without_needless_curves,
-)
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
@@ -39,28 +32,30 @@ def trace(
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
     search = fits.Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
-    model, evidence = prune(search, by_sets(search, start))
+    model, evidence = pruning.prune(search, by_sets(search, start))
     while better := (
-        with_fewer(search, model)
+        pruning.with_fewer(search, model)
         or moves.with_weaker_curves(search, model)
         or moves.with_a_shaped_one(search, model)
         or (moves.left_of_many(search, model) if leaves_a_form(model) else None)
     ):
-        model, evidence = prune(search, better)
+        model, evidence = pruning.prune(search, better)
     search.task = task
     if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
-        model, evidence = prune(search, by_sets(search, other))
+        model, evidence = pruning.prune(search, by_sets(search, other))
     pruned, field = model, None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
         field = unmodelled_field(search, model)
         model = model if field is None else field.model
-    model = without_needless_curves(search, model)
+    model = pruning.without_needless_curves(search, model)
     if model.has_curves and len(model.kinds) <= 1 and field is None:
         model = effects_instead_of_curves(search, model)
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
-        model, evidence = prune(search, min(model, again, key=search.penalized_cost))
+        model, evidence = pruning.prune(
+            search, min(model, again, key=search.penalized_cost)
+        )
     model, evidence, weighed = supported(
         search, model, evidence, field is not None, rng
     )
@@ -117,7 +112,7 @@ def supported(
             other = search.fit(fits.without(task, model, weak))
             if not beside_field:
                 other = moves.with_another(search, other, dropped) or other
-        model, evidence = prune(search, other)
+        model, evidence = pruning.prune(search, other)
 
 
 LATE = ("position_scale",)
@@ -172,7 +167,8 @@ def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResul
     bare = fits.bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
     is_worth = (
-        search.penalized_cost(named) < search.penalized_cost(model) + CURVE_THRESHOLD
+        search.penalized_cost(named)
+        < search.penalized_cost(model) + pruning.CURVE_THRESHOLD
     )
     return named if named.kinds and is_worth else model
 
@@ -196,7 +192,9 @@ def by_sets(search: fits.Search, model: FitResult) -> FitResult:
         if kinds in tried:
             break
         search.progress(f"fitting {', '.join(sorted(kinds)) or 'the flat plate'}")
-        model = with_means(search, search.fit_with_strength(near.begin(members)))
+        model = pruning.with_means(
+            search, search.fit_with_strength(near.begin(members))
+        )
         tried[kinds] = model
     return min(tried.values(), key=search.penalized_cost, default=model)
 
