@@ -4,7 +4,7 @@ import importlib.metadata
 import sys
 from pathlib import Path
 
-from glider.sysid import plausibility
+from glider.sysid import verdict
 from glider.sysid.fit import folds
 from glider.sysid.likelihood import curves, outliers, task, uncertainty
 from glider.sysid.search import fits, pruning, signs, subsets, support, tracing
@@ -49,12 +49,12 @@ myst_substitutions = {
     "field_price": f"{tracing.FIELD_THRESHOLD:.0f}",
     "flights_of_price": f"{fits.THRESHOLD_FLIGHTS}",
     "folds": f"{folds.FOLDS}",
-    "gain_error": f"{plausibility.GAIN_ERROR:.0%}",
+    "gain_error": f"{verdict.GAIN_ERROR:.0%}",
     "least_gain": f"{signs.LEAST_GAIN:.0f}",
     "allowed": f"{uncertainty.ALLOWED:g}",
     "least_support": f"{support.LEAST_SUPPORT:.0%}",
     "least_unseen_gain": f"{folds.LEAST_UNSEEN_GAIN:.1f}",
-    "moment_share": f"{plausibility.MOMENT_SHARE:g}",
+    "moment_share": f"{verdict.MOMENT_SHARE:g}",
     "most_effects": f"{subsets.MOST_EFFECTS}",
     "plain_moment": f"{fits.SIMPLE_MOMENT:.1f}",
     "plain_price": f"{fits.SIMPLE_THRESHOLD:.1f}",

@@ -34,7 +34,6 @@ from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
-from glider.sysid.plausibility import find_doubt
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.signs import Signs, turn_campaign
 from glider.sysid.replay.smoothing import Noise, measure_noise
@@ -44,7 +43,7 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
-from glider.sysid.verdict import judge
+from glider.sysid.verdict import find_doubt, judge
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,13 +54,7 @@ class SmoothedFlights:
     campaign: Campaign  # The same with wrong signs turned.
     signs: Signs  # Of the logged angles.
     noise: Noise  # Of the sensors.
-    records: Sequence[Record]  # Of all flights, as the models take them.
-    untouched: Sequence[Record]  # The same as they were logged, where signs were wrong.
-
-    def among(self, names: Sequence[str]) -> FlownRecords:
-        """Returns some of the flights as each model takes them."""
-        every = FlownRecords(corrected=self.records, logged=self.untouched)
-        return every.among(names)
+    every: FlownRecords
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -141,8 +134,8 @@ class Analysis:
             models = rollout_models(task, traced, baseline)
             evaluation = evaluate(
                 models,
-                flights.among(split.held_out),
-                flights.among(split.outlying_held_out),
+                flights.every.among(split.held_out),
+                flights.every.among(split.outlying_held_out),
                 flights.signs,
             )
             held_out = None
@@ -151,7 +144,9 @@ class Analysis:
                     everything, task, traced, baseline, self.rng
                 )
             kept = [record.name for record in everything.records]
-            tables = residual_tables(task, traced.model, models, flights.among(kept))
+            tables = residual_tables(
+                task, traced.model, models, flights.every.among(kept)
+            )
         return self._result(
             flights, split, task, traced, evaluation, held_out, tables, settings
         )
@@ -168,17 +163,15 @@ class Analysis:
         check_limits(campaign, masks)
         with self.stage("smooth"):
             noise = measure_noise(campaign, masks)
-            records = self._records(campaign, noise)
-            untouched = records
+            records = as_logged = self._records(campaign, noise)
             if not signs.are_right:
-                untouched = self._records(logged, measure_noise(logged, masks))
+                as_logged = self._records(logged, measure_noise(logged, masks))
         return SmoothedFlights(
             logged=logged,
             campaign=campaign,
             signs=signs,
             noise=noise,
-            records=records,
-            untouched=untouched,
+            every=FlownRecords(corrected=records, logged=as_logged),
         )
 
     def _records(self, campaign: Campaign, noise: Noise) -> list[Record]:
@@ -195,7 +188,7 @@ class Analysis:
         """
         noise, campaign = flights.noise, flights.campaign
         with self.stage("compare", "comparing flights"):
-            everything = make_task(flights.records, self.vehicle, kinds)
+            everything = make_task(flights.every.corrected, self.vehicle, kinds)
             ratios = find_outlying(everything, noise)
             if ratios:
                 outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
@@ -222,7 +215,7 @@ class Analysis:
         bare = dataclasses.replace(
             traced.bare, coordinates=np.zeros(0), free=self.vehicle.baseline_slots
         )
-        return fit_model(task.on(flights.among(names).logged), bare)
+        return fit_model(task.on(flights.every.among(names).logged), bare)
 
     def _result(
         self,
@@ -282,7 +275,7 @@ class Analysis:
             warnings=(
                 *self.inspection.warnings,
                 *_past_limits(flights),
-                *_without_elevator(flights.records),
+                *_without_elevator(flights.every.corrected),
                 *(_UNPREDICTED.format(name) for name in evaluation.unpredicted),
                 *_losses(held_out, verdict),
             ),
@@ -353,7 +346,7 @@ def _left(
 
 def _past_limits(flights: SmoothedFlights) -> tuple[str, ...]:
     """Returns a warning where the elevator passes its limits."""
-    limits, stops = flights.campaign.elevator_limits, flights.records[0].limits
+    limits, stops = flights.campaign.elevator_limits, flights.every.corrected[0].limits
     if limits is None or stops is None or stops == limits:
         return ()
     return (

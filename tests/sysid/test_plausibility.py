@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.scales import CEILING
-from glider.sysid.plausibility import BOUNDED, elevator_gain, find_doubt
+from glider.sysid.verdict import BOUNDED, elevator_gain, find_doubt
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fit_kinds, fly
 

@@ -9,10 +9,10 @@ from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import fit_model
+from glider.sysid.outcome import find_peaks
 from glider.sysid.search import tracing
 from glider.sysid.search.fields import Survey, fit_field, fit_fields, survey
 from glider.sysid.search.fits import Search
-from glider.sysid.search.peaks import find_peaks
 from tests.helpers.tasks import begin, fly, task_of
 
 VENT = FieldData(

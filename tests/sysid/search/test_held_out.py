@@ -8,7 +8,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import prior_of, with_prior
-from glider.sysid.search.held_out import HeldOutEvidence
+from glider.sysid.search.force_search import HeldOutEvidence
 from tests.helpers.tasks import begin, fly, task_of
 
 OFFERED = ("profile_drag", "camber", "pitch_rate_lift")
