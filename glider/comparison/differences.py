@@ -12,11 +12,11 @@ from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
 from glider.comparison.saved import SavedReport
 from glider.physics.effects import KINDS
-from glider.report.wording import join
+from glider.report.wording import join, name_of, say
 from glider.sysid.result import Estimate, ReportedEffect, Spread
 
 FALSE_ALARM = 0.01
-"""Probability that anything is told to differ between campaigns of one glider."""
+"""Probability that any change is reported between campaigns of one glider."""
 
 EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicle"
 """Groups of differences."""
@@ -49,6 +49,11 @@ class Difference:
     note: str = ""
 
     @property
+    def words(self) -> str:
+        """Short phrase for the kind; of the user's own its name."""
+        return KINDS[self.kind].words if self.kind in KINDS else name_of(self.kind)
+
+    @property
     def label(self) -> str:
         """Name as of a correlation in report.json: "wind.x"."""
         return f"{self.kind}.{self.name}" if self.name else self.kind
@@ -62,7 +67,7 @@ class Comparison:
         first: report.
         second: report.
         differences: of all numbers that either has.
-        z_significant: from which on a change counts.
+        z_significant: threshold above which a change counts.
         notes: sentences on how far the two may be compared.
     """
 
@@ -71,6 +76,12 @@ class Comparison:
     differences: tuple[Difference, ...]
     z_significant: float
     notes: tuple[str, ...]
+
+    @property
+    def lacks_effects(self) -> bool:
+        """Whether one report has an effect that the other lacks."""
+        effects = [d for d in self.differences if d.group == EFFECTS]
+        return any(d.first is None or d.second is None for d in effects)
 
     def is_significant(self, difference: Difference) -> bool:
         """Whether a number changed by more than its standard errors allow."""
@@ -90,7 +101,7 @@ def compare(first: SavedReport, second: SavedReport) -> Comparison:
         second=second,
         differences=differences,
         z_significant=-float(ndtri(0.5 * FALSE_ALARM / max(count, 1))),
-        notes=tuple(_notes(first, second)),
+        notes=tuple(say("notes", first, second)),
     )
 
 
@@ -172,49 +183,3 @@ def _numbers(
             )
         )
     return found
-
-
-def _notes(first: SavedReport, second: SavedReport) -> list[str]:
-    """Returns sentences on how far two reports may be compared."""
-    notes = []
-    for name, report in (("A", first), ("B", second)):
-        if report.verdict in ("not_trusted", "unexplained"):
-            notes.append(
-                f"The verdict on {name} is {report.verdict.replace('_', ' ')}: its "
-                "coefficients may stand for something else."
-            )
-    if first.given is not None and second.given is not None:
-        old, new = dataclasses.asdict(first.given), dataclasses.asdict(second.given)
-        for name in (name for name in old if old[name] != new[name]):
-            notes.append(
-                f"{name} was told as {_told(old[name])} for A and {_told(new[name])} "
-                "for B: coefficients are what each of the two gliders lacks."
-            )
-    elif (first.given is None) != (second.given is None):
-        notes.append(
-            "The vehicle is known in one report only: coefficients are what a told "
-            "glider lacks in the one, and a fitted one in the other."
-        )
-    flights = set(first.flights.fit) & set(second.flights.fit)
-    if first.campaign == second.campaign and flights:
-        notes.append(
-            f"Both are of campaign {first.campaign}, with {len(flights)} fitted "
-            "flights of the same name: if they are the same flights, the standard "
-            "errors of the changes are too large."
-        )
-    if first.version != second.version:
-        notes.append(
-            f"A was made by version {first.version} and B by {second.version}."
-        )
-    return notes
-
-
-def _told(value: object) -> str:
-    if isinstance(value, (list, tuple)):
-        return ", ".join(f"{v:g}" for v in value)
-    return f"{value:g}"
-
-
-def words_of_kind(kind: str) -> str:
-    """Returns an effect's short phrase for people; of the user's own its name."""
-    return KINDS[kind].words if kind in KINDS else kind.replace("_", " ")

@@ -18,7 +18,7 @@ from glider.report.as_page import render_page
 from glider.report.error_table import ALONG, FREE, PITCH
 from glider.report.flight_errors import bounded
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
-from glider.report.plots.figure import Axis, Figure, Ground, Panel, Points
+from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS
 
 
@@ -52,7 +52,7 @@ def _keys(comparison: Comparison) -> dict[str, str]:
     }
 
 
-def changes_figure(comparison: Comparison) -> Figure | None:
+def changes_figure(comparison: Comparison) -> spec.Figure | None:
     """Each change over its standard error, beside what chance allows."""
     compared = [
         (d, row)
@@ -63,7 +63,7 @@ def changes_figure(comparison: Comparison) -> Figure | None:
         return None
     keys = {"chosen": "changed by more than chance allows", "other": "agrees"}
     limit = comparison.z_significant
-    marks: list[Ground | Points] = [Ground(start=-limit, end=limit)]
+    marks: list[spec.Ground | spec.Points] = [spec.Ground(start=-limit, end=limit)]
     for key in keys:
         mine = [
             place
@@ -72,10 +72,10 @@ def changes_figure(comparison: Comparison) -> Figure | None:
         ]
         chosen = [compared[place] for place in mine]
         marks.append(
-            Points(
-                key=key,
-                x=np.array([d.z for d, _ in chosen]),
-                y=np.array(mine, dtype=float),
+            spec.Points(
+                key,
+                np.array([d.z for d, _ in chosen]),
+                np.array(mine, dtype=float),
                 hover="%{hovertext}",
                 names=[
                     f"{d.label}: {d.z:+.1f} σ<br>{row.first} → {row.second} {row.unit}"
@@ -86,17 +86,17 @@ def changes_figure(comparison: Comparison) -> Figure | None:
         )
     far = 1.15 * max(limit, *(abs(d.z) for d, _ in compared))
     ticks = {float(place): d.label for place, (d, _) in enumerate(compared)}
-    panel = Panel(
+    panel = spec.Panel(
         title="",
         marks=marks,
-        x=Axis(label="change over its standard error [σ]", range=(-far, far)),
-        y=Axis(range=(-0.6, len(compared) - 0.4), ticks=ticks),
+        x=spec.Axis(label="change over its standard error [σ]", range=(-far, far)),
+        y=spec.Axis(range=(-0.6, len(compared) - 0.4), ticks=ticks),
         height=90 + 26 * len(compared),
     )
-    return Figure(keys=keys, panels=[panel], columns=1, least_width=WIDE)
+    return spec.Figure(keys=keys, panels=[panel], columns=1, least_width=WIDE)
 
 
-def errors_figure(comparison: Comparison) -> Figure | None:
+def errors_figure(comparison: Comparison) -> spec.Figure | None:
     """Errors of each model in both reports as bars."""
     models = models_of(comparison)
     if not models:
@@ -111,17 +111,17 @@ def errors_figure(comparison: Comparison) -> Figure | None:
         unit = unit_of(comparison, error, *pairs.flat)
         values = dict(zip(_keys(comparison), bounded(pairs.T) / unit.size, strict=True))
         panels.append(
-            Panel(
+            spec.Panel(
                 title=f"{title}, RMS [{unit.name}]",
                 marks=grouped_bars(values, _keys(comparison), unit),
-                x=Axis(ticks={float(i): LABELS[m] for i, m in enumerate(models)}),
-                y=Axis(is_log=True),
+                x=spec.Axis(ticks={float(i): LABELS[m] for i, m in enumerate(models)}),
+                y=spec.Axis(is_log=True),
             )
         )
-    return Figure(keys=_keys(comparison), panels=panels)
+    return spec.Figure(keys=_keys(comparison), panels=panels)
 
 
-def curves_figure(comparison: Comparison) -> Figure | None:
+def curves_figure(comparison: Comparison) -> spec.Figure | None:
     """What the plate of each report lacks, one over the other."""
     both = {"first": comparison.first.curves, "second": comparison.second.curves}
     terms = dict.fromkeys(c.term for curves in both.values() for c in curves)
@@ -139,4 +139,4 @@ def curves_figure(comparison: Comparison) -> Figure | None:
         )
         for term in terms
     ]
-    return Figure(keys=_keys(comparison), panels=panels) if panels else None
+    return spec.Figure(keys=_keys(comparison), panels=panels) if panels else None

@@ -1,9 +1,12 @@
-"""Words and rows of a comparison, for the terminal and the page alike."""
+"""Words and rows of a comparison, for the terminal and the page."""
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
-from glider.comparison.differences import EFFECTS, Comparison, Difference, words_of_kind
+from glider.comparison.differences import EFFECTS, Comparison
 from glider.comparison.saved import SavedReport
 from glider.report.error_table import ALONG, END, FREE, PITCH, error_of
 from glider.report.numbers import (
@@ -17,7 +20,7 @@ from glider.report.numbers import (
     length_unit,
 )
 from glider.report.plots.style import LABELS
-from glider.report.wording import counted, join
+from glider.report.wording import counted, name_of, say
 from glider.sysid.result import Estimate
 
 _ERRORS = {
@@ -30,36 +33,19 @@ _ERRORS = {
 
 
 def headline(comparison: Comparison) -> str:
-    """Returns what changed, in a few sentences."""
+    """What changed, in a few sentences."""
     compared = [d for d in comparison.differences if math.isfinite(d.z)]
-    changed = [d for d in compared if comparison.is_significant(d)]
-    changed.sort(key=lambda d: -abs(d.z))
-    said = []
-    if changed:
-        said.append(f"Changed: {join([_change(d) for d in changed], '; ', '; ')}.")
-    for name, missing in (("A", "second"), ("B", "first")):
-        kinds = dict.fromkeys(
-            words_of_kind(d.kind)
-            for d in comparison.differences
-            if d.group == EFFECTS and getattr(d, missing) is None
-        )
-        if kinds:
-            said.append(f"Only {name} shows {join(kinds, '; and ', '; ')}.")
-    rest = len(compared) - len(changed)
-    if rest:
-        numbers = "1 number agrees" if rest == 1 else f"{rest} numbers agree"
-        agree = f"{numbers} within {comparison.z_significant:.1f} σ."
-        said.append(agree if said else f"No significant change: {agree}")
-    return " ".join(said) or "Neither report has a number to compare."
+    changed = [
+        f"{d.label} by {signed(d.change)} ({_sigmas(abs(d.z))} σ)"
+        for d in sorted(compared, key=lambda d: -abs(d.z))
+        if comparison.is_significant(d) and d.change
+    ]
+    agreeing = len(compared) - len(changed)
+    return " ".join(say("changes", comparison, changed, agreeing))
 
 
-def _change(d: Difference) -> str:
-    assert d.change is not None
-    return f"{d.label} by {signed(d.change)} ({_sigmas(abs(d.z))} σ)"
-
-
-def _sigmas(z: float) -> str:
-    return f"{z:,.0f}" if abs(z) >= 100.0 else f"{z:.1f}"
+def _sigmas(z: float, sign: str = "-") -> str:
+    return f"{z:{sign},.0f}" if abs(z) >= 100.0 else f"{z:{sign}.1f}"
 
 
 def signed(estimate: Estimate) -> str:
@@ -68,8 +54,7 @@ def signed(estimate: Estimate) -> str:
     return text if text.startswith(("-", "(-", MISSING)) else f"+{text}"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Row:
+class Row(NamedTuple):
     """A number in two reports, as text, under a heading; `kind` is a shorter one."""
 
     heading: str
@@ -85,21 +70,17 @@ class Row:
 
 
 def rows(comparison: Comparison) -> list[Row]:
-    """Returns all numbers that either report has."""
+    """All values that either report has."""
     return [
         Row(
-            heading=words_of_kind(d.kind) if d.group == EFFECTS else d.group,
+            heading=d.words if d.group == EFFECTS else d.group,
             kind=d.kind if d.group == EFFECTS else d.group,
-            name=(d.name or d.kind).replace("_", " "),
+            name=name_of(d.name or d.kind),
             unit="" if d.unit == "-" else d.unit,
             first=_plain(d.first),
             second=_plain(d.second),
-            change=MISSING
-            if d.change is None
-            else signed(dataclasses.replace(d.change, unit="")),
-            z=("+" if d.z > 0.0 else "") + _sigmas(d.z)
-            if math.isfinite(d.z)
-            else MISSING,
+            change=_plain(d.change, signed),
+            z=_sigmas(d.z, "+") if math.isfinite(d.z) else MISSING,
             changed=comparison.is_significant(d),
             note=d.note,
         )
@@ -107,14 +88,15 @@ def rows(comparison: Comparison) -> list[Row]:
     ]
 
 
-def _plain(estimate: Estimate | None) -> str:
+def _plain(
+    estimate: Estimate | None, write: Callable[[Estimate], str] = format_estimate
+) -> str:
     if estimate is None:
         return MISSING
-    return format_estimate(dataclasses.replace(estimate, unit=""))
+    return write(dataclasses.replace(estimate, unit=""))
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ErrorRow:
+class ErrorRow(NamedTuple):
     """An error of a model in two reports, as text in one unit."""
 
     name: str
@@ -138,27 +120,21 @@ def models_of(comparison: Comparison) -> list[str]:
 
 
 def error_rows(comparison: Comparison) -> list[ErrorRow]:
-    """Returns errors on held-out flights, of each model in both reports."""
+    """Errors on held-out flights, of each model in both reports."""
     found = []
-    for error, name in _ERRORS.items():
-        for model in models_of(comparison):
-            values = error_values(comparison, error, model)
-            unit = unit_of(comparison, error, *values)
-            found.append(
-                ErrorRow(
-                    name=name,
-                    model=LABELS[model],
-                    unit=unit.name,
-                    first=unit.digits(values[0]),
-                    second=unit.digits(values[1]),
-                    gain=format_gain(*values),
-                )
-            )
+    for (error, name), model in itertools.product(
+        _ERRORS.items(), models_of(comparison)
+    ):
+        values = error_values(comparison, error, model)
+        unit = unit_of(comparison, error, *values)
+        first, second = map(unit.digits, values)
+        gain = format_gain(*values)
+        found.append(ErrorRow(name, LABELS[model], unit.name, first, second, gain))
     return found
 
 
 def unit_of(comparison: Comparison, error: str, *values: float) -> Unit:
-    """Returns the unit in which an error of both reports reads best."""
+    """The unit in which an error of both reports reads best."""
     if error.endswith("_rad"):
         return DEGREE
     noises = (comparison.first.noise.position_m, comparison.second.noise.position_m)
@@ -166,27 +142,23 @@ def unit_of(comparison: Comparison, error: str, *values: float) -> Unit:
 
 
 def facts(report: SavedReport) -> list[tuple[str, str]]:
-    """Returns what else a report tells, by name."""
+    """Further facts of a report, by name."""
     air = MISSING
     if math.isfinite(report.air.std_m_s):
         air = f"{report.air.std_m_s:.2g} m/s" if report.air.std_m_s else "still"
+    fit, held_out = len(report.flights.fit), len(report.flights.held_out)
+    position = format_length(report.noise.position_m)
+    pitch = format_angle(report.noise.pitch_rad)
     return [
-        ("verdict", report.verdict.replace("_", " ")),
-        (
-            "flights",
-            f"{len(report.flights.fit)} + {len(report.flights.held_out)} held out",
-        ),
-        (
-            "noise",
-            f"{format_length(report.noise.position_m)}, "
-            f"{format_angle(report.noise.pitch_rad)}",
-        ),
-        ("moving air", air),
+        ("verdict", name_of(report.verdict)),
+        ("flights", f"{fit} + {held_out} held out"),
+        ("noise", f"{position}, {pitch}"),
+        ("turbulence σ", air),
     ]
 
 
 def title(comparison: Comparison) -> str:
-    """Returns what is compared with what."""
+    """The two campaigns that are compared."""
     a, b = comparison.first, comparison.second
     flights = [counted(r.flights.fit, "fitted flight") for r in (a, b)]
     return f"A: {a.campaign} ({flights[0]}); B: {b.campaign} ({flights[1]})"

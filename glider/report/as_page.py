@@ -15,18 +15,7 @@ import numpy as np
 from markupsafe import Markup
 
 from glider.files.schema import json_text
-from glider.report.plots.figure import (
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Ground,
-    Level,
-    Line,
-    Mark,
-    Panel,
-    Points,
-)
+from glider.report.plots import figure as spec
 from glider.report.plots.style import DASHES, INKS
 
 STATIC = Path(__file__).parent / "static"
@@ -35,7 +24,9 @@ _SHORT = 8
 """Numbers up to which a column is written where it stands."""
 
 
-def render_page(template: str, figures: Mapping[str, Figure], **values: Any) -> str:
+def render_page(
+    template: str, figures: Mapping[str, spec.Figure], **values: Any
+) -> str:
     """Renders a page with its figures: one file that needs nothing else.
 
     Args:
@@ -61,7 +52,7 @@ def render_page(template: str, figures: Mapping[str, Figure], **values: Any) -> 
     )
 
 
-def page_data(figures: Mapping[str, Figure]) -> dict[str, Any]:
+def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
     """Data of a page's figures, with the columns that they share."""
     columns = _Columns()
     found = {name: _figure(figure, columns) for name, figure in figures.items()}
@@ -115,9 +106,9 @@ def rounded(values: np.ndarray) -> np.ndarray:
     return np.round(values * up / down) * down / up
 
 
-def _figure(figure: Figure, columns: _Columns) -> dict[str, Any]:
+def _figure(figure: spec.Figure, columns: _Columns) -> dict[str, Any]:
     marks = [mark for panel in figure.every for mark in panel.marks]
-    dashed = {m.key for m in marks if isinstance(m, Line) and not m.is_solid}
+    dashed = {m.key for m in marks if isinstance(m, spec.Line) and not m.is_solid}
     return {
         "keys": [
             {
@@ -142,19 +133,21 @@ def _figure(figure: Figure, columns: _Columns) -> dict[str, Any]:
     }
 
 
-def _panel(panel: Panel, columns: _Columns) -> dict[str, Any]:
+def _panel(panel: spec.Panel, columns: _Columns) -> dict[str, Any]:
     return {
         "title": panel.title,
         "height": panel.height,
         "x": _axis(panel.x),
         "y": _axis(panel.y),
         "links": [panel.x.link, panel.y.link],
-        "shapes": [_shape(m) for m in panel.marks if isinstance(m, (Level, Ground))],
+        "shapes": [
+            _shape(m) for m in panel.marks if isinstance(m, (spec.Level, spec.Ground))
+        ],
         "traces": [t for mark in panel.marks for t in _traces(mark, columns)],
     }
 
 
-def _axis(axis: Axis) -> dict[str, Any]:
+def _axis(axis: spec.Axis) -> dict[str, Any]:
     """What an axis has beside what all have."""
     found: dict[str, Any] = {}
     if axis.label:
@@ -175,8 +168,8 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return found
 
 
-def _shape(mark: Level | Ground) -> dict[str, Any]:
-    if isinstance(mark, Level):
+def _shape(mark: spec.Level | spec.Ground) -> dict[str, Any]:
+    if isinstance(mark, spec.Level):
         dash = {"dash": "dot"} if mark.is_dotted else {}
         return {
             **{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "layer": "below"},
@@ -192,9 +185,9 @@ def _shape(mark: Level | Ground) -> dict[str, Any]:
     }
 
 
-def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
+def _traces(mark: spec.Mark, columns: _Columns) -> list[dict[str, Any]]:
     match mark:
-        case Band():
+        case spec.Band():
             edge = {
                 **{"type": "scatter", "mode": "lines", "key": mark.key},
                 **{"x": columns.add(mark.x), "hoverinfo": "skip"},
@@ -205,7 +198,7 @@ def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
                 {**edge, "y": columns.add(mark.low)},
                 {**edge, "y": columns.add(mark.high), **fill},
             ]
-        case Line():
+        case spec.Line():
             color, width = f"@{mark.key}", mark.line_width
             dash = "solid" if mark.is_solid else _dash(mark.key, width, "px")
             found = {
@@ -217,7 +210,7 @@ def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
             if mark.extra is not None:
                 found["customdata"] = columns.add(mark.extra)
             return [_points(mark, columns) | found]
-        case Points():
+        case spec.Points():
             color = f"@{mark.key}"
             found = {
                 "mode": "markers+text" if any(mark.labels) else "markers",
@@ -228,7 +221,7 @@ def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
             if len(mark.names):
                 found["hovertext"] = mark.names
             return [_points(mark, columns) | found]
-        case Bars():
+        case spec.Bars():
             ends = ("y", "x") if mark.is_across else ("x", "y")
             return [
                 {
@@ -250,7 +243,7 @@ def _traces(mark: Mark, columns: _Columns) -> list[dict[str, Any]]:
     return []
 
 
-def _points(mark: Line | Points, columns: _Columns) -> dict[str, Any]:
+def _points(mark: spec.Line | spec.Points, columns: _Columns) -> dict[str, Any]:
     found: dict[str, Any] = {
         "type": "scatter",
         "key": mark.key,
@@ -265,7 +258,7 @@ def _points(mark: Line | Points, columns: _Columns) -> dict[str, Any]:
         found["opacity"] = mark.opacity
     if mark.flight is not None:
         found["flight"] = columns.add(mark.flight.astype(int))
-        if isinstance(mark, Points) and mark.time is not None:
+        if isinstance(mark, spec.Points) and mark.time is not None:
             found["time"] = columns.add(mark.time)
     return found
 

@@ -1,8 +1,8 @@
 """The table of errors, before and after the correction, as text."""
 
-import dataclasses
 import math
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,17 +18,11 @@ PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
 """Fields of `Errors`, as in report.json."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ErrorRow:
-    """A row of the table of errors, as text, all of it in one unit.
+class ErrorRow(NamedTuple):
+    """A row of the table of errors, all of it text in one unit.
 
-    Attributes:
-        group: heading that it stands under.
-        name: of the error.
-        unit: of all its numbers.
-        cells: model to its error.
-        noise: what noise of the measurement alone would give.
-        gain: by what factor the correction made it smaller.
+    `cells` has the error of each model, `noise` what noise of the measurement alone
+    would give, `gain` the factor by which the correction made it smaller.
     """
 
     group: str

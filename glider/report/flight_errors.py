@@ -1,7 +1,7 @@
 """Errors of single held-out flights, and those that stand out."""
 
-import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +17,11 @@ MOST = 5
 """Flights that the table shows, the worst."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FlightRow:
-    """A held-out flight's errors of position, RMS, as text; all in one unit.
+class FlightRow(NamedTuple):
+    """A held-out flight's position RMS before and after, as text in one unit.
 
-    Attributes:
-        name: of its file.
-        before: of the model that the correction is compared with.
-        after: of the corrected model.
-        unit: of both.
-        times: the latter over the median of all flights.
-        stands_out: whether that is more than STANDS_OUT.
-        planarity: a sentence, empty where the log does not tell.
+    `times` is the latter over the median of all flights; `planarity` is a sentence,
+    empty where the log does not show it.
     """
 
     name: str
@@ -41,14 +34,15 @@ class FlightRow:
 
 
 def worst_flights(result: Result) -> list[FlightRow]:
-    """Returns the held-out flights that the corrected model misses most."""
-    before = baseline(result)
+    """Held-out flights with the largest errors of the corrected model."""
     ranked = rank_flights(result)[::-1]
     after = [position_rms(f, "corrected") for f in ranked]
     finite = [e for e in after if math.isfinite(e)]
     median = float(np.median(finite)) if finite else math.nan
-    shown = ranked[:MOST]
-    pairs = [(position_rms(f, before), e) for f, e in zip(shown, after, strict=False)]
+    pairs = [
+        (position_rms(f, baseline(result)), e)
+        for f, e in zip(ranked, after, strict=True)
+    ][:MOST]
     unit = unit_beside_noise(result, *(e for pair in pairs for e in pair))
     return [
         FlightRow(
@@ -60,17 +54,17 @@ def worst_flights(result: Result) -> list[FlightRow]:
             stands_out=new > STANDS_OUT * median,
             planarity=result.planarity.get(flight.name, ""),
         )
-        for flight, (old, new) in zip(shown, pairs, strict=True)
+        for flight, (old, new) in zip(ranked[:MOST], pairs, strict=True)
     ]
 
 
 def rank_flights(result: Result) -> list[HeldOutFlight]:
-    """Returns the held-out flights, from the best corrected to the worst."""
+    """Held-out flights, from the best corrected to the worst."""
     return sorted(result.held_out, key=lambda f: position_rms(f, "corrected"))
 
 
 def position_rms(flight: HeldOutFlight, model: str) -> float:
-    """Returns a model's distance from a flight, RMS [m]; infinity where it left."""
+    """A model's distance from a flight, RMS [m]; infinity where it diverged."""
     flown = flight.flown.get(model)
     if flown is None:
         return math.inf
@@ -79,10 +73,10 @@ def position_rms(flight: HeldOutFlight, model: str) -> float:
 
 
 def distance(pose: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Returns the distance between poses, row by row [m]."""
+    """Distance between poses, row by row [m]."""
     return np.linalg.norm(pose[:, :2] - measured[:, :2], axis=1)
 
 
 def bounded(values):
-    """Returns the values, NaN where they left all bounds."""
+    """The values, NaN where a model diverged."""
     return np.where(np.abs(values) < DIVERGED, values, math.nan)

@@ -8,17 +8,8 @@ import numpy as np
 from glider.report.error_table import ALONG, COLUMNS, FREE, PITCH, unit_beside_noise
 from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
 from glider.report.numbers import DEGREE, Unit
+from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
-from glider.report.plots.figure import (
-    Axis,
-    Choice,
-    Figure,
-    Ground,
-    Level,
-    Line,
-    Panel,
-    Points,
-)
 from glider.report.plots.style import LABELS
 from glider.sysid.result import HeldOutFlight, Result
 
@@ -53,7 +44,7 @@ def flights_in_page(result: Result) -> list[HeldOutFlight]:
     return [flight for flight in rank_flights(result)[::-1] if flight.name in kept]
 
 
-def held_out_figure(result: Result) -> Figure | None:
+def held_out_figure(result: Result) -> spec.Figure | None:
     """Held-out flights, measured and flown by each model, to choose from."""
     flights = flights_in_page(result)
     if not flights:
@@ -62,11 +53,11 @@ def held_out_figure(result: Result) -> Figure | None:
     errors = [position_rms(flight, "corrected") for flight in flights]
     unit = unit_beside_noise(result, *errors)
     flown = [m for m in COLUMNS if any(m in flight.flown for flight in flights)]
-    return Figure(
+    return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *flown)}
         | {"fitted": "launch state fitted"},
         choices=[
-            Choice(
+            spec.Choice(
                 label=_stem(flight.name),
                 note=unit.text(error),
                 panels=flight_panels(flight, result.noise.position_m),
@@ -77,7 +68,7 @@ def held_out_figure(result: Result) -> Figure | None:
     )
 
 
-def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[Panel]:
+def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.Panel]:
     """Path, pitch and distance of a flight, measured and flown by each model.
 
     Args:
@@ -91,27 +82,27 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[Panel]
     apart = {m: distance(pose, measured) for m, pose in flown.items()}
     name, fitted = _stem(flight.name), time <= flight.fitted_until
 
-    def line(model: str, x: np.ndarray, y: np.ndarray, what: str) -> Line:
+    def line(model: str, x: np.ndarray, y: np.ndarray, what: str) -> spec.Line:
         hover = f"{name}, {LABELS[model]}<br>%{{customdata:.3f}} s: {what}"
-        return Line(key=model, x=x, y=y, hover=hover, extra=time)
+        return spec.Line(model, x, y, hover=hover, extra=time)
 
     poses = {"measured": measured, **flown}
     degrees = np.degrees(measured[:, 2])
-    clock = Axis(
+    clock = spec.Axis(
         label="time [s]",
         range=(float(time[0]), float(time[-1])),
         link=f"time {flight.name}",
     )
-    start = Ground(start=float(time[0]), end=flight.fitted_until, key="fitted")
+    start = spec.Ground(start=float(time[0]), end=flight.fitted_until, key="fitted")
     known = math.isfinite(noise) and noise > 0.0
     return [
-        Panel(
+        spec.Panel(
             title=name,
             marks=[
-                Points(
-                    key="fitted",
-                    x=measured[fitted, 0],
-                    y=measured[fitted, 1],
+                spec.Points(
+                    "fitted",
+                    measured[fitted, 0],
+                    measured[fitted, 1],
                     hover="",
                     size=12.0,
                     opacity=0.3,
@@ -121,11 +112,11 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[Panel]
                     for m, pose in poses.items()
                 ),
             ],
-            x=Axis(label="x [m]", range=bounds(measured[:, 0], 0.06, 0.0)),
-            y=Axis(label="z [m]", range=bounds(measured[:, 1], 0.35, 0.0)),
+            x=spec.Axis(label="x [m]", range=bounds(measured[:, 0], 0.06, 0.0)),
+            y=spec.Axis(label="z [m]", range=bounds(measured[:, 1], 0.35, 0.0)),
             height=250,
         ),
-        Panel(
+        spec.Panel(
             title="pitch, nose down > 0 [°]",
             marks=[
                 start,
@@ -135,21 +126,23 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[Panel]
                 ),
             ],
             x=clock,
-            y=Axis(range=bounds(degrees, 0.35, 0.0)),
+            y=spec.Axis(range=bounds(degrees, 0.35, 0.0)),
             height=250,
         ),
-        Panel(
+        spec.Panel(
             title="distance from the flight [m]",
             marks=[
                 start,
-                *([Level(value=noise, is_dotted=True)] if known else []),
+                *([spec.Level(value=noise, is_dotted=True)] if known else []),
                 *(
                     line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
                     for m, d in apart.items()
                 ),
             ],
             x=clock,
-            y=Axis(is_log=True, range=_distance_range(apart, noise if known else 0.0)),
+            y=spec.Axis(
+                is_log=True, range=_distance_range(apart, noise if known else 0.0)
+            ),
             height=250,
         ),
     ]
@@ -179,19 +172,24 @@ _FOLD_PANELS = {
 }
 
 
-def folds_figure(result: Result) -> Figure | None:
+def folds_figure(result: Result) -> spec.Figure | None:
     """Errors of each fold as pairs, refitted and corrected, one line a fold."""
     if not result.folds:
         return None
     panels = [_fold_panel(result, *panel) for panel in _FOLD_PANELS.items()]
     keys = {"better": "the correction helps", "worse": "it does not"}
     drawn = {
-        mark.key for panel in panels for mark in panel.marks if isinstance(mark, Line)
+        mark.key
+        for panel in panels
+        for mark in panel.marks
+        if isinstance(mark, spec.Line)
     }
-    return Figure(keys={k: v for k, v in keys.items() if k in drawn}, panels=panels)
+    return spec.Figure(
+        keys={k: v for k, v in keys.items() if k in drawn}, panels=panels
+    )
 
 
-def _fold_panel(result: Result, title: str, field: str) -> Panel:
+def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
     pairs = bounded(
         np.array(
             [
@@ -207,10 +205,10 @@ def _fold_panel(result: Result, title: str, field: str) -> Panel:
         names = ", ".join(map(_stem, fold.held_out[:6]))
         more = len(fold.held_out) - 6
         marks.append(
-            Line(
-                key="better" if pair[1] < pair[0] else "worse",
-                x=np.array([0.0, 1.0]),
-                y=pair,
+            spec.Line(
+                "better" if pair[1] < pair[0] else "worse",
+                np.array([0.0, 1.0]),
+                pair,
                 hover=f"%{{y:.3r}} {unit.name}<br>{names}"
                 + (f" and {more} more" if more > 0 else ""),
                 has_dots=True,
@@ -223,15 +221,15 @@ def _fold_panel(result: Result, title: str, field: str) -> Panel:
         low, high = float(shown.min()), float(shown.max())
         span = (0.6 * low, 1.6 * high) if is_far else (0.0, 1.12 * high)
     ticks = {0.0: LABELS["refitted"], 1.0: LABELS["corrected"]}
-    return Panel(
+    return spec.Panel(
         title=f"{title}, RMS [{unit.name}]",
         marks=marks,
-        x=Axis(range=(-0.35, 1.35), ticks=ticks),
-        y=Axis(is_log=is_far, range=span),
+        x=spec.Axis(range=(-0.35, 1.35), ticks=ticks),
+        y=spec.Axis(is_log=is_far, range=span),
     )
 
 
-def spreads_figure(result: Result) -> Figure | None:
+def spreads_figure(result: Result) -> spec.Figure | None:
     """Per-flight values of what varies from flight to flight."""
     panels = [
         _spread_panel(name.replace("_", " "), spread.std, spread.unit, spread.values)
@@ -241,37 +239,37 @@ def spreads_figure(result: Result) -> Figure | None:
     if not panels:
         return None
     keys = {"own": "value of one flight; the band is one standard deviation"}
-    return Figure(keys=keys, panels=panels, columns=1, least_width=24.0)
+    return spec.Figure(keys=keys, panels=panels, columns=1, least_width=24.0)
 
 
 def _spread_panel(
     title: str, std: float, unit_name: str, values: dict[str, float]
-) -> Panel:
+) -> spec.Panel:
     unit = DEGREE if unit_name == "rad" else Unit(name=unit_name.replace("-", ""))
     own = np.array(list(values.values()), dtype=float) / unit.size
     size = np.where(np.isfinite(own), np.abs(own), -1.0)
     named = [i for i in np.argsort(-size)[:_MOST_NAMES] if size[i] >= 0.0]
     names = [_stem(name) for name in values]
     half = std / unit.size
-    return Panel(
+    return spec.Panel(
         title=f"{title} [{unit.name}]" if unit.name else title,
         marks=[
-            Level(),
+            spec.Level(),
             *(
-                [Ground(start=-half, end=half, along="y", key="own")]
+                [spec.Ground(start=-half, end=half, along="y", key="own")]
                 if math.isfinite(half)
                 else []
             ),
-            Points(
-                key="own",
-                x=np.arange(1.0, len(own) + 1.0),
-                y=own,
+            spec.Points(
+                "own",
+                np.arange(1.0, len(own) + 1.0),
+                own,
                 hover=f"%{{hovertext}}: %{{y:.3r}} {unit.name}",
                 names=names,
                 labels=[name if i in named else "" for i, name in enumerate(names)],
             ),
         ],
-        x=Axis(
+        x=spec.Axis(
             label="flight, in the order of the campaign", range=(0.0, len(own) + 1.0)
         ),
     )

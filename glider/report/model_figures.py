@@ -19,22 +19,13 @@ from glider.report.error_table import (
 )
 from glider.report.flight_errors import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
+from glider.report.plots import figure as spec
 from glider.report.plots.binning import (
     binned_quantiles,
     bounds,
     symlog,
     symlog_ticks,
     thin,
-)
-from glider.report.plots.figure import (
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Level,
-    Line,
-    Panel,
-    Points,
 )
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import Curve, ResidualTable, Result
@@ -74,12 +65,12 @@ _ERROR_PANELS = (
 _AT = "α %{x:.1f}°: %{y:.3r}"
 
 
-def errors_figure(result: Result) -> Figure | None:
+def errors_figure(result: Result) -> spec.Figure | None:
     """Errors of each model as groups of bars."""
     models = columns_of(result)
     if not models:
         return None
-    return Figure(
+    return spec.Figure(
         keys={m: LABELS[m] for m in models} | {"noise": "noise of the measurement"},
         panels=[_error_panel(result, models, *panel) for panel in _ERROR_PANELS],
         columns=len(_ERROR_PANELS),
@@ -89,7 +80,7 @@ def errors_figure(result: Result) -> Figure | None:
 
 def _error_panel(
     result: Result, models: list[str], title: str, unit: Unit, fields: dict[str, str]
-) -> Panel:
+) -> spec.Panel:
     places = np.arange(len(fields), dtype=float)
     floor = np.array([noise_floor(result, f) for f in fields]) / unit.size
     values = {
@@ -99,30 +90,32 @@ def _error_panel(
     every = np.concatenate([floor, *values.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
     low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
-    return Panel(
+    return spec.Panel(
         title=f"{title} [{unit.name}]",
         marks=[
             *grouped_bars(values, {m: LABELS[m] for m in models}, unit),
-            Line(
-                key="noise",
-                x=np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
-                y=np.repeat(floor, 4),
+            spec.Line(
+                "noise",
+                np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
+                np.repeat(floor, 4),
                 hover=f"noise: %{{y:.3r}} {unit.name}",
             ),
         ],
-        x=Axis(range=(-0.6, len(fields) - 0.4), ticks=dict(enumerate(fields.values()))),
-        y=Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
+        x=spec.Axis(
+            range=(-0.6, len(fields) - 0.4), ticks=dict(enumerate(fields.values()))
+        ),
+        y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
         share=len(fields) + 0.6,
     )
 
 
 def grouped_bars(
     values: dict[str, np.ndarray], labels: dict[str, str], unit: Unit
-) -> list[Bars]:
+) -> list[spec.Bars]:
     """Bars of several keys side by side, one group at each whole number."""
     width = 0.8 / max(len(values), 1)
     return [
-        Bars(
+        spec.Bars(
             key=key,
             places=np.arange(len(row)) + (i - (len(values) - 1) / 2) * width,
             values=row,
@@ -143,18 +136,18 @@ def _short(value: float) -> str:
     return f"{value:#.2g}".removesuffix(".")
 
 
-def evidence_figure(result: Result) -> Figure | None:
+def evidence_figure(result: Result) -> spec.Figure | None:
     """Evidence of each kind when tried alone, the strongest on top."""
     if not result.candidates:
         return None
-    chosen = {e.kind for e in result.effects}
-    confused = {k for e in result.effects for k in e.indistinguishable_from} - chosen
-    values = {
-        k: v if math.isfinite(v) else -math.inf for k, v in result.candidates.items()
-    }
-    ranked = sorted(values, key=lambda k: values[k])
+    values, kinds = result.candidates, {e.kind for e in result.effects}
+    confused = {k for e in result.effects for k in e.indistinguishable_from}
     finite = [v for v in values.values() if math.isfinite(v)]
     low, high = min([*finite, 0.0]), max([*finite, 100.0])
+    ranked = sorted(
+        values, key=lambda k: values[k] if math.isfinite(values[k]) else -math.inf
+    )
+    names = [k.replace("_", " ") for k in ranked]
     keys = {
         "chosen": "in the corrected model",
         "confused": "indistinguishable from it",
@@ -162,44 +155,37 @@ def evidence_figure(result: Result) -> Figure | None:
     }
     groups: dict[str, list[int]] = {key: [] for key in keys}
     for place, kind in enumerate(ranked):
-        key = (
-            "chosen" if kind in chosen else "confused" if kind in confused else "other"
+        key = "confused" if kind in confused else "other"
+        groups["chosen" if kind in kinds else key].append(place)
+    bars = []
+    for key, places in groups.items():
+        mine = np.array([values[ranked[p]] for p in places])
+        texts = [_nats(v) for v in mine]
+        bars.append(
+            spec.Bars(
+                key=key,
+                places=np.array(places, dtype=float),
+                values=np.array([symlog(v) if math.isfinite(v) else 0.0 for v in mine]),
+                texts=texts,
+                hover="%{hovertext} nats",
+                names=[f"{names[p]}: {t}" for p, t in zip(places, texts, strict=True)],
+                width=0.72,
+                is_across=True,
+            )
         )
-        groups[key].append(place)
-    names = [k.replace("_", " ") for k in ranked]
-    texts = [_nats(values[k]) for k in ranked]
-    bars = [
-        Bars(
-            key=key,
-            places=np.array(places, dtype=float),
-            values=np.array(
-                [
-                    symlog(v) if math.isfinite(v := values[ranked[p]]) else 0.0
-                    for p in places
-                ]
-            ),
-            texts=[texts[p] for p in places],
-            hover="%{hovertext} nats",
-            names=[f"{names[p]}: {texts[p]}" for p in places],
-            width=0.72,
-            is_across=True,
-        )
-        for key, places in groups.items()
-        if places
-    ]
-    panel = Panel(
+    panel = spec.Panel(
         title="",
-        marks=bars,
-        x=Axis(
+        marks=[bar for bar in bars if bar.texts],
+        x=spec.Axis(
             label="evidence when tried alone [nats], linear below 10",
             range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
             ticks={symlog(t): f"{t:,.0f}" for t in symlog_ticks(low, high)},
         ),
-        y=Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
+        y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
         height=80 + 21 * len(names),
     )
     shown = {key: label for key, label in keys.items() if groups[key]}
-    return Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
+    return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
 
 
 def _nats(value: float) -> str:
@@ -208,7 +194,7 @@ def _nats(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 10.0 else f"{value:.1f}"
 
 
-def curves_figure(result: Result) -> Figure | None:
+def curves_figure(result: Result) -> spec.Figure | None:
     """Terms that the plate lacks, over the angle of attack."""
     if not result.curves:
         return None
@@ -222,38 +208,36 @@ def curves_figure(result: Result) -> Figure | None:
         alpha, rest = np.degrees(curve.alpha), curve.lack - curve.named
         marks = [
             *lack_marks("lack", curve),
-            Line(key="named", x=alpha, y=curve.named, hover=_AT),
-            Line(key="rest", x=alpha, y=rest, hover=_AT),
+            spec.Line("named", alpha, curve.named, hover=_AT),
+            spec.Line("rest", alpha, rest, hover=_AT),
         ]
         panels.append(term_panel(curve.term, marks, "alpha"))
-    return Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
+    return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
-def term_panel(term: str, marks: list[Line | Band], variable: str) -> Panel:
+def term_panel(
+    term: str, marks: list[spec.Line | spec.Band], variable: str
+) -> spec.Panel:
     """Panel of a term of forces over a variable."""
-    return Panel(
+    return spec.Panel(
         title=TERMS[term],
-        marks=[Level(), *marks],
-        x=Axis(label=VARIABLES[variable][0], link=variable),
+        marks=[spec.Level(), *marks],
+        x=spec.Axis(label=VARIABLES[variable][0], link=variable),
     )
 
 
-def lack_marks(key: str, curve: Curve) -> list[Line | Band]:
+def lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
     """Curve of what a plate lacks with its band."""
     alpha, half = np.degrees(curve.alpha), BAND * curve.std
     return [
-        Band(key=key, x=alpha, low=curve.lack - half, high=curve.lack + half),
-        Line(
-            key=key,
-            x=alpha,
-            y=curve.lack,
-            hover=_AT + " ± %{customdata:.2r}",
-            extra=curve.std,
+        spec.Band(key, alpha, curve.lack - half, curve.lack + half),
+        spec.Line(
+            key, alpha, curve.lack, hover=_AT + " ± %{customdata:.2r}", extra=curve.std
         ),
     ]
 
 
-def carried_figure(result: Result) -> Figure | None:
+def carried_figure(result: Result) -> spec.Figure | None:
     """The residual field of a corrected model, term by term, as curves.
 
     A part over two variables or more has no curve: it is in model.yaml only.
@@ -268,14 +252,14 @@ def carried_figure(result: Result) -> Figure | None:
     ]
     if not panels:
         return None
-    return Figure(
+    return spec.Figure(
         keys={"rest": "unidentified, carried by the model"},
         panels=panels,
         columns=min(2, len(panels)),
     )
 
 
-def _carried_panels(part: FieldData) -> list[Panel]:
+def _carried_panels(part: FieldData) -> list[spec.Panel]:
     field = make_field(dataclasses.replace(part, more=[]))
     (variable,) = part.variables
     column = [FIELD_VARIABLES.index(variable)]
@@ -285,7 +269,7 @@ def _carried_panels(part: FieldData) -> list[Panel]:
     scaled = place * VARIABLES[variable][1]
     return [
         term_panel(
-            term, [Line(key="rest", x=scaled, y=values[:, k], is_solid=True)], variable
+            term, [spec.Line("rest", scaled, values[:, k], is_solid=True)], variable
         )
         for k, term in enumerate(FIELD_TERMS)
         if np.any(values[:, k] != 0.0)
@@ -300,14 +284,15 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
     }
 
 
-def coefficients_figure(result: Result) -> Figure | None:
+def coefficients_figure(result: Result) -> spec.Figure | None:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = residual_tables(result)
-    if not all(
-        "alpha" in t.variables and t.coefficients.keys() >= COEFFICIENTS.keys()
-        for t in tables.values()
-    ):
-        return None
+    for table in tables.values():
+        if (
+            "alpha" not in table.variables
+            or COEFFICIENTS.keys() - table.coefficients.keys()
+        ):
+            return None
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
@@ -317,15 +302,15 @@ def coefficients_figure(result: Result) -> Figure | None:
             ]
             unit = " [m]" if name == "c_moment" else ""
             panels.append(
-                Panel(
+                spec.Panel(
                     title=f"{symbol}{unit}, {LABELS[model]}",
                     marks=_coefficient_marks(table, lines, name, model),
-                    x=Axis(label=VARIABLES["alpha"][0], link="alpha"),
-                    y=Axis(range=bounds(np.concatenate(both)), link=name),
+                    x=spec.Axis(label=VARIABLES["alpha"][0], link="alpha"),
+                    y=spec.Axis(range=bounds(np.concatenate(both)), link=name),
                     height=250,
                 )
             )
-    return Figure(
+    return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *tables)},
         panels=panels,
         flights=result.residual_after.names,
@@ -350,40 +335,40 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
 
 def _coefficient_marks(
     table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
-) -> list[Line | Band]:
+) -> list[spec.Line | spec.Band]:
     degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
     place, rows = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
     over, modelled = binned_quantiles(degrees, table.modelled[name])
     return [
-        Line(
-            key="measured",
-            x=lines["alpha"],
-            y=bounded(lines[name]),
+        spec.Line(
+            "measured",
+            lines["alpha"],
+            bounded(lines[name]),
             hover=f"%{{text}}<br>{_AT}",
             width=0.6,
             is_solid=True,
             opacity=0.4,
             flight=lines["flight"],
         ),
-        Band(key="measured", x=place, low=rows[0], high=rows[2]),
-        Line(key="measured", x=place, y=rows[1], hover=f"measured, median<br>{_AT}"),
-        Line(
-            key=model,
-            x=over,
-            y=modelled[0],
+        spec.Band("measured", place, rows[0], rows[2]),
+        spec.Line("measured", place, rows[1], hover=f"measured, median<br>{_AT}"),
+        spec.Line(
+            model,
+            over,
+            modelled[0],
             hover=f"{LABELS[model]}, median<br>{_AT}",
             width=2.0,
         ),
     ]
 
 
-def residual_figure(result: Result) -> Figure | None:
+def residual_figure(result: Result) -> spec.Figure | None:
     """Residuals against the variables that matter, before and after."""
     variables = residual_variables(result)
     if not variables:
         return None
     tables = residual_tables(result)
-    return Figure(
+    return spec.Figure(
         keys={m: LABELS[m] for m in tables},
         panels=[
             residual_panel(tables, variable, column)
@@ -413,7 +398,7 @@ def _varies(table: ResidualTable, name: str) -> bool:
 
 def residual_panel(
     tables: dict[str, ResidualTable], variable: str, column: int
-) -> Panel:
+) -> spec.Panel:
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
     label, factor = VARIABLES.get(variable, (variable.replace("_", " "), 1.0))
@@ -425,10 +410,10 @@ def residual_panel(
         time = table.variables.get("t", np.full(table.flight.shape, math.nan))
         said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
         clouds.append(
-            Points(
-                key=model,
-                x=x[rows],
-                y=bounded(y[rows]),
+            spec.Points(
+                model,
+                x[rows],
+                bounded(y[rows]),
                 hover=f"%{{text}}<br>{said}, {LABELS[model]}",
                 size=3.5,
                 opacity=0.45,
@@ -439,14 +424,14 @@ def residual_panel(
         place, median = binned_quantiles(x, y)
         hover = f"median, {LABELS[model]}<br>{said}"
         medians.append(
-            Line(key=model, x=place, y=median[0], hover=hover, width=2.4, is_solid=True)
+            spec.Line(model, place, median[0], hover=hover, width=2.4, is_solid=True)
         )
     everything = np.concatenate([t.residual[:, column] for t in tables.values()])
     over = np.concatenate([t.variables[variable] for t in tables.values()]) * factor
-    return Panel(
+    return spec.Panel(
         title=f"{name} [{unit.name}]",
-        marks=[Level(), *clouds, *medians],
-        x=Axis(label=label, range=bounds(over), link=variable),
-        y=Axis(range=bounds(everything, around=0.0), link=name),
+        marks=[spec.Level(), *clouds, *medians],
+        x=spec.Axis(label=label, range=bounds(over), link=variable),
+        y=spec.Axis(range=bounds(everything, around=0.0), link=name),
         height=240,
     )

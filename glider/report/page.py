@@ -20,14 +20,7 @@ from glider.report.tables import (
     spread_values,
     vehicle_rows,
 )
-from glider.report.wording import (
-    air_words,
-    effect_view,
-    fold_words,
-    headline,
-    notes_of,
-    remarks,
-)
+from glider.report.wording import effect_view, headline, notes_of, remarks, say
 from glider.sysid.result import Result
 
 
@@ -52,10 +45,10 @@ def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
         in_page=len(flights_in_page(result)),
         has_signs=any(e.kind == ANGLE_SIGN.kind for e in result.effects),
         notes=notes_of(result),
-        air=air_words(result),
+        air=" ".join(say("air", result)),
         combinations=combination_rows(result),
         correlations=correlation_rows(result),
-        folds=fold_words(result),
+        folds=" ".join(say("folds", result)),
         worst=worst_flights(result),
         stands_out=STANDS_OUT,
         spreads=spread_rows(result),

@@ -1,5 +1,8 @@
 """The summary that the command prints: verdict, effects, errors, warnings."""
 
+from collections.abc import Callable
+from typing import Any
+
 from rich import box
 from rich.console import Console
 from rich.padding import Padding
@@ -11,78 +14,77 @@ from glider.report.numbers import MISSING, format_angle, format_length
 from glider.report.plots.style import LABELS
 from glider.report.tables import vehicle_rows
 from glider.report.wording import (
-    air_words,
     counted,
     differences,
     effect_view,
+    excluded_words,
     headline,
     notes_of,
     remarks,
-    set_aside_words,
+    say,
 )
 from glider.sysid.result import Result
 
-_MOST_SET_ASIDE = 5
+_MOST_EXCLUDED = 5
 """Further ones are in the report."""
 
 
 def print_summary(result: Result, console: Console) -> None:
     """Prints the verdict, the effects, the errors before and after, the warnings."""
 
-    def say(text: str = "", style: str = "", indent: int = 0) -> None:
+    def write(text: str = "", style: str = "", indent: int = 0) -> None:
         console.print(
             Padding(Text(for_console(text, console), style), (0, 0, 0, indent))
         )
 
-    say(headline(result), "bold")
+    write(headline(result), "bold")
     for sentence in (result.reason, *remarks(result)):
-        say(sentence)
-    say()
+        write(sentence)
+    write()
     for effect in result.effects:
-        _say_effect(effect_view(effect, result), say)
-    for sentence in (*differences(result), air_words(result)):
-        if sentence:
-            say(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
+        _write_effect(effect_view(effect, result), write)
+    for sentence in (*differences(result), *say("air", result)):
+        write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
     for name, value in vehicle_rows(result):
-        say(f"Vehicle: {name} = {value}")
-    say()
+        write(f"Vehicle: {name} = {value}")
+    write()
     console.print(_errors_table(result, console))
-    say()
+    write()
     noise = format_length(result.noise.position_m)
-    say(f"Noise: {noise}, {format_angle(result.noise.pitch_rad)}.")
+    write(f"Noise: {noise}, {format_angle(result.noise.pitch_rad)}.")
     for warning in result.warnings:
-        say(f"Warning: {warning}")
-    for rows in result.set_aside[:_MOST_SET_ASIDE]:
-        say(f"Excluded: {set_aside_words(rows)}")
-    more = len(result.set_aside) - _MOST_SET_ASIDE
+        write(f"Warning: {warning}")
+    for rows in result.set_aside[:_MOST_EXCLUDED]:
+        write(f"Excluded: {excluded_words(rows)}")
+    more = len(result.set_aside) - _MOST_EXCLUDED
     if more > 0:
-        say(f"Excluded: {more} more, see report.html.")
+        write(f"Excluded: {more} more, see report.html.")
     for note in notes_of(result):
-        say(f"Note: {note}")
+        write(f"Note: {note}")
 
 
-def _say_effect(effect, say):
-    say(f"{effect['words']} ({effect['kind']})", "bold")
+def _write_effect(effect: dict[str, Any], write: Callable[..., None]) -> None:
+    write(f"{effect['words']} ({effect['kind']})", "bold")
     for name, value in effect["coefficients"]:
-        say(f"{name} = {value}", indent=2)
+        write(f"{name} = {value}", indent=2)
     if effect["more"]:
-        say(f"and {effect['more']} more in model.yaml", indent=2)
+        write(f"and {effect['more']} more in model.yaml", indent=2)
     for name, spread in effect["spread"]:
-        say(f"{name} varies from flight to flight by {spread}", indent=2)
-    say(
-        f"evidence {effect['evidence']} nats; chosen in {effect['inclusion']} of "
-        f"resampled sets of flights; {effect['share']} of all evidence",
+        write(f"{name} varies from flight to flight by {spread}", indent=2)
+    write(
+        f"evidence {effect['evidence']} nats, {effect['share']} of all; bootstrap "
+        f"inclusion {effect['inclusion']}",
         indent=2,
     )
     if not effect["shape_fits"]:
-        say("shape not the library's", indent=2)
+        write("shape not the library's", indent=2)
     if effect["confused"]:
-        say(f"indistinguishable from: {'; '.join(effect['confused'])}", indent=2)
+        write(f"indistinguishable from: {'; '.join(effect['confused'])}", indent=2)
     elif not effect["is_unexplained"]:
-        say("indistinguishable from: nothing in the library", indent=2)
+        write("indistinguishable from: nothing in the library", indent=2)
     if effect["depends_on"]:
-        say(f"varies with: {', '.join(effect['depends_on'])}", indent=2)
-    say()
+        write(f"varies with: {', '.join(effect['depends_on'])}", indent=2)
+    write()
 
 
 def _errors_table(result: Result, console: Console) -> Table:

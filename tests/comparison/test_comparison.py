@@ -62,7 +62,7 @@ def test_a_change_has_the_errors_of_both(changed):
     spread = found["elevator_trim"]
     assert spread.first.std == pytest.approx(0.0203 / math.sqrt(2.0))  # Two flights.
     assert headline(changed) == (
-        "Changed: wind.x by +0.100 ± 0.005 m/s (20.0 σ). 3 numbers agree within 3.0 σ."
+        "Changed: wind.x by +0.100 ± 0.005 m/s (20.0 σ). 3 values agree within 3.0 σ."
     )
 
 

@@ -27,14 +27,7 @@ from glider.report.tables import (
     spread_values,
     vehicle_rows,
 )
-from glider.report.wording import (
-    air_words,
-    differences,
-    fold_words,
-    headline,
-    left_words,
-    remarks,
-)
+from glider.report.wording import differences, headline, remarks, say
 from glider.sysid.result import (
     CALIBRATED,
     MODELS,
@@ -223,26 +216,28 @@ def test_the_reason_follows_the_verdict():
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
     left = Residual(ratio_to_noise=ratio, position_m=position, depends_on=("V",))
-    assert text in left_words(make_result(left=left))
-    assert "σ" not in left_words(make_result(left=left))
+    assert text in " ".join(say("left", make_result(left=left)))
+    assert "σ" not in " ".join(say("left", make_result(left=left)))
 
 
 def test_what_is_left_is_not_told_where_it_is_not_known():
     left = Residual(ratio_to_noise=1.0, position_m=math.nan, depends_on=())
-    assert left_words(make_result(left=left)) == ""
+    assert " ".join(say("left", make_result(left=left))) == ""
 
 
 @pytest.mark.parametrize(
     "std, correlation, text",
     [
-        (0.12, 0.31, "The air moves by 0.12 m/s (one standard deviation), with a "),
-        (0.12, math.inf, "The air moves by 0.12 m/s (one standard deviation); model "),
-        (0.0, 0.3, "The flights show no moving air."),
+        (0.12, 0.31, "Turbulence σ = 0.12 m/s, correlation time 0.31 s; "),
+        (0.12, math.inf, "Turbulence σ = 0.12 m/s; model "),
+        (0.0, 0.3, "The flights show no turbulence."),
         (math.nan, 0.3, ""),
     ],
 )
 def test_air_is_told_as_it_moves(std, correlation, text):
-    said = air_words(make_result(air=Air(std_m_s=std, correlation_s=correlation)))
+    said = " ".join(
+        say("air", make_result(air=Air(std_m_s=std, correlation_s=correlation)))
+    )
     assert said.startswith(text)
     assert bool(said) == bool(text)
 
@@ -274,7 +269,7 @@ def test_the_headline_of_many_effects_has_no_coefficients():
 
 def test_how_often_an_effect_is_chosen_is_told():
     result = make_result()
-    assert "chosen in 97 % of resampled sets" in flat(summary(result))
+    assert "bootstrap inclusion 97 %" in flat(summary(result))
     assert " 97 % " in flat(Page(to_html(result)).text)
 
 
@@ -286,8 +281,8 @@ def test_a_shape_that_is_not_the_librarys_is_told():
 
 
 def test_folds_are_counted():
-    assert "in 2 of 3 folds" in fold_words(make_result())
-    assert fold_words(make_result(folds=())) == ""
+    assert "in 2 of 3 folds" in say("folds", make_result())[0]
+    assert say("folds", make_result(folds=())) == []
 
 
 def test_warnings_and_rows_set_aside_are_told():

@@ -40,7 +40,7 @@ class Axis:
         )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Line:
     """A line; NaN breaks it.
 
@@ -60,6 +60,7 @@ class Line:
     key: str
     x: np.ndarray
     y: np.ndarray
+    _: dataclasses.KW_ONLY
     hover: str = "%{x:.3r}: %{y:.3r}"
     extra: np.ndarray | None = None
     width: float | None = None
@@ -74,7 +75,7 @@ class Line:
         return WIDTHS.get(self.key, 1.6) if self.width is None else self.width
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Band:
     """The ground between two lines over the same places x."""
 
@@ -84,7 +85,7 @@ class Band:
     high: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Points:
     """Single points; attributes as of `Line`.
 
@@ -98,6 +99,7 @@ class Points:
     key: str
     x: np.ndarray
     y: np.ndarray
+    _: dataclasses.KW_ONLY
     hover: str = "%{x:.3r}: %{y:.3r}"
     size: float = 7.0
     opacity: float = 1.0
