@@ -31,11 +31,7 @@ _MAX_ELEVATOR_RATE = 100.0  # Rate where the limit is unknown [rad/s].
 
 
 def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
-    """Adds the flights of tables to a campaign; finds its pose rate if not given.
-
-    Raises:
-        InputError: a table cannot be a flight in SI.
-    """
+    """Adds the flights of tables to a campaign; finds its pose rate if not given."""
     flights = tuple(make_flight(table, campaign) for table in tables)
     rate = campaign.pose_rate
     if math.isnan(rate):

@@ -50,11 +50,7 @@ class Table:
 
 
 def read_table(file: Path) -> Table:
-    """Reads a CSV file with a header; blank lines are skipped.
-
-    Raises:
-        InputError: it is no such file, or a row is not as long as the header.
-    """
+    """Reads a CSV file with a header; blank lines are skipped."""
     lines = schema.read_text(file, "a CSV file").split("\n")
     cells: list[list[str]] = []
     for line in lines:  # One by one, so that a lone quote does not swallow the rest.

@@ -58,6 +58,11 @@ class Campaign:
     command_rate: float | None  # [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  # Sorted by name.
 
+    @property
+    def gravity(self) -> float:
+        """Acceleration of gravity, the usual one if it is not given [m/s²]."""
+        return self.vehicle.get("gravity", GliderParameters().gravity)
+
 
 def campaign_of(
     name: str,

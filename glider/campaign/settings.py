@@ -114,10 +114,6 @@ class Settings:
 
 
 def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
-    """Reads a campaign without flights, and how its logs are mapped if they are.
-
-    Raises:
-        InputError: a field is unknown or has a value that it cannot have.
-    """
+    """Reads a campaign without flights, and how its logs are mapped if they are."""
     settings = schema.load_yaml(Settings, file, "a campaign.yaml or a MAP file")
     return settings.campaign(file.parent), settings.mapping(str(file))

@@ -51,12 +51,7 @@ _MOST_TICKS = 3
 
 
 def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
-    """Raises InputError where an elevator does not follow commands, or precedes them.
-
-    Args:
-        campaign: of flights; one without a servo passes.
-        masks: rows of the elevator to omit, by the name of the flight.
-    """
+    """Refuses an elevator that does not follow its commands, or precedes them."""
     if campaign.elevator != "servo":
         return
     commanded = max(np.ptp(_integrate(f)) for f in campaign.flights)
@@ -96,9 +91,8 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
 def check_rates(campaign: Campaign) -> tuple[str, ...]:
     """Warns where the rows do not come at the campaign's pose_rate.
 
-    Raises:
-        InputError: the commands do not come at their rate either, by the same share:
-            it is the clock of the log that is wrong.
+    Refuses a campaign whose commands are off by the same share: then the clock of the
+    log is wrong.
     """
     rows = _pace((f.time for f in campaign.flights), campaign.pose_rate)
     if rows is None or abs(rows - 1.0) < _OFF:
@@ -120,14 +114,10 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
 
 def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
-    """Raises InputError where the elevator's limits have the other sign.
+    """Refuses limits of the elevator that have the other sign.
 
     It then goes far beyond them, and much less beyond the turned ones: that alone is no
     servo that slides past its stop.
-
-    Args:
-        campaign: of flights, the signs of their angles corrected.
-        masks: rows of the elevator to omit, by the name of the flight.
     """
     if campaign.elevator != "servo" or campaign.elevator_limits is None:
         return
@@ -150,18 +140,10 @@ def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
 def find_stops(
     campaign: Campaign, masks: Mapping[str, Masks], noise: float
 ) -> tuple[float, float] | None:
-    """Where the elevator stops: at its limits, or beyond if it went there.
+    """Where the elevator stops [rad]: at its limits, or beyond if it went there.
 
     A servo that lags slides past the limits that its commands keep to; a model of it
-    that stops there flies another glider.
-
-    Args:
-        campaign: of flights with a servo.
-        masks: rows of the elevator to omit, by the name of the flight.
-        noise: standard deviation of the measured angles [rad].
-
-    Returns:
-        the lowest and the highest angle [rad], or None where no limits are given.
+    that stops there flies another glider. None where no limits are given.
     """
     if campaign.elevator_limits is None:
         return None
@@ -254,12 +236,7 @@ def _switches(flight: Flight) -> np.ndarray:
 
 
 def _pace(clocks: Iterable[np.ndarray], rate: float) -> float | None:
-    """How much longer ticks last than at a rate; None where few are seen.
-
-    Args:
-        clocks: times of ticks in each flight, of which some may be missing [s].
-        rate: that they are said to have [Hz].
-    """
+    """How much longer ticks last than at a rate [Hz]; None where few are seen."""
     steps = np.concatenate([*map(np.diff, clocks), np.empty(0)]) * rate
     ticks = np.round(steps)
     counted = (ticks >= 1) & (ticks <= _MOST_TICKS)

@@ -54,12 +54,9 @@ def join(motions: list[Motion]) -> Motion:
 def fit_forces(
     motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
 ) -> ForceFit:
-    """Fits the constant and the forces with the better sign of the pitch.
+    """Fits the forces with the better of some signs of the pitch.
 
-    Args:
-        motion: of many flights.
-        down: the constant [m/s²], where it is not to be fitted.
-        signs: of the pitch that are tried.
+    The constant is fitted as well, unless `down` [m/s²] is given.
     """
     return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
 

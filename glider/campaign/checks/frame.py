@@ -27,7 +27,6 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.physics.parameters import GliderParameters
 
 _MIN_FLIGHTS = 3  # One glide alone determines no gravity; a split needs as many.
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
@@ -56,15 +55,8 @@ def check_frame(
     """Corrects axes that are certainly turned, and reports it; refuses what cannot be.
 
     Angles are left as they are logged.
-
-    Args:
-        campaign: of flights in any axes.
-        masks: rows to leave out, by the name of the flight.
-
-    Raises:
-        InputError: axes, units or gravity are wrong and cannot be corrected.
     """
-    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
+    gravity = campaign.gravity
     motion = join([usable_motion(f, masks) for f in campaign.flights])
     if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()

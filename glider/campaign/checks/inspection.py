@@ -15,7 +15,6 @@ from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.standing import find_hand
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
-from glider.physics.parameters import GliderParameters
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader expects.
 _MIN_SPAN = 0.15  # Time that they span [s].
@@ -38,11 +37,7 @@ class Inspection:
 
 
 def inspect(campaign: Campaign) -> Inspection:
-    """Checks a campaign before anything is traced in it.
-
-    Raises:
-        InputError: it cannot be used; one sentence says why.
-    """
+    """Checks a campaign before anything is traced; refuses one of no use."""
     kept = _Kept(campaign)
     kept.drop(_find_copies(kept.campaign), least=0.0)
     faults = find_faults(kept.campaign)
@@ -55,8 +50,7 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop_short()
     kept.drop(_find_tail_first(kept.campaign, kept.masks))
     kept.campaign, warnings = check_frame(kept.campaign, kept.masks)
-    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
-    kept.mask(functools.partial(find_hand, gravity=gravity), _HELD)
+    kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
     kept.drop_short()
     kept.mask(find_rolled, _ROLLED)
     kept.drop_short(f": {_ROLLED}")
@@ -79,11 +73,7 @@ class _Kept:
         self.excluded: list[ExcludedRows] = []
 
     def drop(self, reasons: dict[str, str], least: float = _MIN_SHARE) -> None:
-        """Excludes flights by name, each for a reason.
-
-        Raises:
-            InputError: less than the least share of flights would be kept.
-        """
+        """Excludes flights by name; refuses a campaign of which too few remain."""
         flights = self.campaign.flights
         kept = tuple(flight for flight in flights if flight.name not in reasons)
         if len(kept) < least * len(flights):

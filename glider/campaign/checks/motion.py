@@ -36,10 +36,7 @@ class Motion(NamedTuple):
 def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motion:
     """Fits a cubic about every `stride`-th row, except where many rows are missing.
 
-    Args:
-        time: (n,) of the usable rows [s].
-        pose: (n, 3) x, z [m], pitch [rad].
-        stride: rows from one cubic to the next.
+    Times are (n,) [s], poses (n, 3): x, z [m], pitch [rad], or any other columns.
     """
     if len(time) < 7:
         return Motion(np.empty(0), *(np.empty((0, 3)) for _ in range(3)))

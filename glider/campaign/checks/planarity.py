@@ -77,10 +77,6 @@ def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
 
     Once its wing has been turned more than half out of the plane, a glider has turned
     off its course, and no planar model predicts what follows.
-
-    Args:
-        flight: without attitude nothing is found.
-        usable: rows (n,) that count.
     """
     if flight.attitude is None:
         return np.zeros(len(flight.time), dtype=bool)

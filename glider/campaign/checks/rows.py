@@ -65,11 +65,7 @@ def find_faults(campaign: Campaign) -> Faults:
 
 
 def pieces_with_commands(time: np.ndarray) -> np.ndarray:
-    """The piece that each row (n,) is in: gaps that hide commands are cut.
-
-    Args:
-        time: (n,) of a flight's rows [s].
-    """
+    """The piece that each row is in (n,): gaps that hide commands are cut."""
     steps = np.diff(time)
     is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
     return np.concatenate([[0], np.cumsum(is_gap)])

@@ -52,14 +52,9 @@ class Verdict:
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Differences scaled to the noise of one row, and their mean steps.
+    """Differences (n - 4, k) scaled to the noise of a row, and mean steps (n - 4,).
 
-    Args:
-        time: (n,), steps may differ [s].
-        pose: (n, 3).
-
-    Returns:
-        (n - 4, 3) with the standard deviation of the pose's noise, and (n - 4,) [s].
+    Times (n,) may have any steps [s].
     """
     count = len(time) - _STENCIL + 1
     if count <= 0:
@@ -76,12 +71,7 @@ def fourth_differences(
 
 
 def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
-    """Finds the rows that stick out of a track, and those that are displaced.
-
-    Args:
-        track: of n rows.
-        usable: (n,) False for rows that are known to be faulty.
-    """
+    """Finds usable rows that stick out of a track, and those that are displaced."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
     runs = _split_at_gaps(track, np.flatnonzero(usable))
     finished: list[np.ndarray] = []

@@ -60,13 +60,8 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
     """Rows (n,), True at the start, where a hand still accelerates the glider.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
-    along the path is compared with that of the flight's second half.
-
-    Args:
-        flight: in any axes, or with z up where gravity is given.
-        usable: (n,) rows to look at.
-        gravity: [m/s²]; None where its direction is not known yet: then only a throw
-            that is stronger than gravity shows.
+    along the path is compared with that of the flight's second half. Gravity is None
+    where its direction is unknown: then only a throw that is stronger shows.
     """
     held = np.zeros(len(usable), dtype=bool)
     motion = calc_motion(flight.time[usable], flight.pose[usable])

@@ -147,9 +147,6 @@ def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:
 
     With `join: [poses_*.csv, servo_*.csv]` the files with the same text for * are one,
     its groups are named by the patterns, and each file has a clock of its own.
-
-    Raises:
-        InputError: a file cannot be read, fits no pattern or lacks its companions.
     """
     if not mapping.join:
         return [r for file in sorted(files) for r in read_recordings(file)]

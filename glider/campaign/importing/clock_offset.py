@@ -17,7 +17,7 @@ import numpy as np
 
 from glider.campaign.checks.forces import join
 from glider.campaign.checks.motion import SPAN, calc_motion
-from glider.campaign.importing.selection import Stream
+from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.track import Track, angles_of
 from glider.errors import InputError
 
@@ -81,15 +81,12 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
     Otherwise the elevator's effect is still the same in all: estimated from one
     recording it determines the offsets of the others, and all together refine it.
     Measured on seven simulated campaigns of 4 and 10 flights of 0.85 s: one offset is
-    right to 15 ms.
+    right to 15 ms. Refused where no offset fits, or several do.
 
     Args:
         recordings: each whole, and the flights cut out of it, at least one.
-
-    Raises:
-        InputError: at no offset they follow one another, or at several.
     """
-    if all(_is_measured(track) for track, _ in recordings):
+    if all(is_measured(track) for track, _ in recordings):
         return [_search(track, *_follow_rates(track)) for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
     if len(recordings) > 1:
@@ -111,24 +108,19 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
 
 
 def shift(track: Track, seconds: float) -> Track:
-    """Shifts the logs of other clocks onto the clock of the poses."""
-
-    def moved(stream: Stream | None) -> Stream | None:
-        if stream is None or (stream is track.elevator and stream.clock == track.clock):
-            return stream
-        return dataclasses.replace(stream, time=stream.time - seconds)
-
-    return dataclasses.replace(
-        track,
-        elevator=moved(track.elevator),
-        rate_command=moved(track.rate_command),
-        angle_command=moved(track.angle_command),
-    )
+    """Shifts the servo's logs of another clock onto the clock of the poses."""
+    moved = [
+        log and dataclasses.replace(log, time=log.time - seconds) for log in track.servo
+    ]
+    if is_measured(track):
+        moved[0] = track.servo.elevator
+    return dataclasses.replace(track, servo=ServoLogs(*moved))
 
 
-def _is_measured(track: Track) -> bool:
-    """Whether the elevator was measured on the clock of the poses, beside commands."""
-    return track.elevator is not None and track.elevator.clock == track.clock
+def is_measured(track: Track) -> bool:
+    """Whether the elevator was measured on the clock of the poses."""
+    elevator = track.servo.elevator
+    return elevator is not None and elevator.clock == track.clock
 
 
 def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
@@ -235,18 +227,7 @@ def _best(
     sure: bool = True,
     only: float = _ONLY,
 ) -> Offset:
-    """Best of some offsets (m,), refined to `_FINE`.
-
-    Args:
-        track: the recording, for the message.
-        offsets: that are tried [s].
-        follow: how well an offset fits.
-        sure: whether to refuse where another fits nearly as well.
-        only: see `_ONLY`.
-
-    Raises:
-        InputError: none fits, or several do.
-    """
+    """Best of some offsets (m,); if `sure`, refused where another fits as well."""
     values = np.array([follow(offset) for offset in offsets])
     best = int(np.argmax(values)) if len(values) else 0
     highest = float(np.max(values, initial=0.0))
@@ -266,7 +247,7 @@ def _best(
 
 
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
-    elevator = track.elevator or track.angle_command
+    elevator = track.servo.elevator or track.servo.angle_command
     assert elevator is not None
     motions = []
     for flight in flights:
@@ -334,10 +315,11 @@ def _without(column: np.ndarray, base: np.ndarray) -> np.ndarray:
 
 def _follow_rates(track: Track) -> tuple[np.ndarray, Follow]:
     """Times of the commands, and a comparison of them with the elevator's rate."""
-    elevator, command = track.elevator, track.rate_command or track.angle_command
+    elevator, rates, angles = track.servo
+    command = rates or angles
     assert elevator is not None and command is not None
     steps = np.diff(command.time)
-    if track.rate_command is None:  # Angles are those that rates add up to.
+    if rates is None:  # Angles are those that rates add up to.
         path = command.values[:, 0] - command.values[0, 0]
     else:
         path = np.append(0.0, np.cumsum(command.values[:-1, 0] * steps))

@@ -37,17 +37,11 @@ class Cut:
     """One flight of a recording."""
 
     track: Track
-    begin: str  # Why it begins where it does.
-    end: str
+    why: str  # It begins and ends where it does.
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
-    """Finds the flights of a recording in their order; notes what was omitted.
-
-    Args:
-        track: with z up.
-        gravity: [m/s²].
-    """
+    """Finds the flights of a recording in their order; notes what was omitted."""
     flights, notes = [], []
     seen = ~_frozen(track)
     for first, last in _parts(track, seen):
@@ -104,10 +98,7 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
 def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     """Finds the flight in a part of a recording, or why there is none.
 
-    Args:
-        part: in which the body is seen and moves.
-        gravity: [m/s²].
-        is_lost: whether the body is lost at its end, as behind what it hits.
+    The body is seen and moves throughout; it may be lost at the end, as by an impact.
     """
     motion = calc_motion(part.time, part.position)
     if len(motion.time) < 8:
@@ -137,7 +128,7 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     inside = (motion.time >= begin) & (motion.time <= end)
     if not inside.any() or np.median(push[inside]) > _FREE:
         return "something pushes it throughout"
-    return Cut(track=flight, begin=start, end=stop)
+    return Cut(track=flight, why=f"{start}; {stop}")
 
 
 def _push(motion: Motion, gravity: float) -> np.ndarray:

@@ -8,16 +8,15 @@ import numpy as np
 
 from glider.campaign.flight_reader import with_flights
 from glider.campaign.flight_table import Table
-from glider.campaign.importing.clock_offset import find_offsets, shift
+from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import Stream, select
+from glider.campaign.importing.selection import select
 from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
-from glider.physics.parameters import GliderParameters
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,18 +39,9 @@ class CutRecording:
 
 
 def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
-    """Converts a file that is one flight to a table in SI; nothing is cut.
-
-    Args:
-        file: of any text dialect.
-        mapping: of its columns.
-        settings: what is known of the vehicle.
-
-    Raises:
-        InputError: it cannot be mapped.
-    """
+    """Converts a file that is one flight to a table in SI; nothing is cut."""
     track = make_track(select(read_recording(file), mapping), mapping)
-    whole = Cut(track=track, begin="", end="")
+    whole = Cut(track=track, why="")
     [(track, _)] = _on_one_clock([track], [[whole]], mapping)
     flight = turn_along(track) if track.along_throw else track
     columns, _ = _columns(flight, settings, mapping.source)
@@ -61,14 +51,9 @@ def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
 def cut_recordings(
     recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
 ) -> tuple[CutRecording, ...]:
-    """Finds the flights in recordings.
-
-    Raises:
-        InputError: one cannot be mapped, or its clocks do not fit.
-    """
+    """Finds the flights in recordings."""
     tracks = [make_track(select(r, mapping), mapping) for r in recordings]
-    gravity = settings.vehicle.get("gravity", GliderParameters().gravity)
-    cuts = [cut(track, gravity) for track in tracks]
+    cuts = [cut(track, settings.gravity) for track in tracks]
     clocked = _on_one_clock(tracks, [flights for flights, _ in cuts], mapping)
     return tuple(
         _extract(track, flights, notes + of_clock, mapping, settings)
@@ -79,11 +64,7 @@ def cut_recordings(
 def campaign_of_cuts(
     settings: Campaign, recordings: Sequence[CutRecording]
 ) -> Campaign:
-    """A campaign of the flights of recordings, numbered in their order.
-
-    Raises:
-        InputError: one cannot be a flight in SI.
-    """
+    """A campaign of the flights of recordings, numbered in their order."""
     tables = [flight.table for recording in recordings for flight in recording.flights]
     named = [
         dataclasses.replace(table, name=f"flight_{i:03d}.csv")
@@ -102,12 +83,7 @@ def _extract(
     """Makes tables of the flights that were cut out of a recording."""
     flights = []
     for found in cuts:
-        flight = dataclasses.replace(
-            found.track,
-            elevator=track.elevator,
-            rate_command=track.rate_command,
-            angle_command=track.angle_command,
-        )
+        flight = dataclasses.replace(found.track, servo=track.servo)
         if track.along_throw:
             flight = turn_along(flight)
         columns, of_servo = _columns(flight, settings, mapping.source)
@@ -115,8 +91,7 @@ def _extract(
         begin, end = float(flight.time[0]), float(flight.time[-1])
         columns["time"] = columns["time"] - begin
         table = Table(path=track.path, columns=columns)
-        why = f"{found.begin}; {found.end}"
-        flights.append(CutFlight(table=table, begin=begin, end=end, why=why))
+        flights.append(CutFlight(table=table, begin=begin, end=end, why=found.why))
     return CutRecording(path=track.path, flights=tuple(flights), notes=tuple(notes))
 
 
@@ -141,26 +116,21 @@ def _on_one_clock(
             f"clock: the elevator's is {offset.seconds:+.3f}{error} s ahead of that of "
             f"the poses (correlation {offset.correlation:.2f}); it was shifted back"
         )
-        if tracks[i].elevator is None or not _has_two_clocks(tracks[i]):
+        if tracks[i].servo.elevator is None or not _has_two_clocks(tracks[i]):
             note += ", and a delay of the servo, if any, with it"
         result[i] = (shift(tracks[i], offset.seconds), [note])
     return result
 
 
-def _logs(track: Track) -> list[Stream]:
-    logs = (track.elevator, track.rate_command, track.angle_command)
-    return [stream for stream in logs if stream is not None]
-
-
 def _has_two_clocks(track: Track) -> bool:
-    return any(stream.clock != track.clock for stream in _logs(track))
+    return any(log.clock != track.clock for log in track.servo.given)
 
 
 def _has_servo(track: Track) -> bool:
     """Whether the elevator, or a command, can be compared with another log."""
-    if track.elevator is not None and track.elevator.clock == track.clock:
-        return len(_logs(track)) > 1
-    return track.elevator is not None or track.angle_command is not None
+    if is_measured(track):
+        return len(track.servo.given) > 1
+    return bool(track.servo.elevator or track.servo.angle_command)
 
 
 def _columns(

@@ -8,9 +8,11 @@ the flights do not show is left to the user, with a question mark.
 
 import dataclasses
 import itertools
+import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,6 +92,21 @@ class Guess:
     imported: ImportResult  # What it makes of the logs.
 
 
+class _Logs(NamedTuple):
+    """Recordings, and what was found of their columns and units."""
+
+    recordings: Sequence[Recording]
+    columns: Fields
+    units: Fields
+
+    def claim(self, frame: Fields) -> Mapping:
+        """The mapping with a frame."""
+        fields = {"columns": self.columns, "units": self.units, "frame": frame}
+        claim = schema.convert(fields, Settings, "the guess").mapping("the guess")
+        assert claim is not None
+        return claim
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Trial:
     """A frame that was tried."""
@@ -106,16 +123,14 @@ class _Trial:
 
 
 def guess_mapping(files: Sequence[Path]) -> Guess:
-    """Proposes a mapping for logs.
-
-    Raises:
-        InputError: no columns of a pose are found, or no frame makes flights of them.
-    """
+    """Proposes a mapping; refused where no columns, or no frame, make flights."""
     logs = [r for f in sorted(files)[:_MAX_FILES] for r in read_recordings(Path(f))]
     logs = [log for log in logs if any(group.columns for group in log.groups)]
+    if not logs:
+        raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
     columns, reason = _guess_columns(logs[0])
     units, reasons = _guess_units(logs[0], columns)
-    best, ratio = _best_frame(logs[:_MAX_TRIED], columns, units)
+    best, ratio = _best_frame(_Logs(logs[:_MAX_TRIED], columns, units))
     frame = dict(best.frame)
     if ratio <= CLEARLY:
         why = f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
@@ -140,7 +155,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         if servo
         else "  elevator: fixed  # no column of an elevator was found"
     )
-    best = _try_frame(logs, columns, units, frame) or best
+    best = _try_frame(_Logs(logs, columns, units), frame) or best
     imported = ImportResult(
         campaign=best.campaign, recordings=best.recordings, undecided=()
     )
@@ -165,7 +180,9 @@ def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
 
 def _quoted(value: str) -> str:
     plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
-    return value if plain and value not in ("y", "n") else f'"{value}"'
+    if plain and value not in ("y", "n"):
+        return value
+    return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
 
 
 def _guess_columns(log: Recording) -> tuple[Fields, str]:
@@ -260,19 +277,15 @@ def _guess_units(log: Recording, columns: Fields) -> tuple[Fields, Fields]:
     return units, reasons
 
 
-def _best_frame(
-    logs: Sequence[Recording], columns: Fields, units: Fields
-) -> tuple[_Trial, float]:
+def _best_frame(logs: _Logs) -> tuple[_Trial, float]:
     """The frame with the least misfit, and the ratio of the next best to it."""
-    frames = (
-        _frames(logs, columns, units) if "position" in columns else _planar_frames()
-    )
-    tried = [_try_frame(logs, columns, units, frame) for frame in frames]
+    tried = [_try_frame(logs, frame) for frame in _frames(logs)]
     trials = [trial for trial in tried if trial is not None]
     if not trials:
         raise InputError(
-            f"{logs[0].path}: in no frame the columns {', '.join(columns.values())} "
-            "make flights; write the mapping by hand."
+            f"{logs.recordings[0].path}: in no frame the columns "
+            f"{', '.join(logs.columns.values())} make flights; write the mapping by "
+            "hand."
         )
     most = max(trial.rows for trial in trials)
     trials = [trial for trial in trials if 2 * trial.rows > most]
@@ -281,37 +294,34 @@ def _best_frame(
     return trials[0], min(ratios, default=np.inf)
 
 
-def _planar_frames() -> Iterator[Fields]:
-    """Yields the frames of x and z."""
-    for up, forward, pitch in itertools.product(("z", "-z"), ("x", "-x"), _PITCH):
-        yield {"up": up, "forward": forward, "pitch": pitch}
-
-
-def _frames(
-    logs: Sequence[Recording], columns: Fields, units: Fields
-) -> Iterator[Fields]:
+def _frames(logs: _Logs) -> Iterator[Fields]:
     """Yields a frame for each axis that may point up and each way to read rotations.
 
     The nose is the axis of the body along which the flights go, the top the one that
     points up then.
     """
-    if "attitude" not in columns:
+    first, attitude = logs.recordings[0], logs.columns.get("attitude")
+    if "position" not in logs.columns:
+        for up, forward, pitch in itertools.product(("z", "-z"), ("x", "-x"), _PITCH):
+            yield {"up": up, "forward": forward, "pitch": pitch}
+        return
+    if attitude is None:
         for up, pitch in itertools.product(_AXES, _PITCH):
             yield {"up": up, "pitch": pitch}
         return
     found = {
-        axes: logs[0].find_all(columns["attitude"], axes, "attitude")
+        axes: first.find_all(attitude, axes, "attitude")
         for axes in ("xyzw", "xyz", "012")
     }
     readings: tuple[str, ...] = ("",)
-    if not found["xyzw"] and logs[0].rotation is None:
+    if not found["xyzw"] and first.rotation is None:
         three = found["xyz"] or found["012"]
         readings = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
     for up, reading in itertools.product(_AXES, readings):
         frame = {"up": up} | ({"rotation": reading} if reading else {})
-        claim = _claim(columns, units, frame)
+        claim = logs.claim(frame)
         ahead, above = [], []
-        for log in logs:
+        for log in logs.recordings:
             track = make_track(select(log, claim), claim)
             for flight in cut(track, GliderParameters().gravity)[0]:
                 turns = flight.track.rotation
@@ -334,22 +344,13 @@ def _nearest_axis(direction: np.ndarray, other: str) -> str:
     return ("-" if direction[k] < 0.0 else "") + "xyz"[k]
 
 
-def _claim(columns: Fields, units: Fields, frame: Fields) -> Mapping:
-    fields = {"columns": columns, "units": units, "frame": frame}
-    claim = schema.convert(fields, Settings, "the guess").mapping("the guess")
-    assert claim is not None
-    return claim
-
-
-def _try_frame(
-    logs: Sequence[Recording], columns: Fields, units: Fields, frame: Fields
-) -> _Trial | None:
+def _try_frame(logs: _Logs, frame: Fields) -> _Trial | None:
     """What a frame makes of the logs; None where it makes no flights."""
-    servo = any(name.startswith("elevator") for name in columns)
+    servo = any(name.startswith("elevator") for name in logs.columns)
     vehicle = Vehicle(elevator_rate_limit=13.0) if servo else Vehicle(elevator="fixed")
     settings = Settings(vehicle=vehicle).campaign(Path("guess"))
     try:
-        recordings = cut_recordings(logs, _claim(columns, units, frame), settings)
+        recordings = cut_recordings(logs.recordings, logs.claim(frame), settings)
         if not any(recording.flights for recording in recordings):
             return None
         campaign = campaign_of_cuts(settings, recordings)

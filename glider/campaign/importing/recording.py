@@ -53,12 +53,7 @@ class Recording:
     def find(self, address: str, field: str) -> tuple[Group, Column]:
         """Finds a column and its group by its address, or by its name if unique.
 
-        Args:
-            address: as the mapping has it.
-            field: of the mapping that asks, for the message.
-
-        Raises:
-            InputError: no column has that name, several have, or a cell is no number.
+        The `field` of the mapping that asks is for the message.
         """
         found = [
             (full == address, group, column)
@@ -79,10 +74,7 @@ class Recording:
     ) -> tuple[Group, list[Column]] | None:
         """Finds the columns of a vector by their common name; None where it is none.
 
-        Args:
-            address: what the columns' names begin with.
-            axes: their letters in the order wanted, or digits for name[0], name[1].
-            field: of the mapping that asks.
+        Their axes are letters in the order wanted, or digits for name[0], name[1].
         """
         known = {full for full, _, _ in self._all()}
         known |= {full.removeprefix(f"{g.name}.") for full, g, _ in self._all()}
@@ -115,12 +107,7 @@ class Recording:
 
 
 def need(module: str, path: Path) -> ModuleType:
-    """Imports a library of a file format; InputError that says what to install.
-
-    Args:
-        module: e.g. "pyulog".
-        path: of the file that needs it.
-    """
+    """Imports a library of a file format; InputError that says what to install."""
     try:
         return importlib.import_module(module)
     except ImportError:

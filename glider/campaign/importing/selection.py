@@ -5,6 +5,7 @@ Axes and signs are still the log's own; each quantity keeps its own clock.
 
 import dataclasses
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +15,7 @@ from glider.campaign.importing.mapping import QUANTITIES, Mapping, Markers
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.errors import InputError
 
+_SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
 _EULER = ("yaw", "pitch", "roll")  # About the log's z, y and x, in this order.
 
 
@@ -25,6 +27,24 @@ class Stream:
     values: np.ndarray  # (n, k)
     clock: str  # Whose it is.
 
+    def known(self) -> "Stream":
+        """The rows in which all numbers are finite."""
+        rows = np.isfinite(self.values).all(axis=1)
+        return dataclasses.replace(self, time=self.time[rows], values=self.values[rows])
+
+
+class ServoLogs(NamedTuple):
+    """What was logged of the elevator's servo."""
+
+    elevator: Stream | None = None  # (n, 1) as measured [rad].
+    rate_command: Stream | None = None  # (n, 1) [rad/s]
+    angle_command: Stream | None = None  # (n, 1) [rad]
+
+    @property
+    def given(self) -> list[Stream]:
+        """Those that were logged."""
+        return [stream for stream in self if stream is not None]
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Streams:
@@ -34,17 +54,11 @@ class Streams:
     position: Stream  # (n, 3) x, y, z, or (n, 2) x, z [m].
     quaternion: Stream | None  # (n, 4) x, y, z, w: from the body to the log's axes.
     pitch: Stream | None  # (n, 1) [rad], where there is no quaternion.
-    elevator: Stream | None  # (n, 1) [rad]
-    rate_command: Stream | None  # (n, 1) [rad/s]
-    angle_command: Stream | None  # (n, 1) [rad]
+    servo: ServoLogs
 
 
 def select(recording: Recording, mapping: Mapping) -> Streams:
-    """Picks the quantities of a recording.
-
-    Raises:
-        InputError: a column is missing, or a pose is not complete.
-    """
+    """Picks the quantities of a recording; refuses a pose that is not complete."""
     picker = _Picker(recording, mapping)
     columns = mapping.columns
     if "position" in columns:
@@ -57,9 +71,7 @@ def select(recording: Recording, mapping: Mapping) -> Streams:
         position=position,
         quaternion=quaternion,
         pitch=None if quaternion else picker.scalars(("pitch",)),
-        elevator=picker.optional("elevator"),
-        rate_command=picker.optional("elevator_rate_command"),
-        angle_command=picker.optional("elevator_angle_command"),
+        servo=ServoLogs(*map(picker.optional, _SERVO)),
     )
 
 
@@ -70,12 +82,7 @@ class _Picker:
         self._recording, self._mapping = recording, mapping
 
     def vector(self, quantity: str, address: str | None = None) -> Stream:
-        """A vector of x, y and z [m] that the mapping names as one.
-
-        Args:
-            quantity: of the mapping.
-            address: of the columns, where it is not that of the quantity.
-        """
+        """A vector of x, y and z [m], of a quantity or by another address."""
         name = address or self._mapping.columns[quantity]
         for axes in ("xyz", "012"):
             found = self._find_vector(quantity, name, axes)
@@ -104,8 +111,13 @@ class _Picker:
         return self._stream(quantities, groups[0], [column for _, column in pairs])
 
     def optional(self, quantity: str) -> Stream | None:
-        """A quantity; None where the mapping has none."""
-        return self.scalars((quantity,)) if quantity in self._mapping.columns else None
+        """The known rows of a quantity; None where the mapping has none."""
+        if quantity not in self._mapping.columns:
+            return None
+        stream = self.scalars((quantity,)).known()
+        if len(stream.time) < 2:
+            raise self._error(quantity, "fewer than two rows of it have a number")
+        return stream
 
     def attitude(self) -> Stream | None:
         """Quaternions; None where only a pitch is mapped."""
@@ -115,9 +127,9 @@ class _Picker:
             if not all(angle in self._mapping.columns for angle in _EULER):
                 return None
             angles = self.scalars(_EULER)
-            return _with_turns(
-                angles, Rotation.from_euler(rotation or "ZYX", _finite(angles.values))
-            )
+            order = rotation if rotation and len(rotation) == 3 else "ZYX"
+            turns = Rotation.from_euler(order, _finite(angles.values))
+            return _with_turns(angles, turns)
         if isinstance(name, Markers):
             return self._markers(name)
         for axes in ("xyzw", "0123", "xyz", "012"):
@@ -186,19 +198,14 @@ class _Picker:
             axis = self._mapping.frame.up
             up = np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0)
             left = np.cross(up, ahead)
-        known = np.isfinite(ahead).all(axis=1) & np.isfinite(left).all(axis=1)
-        ahead, left = (
-            np.where(known[:, None], ahead, 1.0),
-            np.where(known[:, None], left, [0.0, 1.0, 0.0]),
-        )
         top = np.cross(ahead, left)
         axes = np.stack([ahead, np.cross(top, ahead), top], axis=2)
-        size = np.linalg.norm(axes, axis=1, keepdims=True)
-        known &= np.all(size > 1e-9, axis=(1, 2))
-        axes = np.where(known[:, None, None], axes / np.maximum(size, 1e-12), np.eye(3))
-        values = np.where(known[:, None], 1.0, np.nan)
-        stream = dataclasses.replace(nose, values=values)
-        return _with_turns(stream, Rotation.from_matrix(axes))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        stream = dataclasses.replace(nose, values=axes.reshape(len(axes), 9))
+        known = np.isfinite(stream.values).all(axis=1)
+        turns = Rotation.from_matrix(np.where(known[:, None, None], axes, np.eye(3)))
+        return _with_turns(stream, turns)
 
     def _find_vector(
         self, quantity: str, name: str | list[str] | Markers, axes: str

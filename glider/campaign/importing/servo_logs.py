@@ -34,41 +34,36 @@ class Servo(NamedTuple):
 def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
     """Elevator and command of a flight; None where the elevator is fixed.
 
-    Args:
-        flight: with all logs on the clock of its poses.
-        settings: what is known of the vehicle.
-        source: the file of the mapping.
-
-    Raises:
-        InputError: the elevator's path cannot be determined from what was logged.
+    All logs are on the clock of the poses. Refused where they do not determine the
+    elevator's path.
     """
     if settings.elevator != "servo":
-        if flight.elevator or flight.rate_command or flight.angle_command:
+        if flight.servo.given:
             raise InputError(
                 f"{source}: vehicle: elevator is '{settings.elevator}', but columns of "
                 "an elevator are mapped; expected one or the other."
             )
         return None
-    if flight.rate_command is not None and flight.angle_command is not None:
+    elevator, rates, angles = flight.servo
+    if rates is not None and angles is not None:
         raise InputError(
             f"{source}: columns: elevator_rate_command and elevator_angle_command are "
             "both mapped; expected the one that the servo was given."
         )
     measured = None
-    if flight.elevator is not None:
-        _check_covered(flight, flight.elevator, source)
-        log = flight.elevator
-        measured = np.interp(flight.time, log.time, log.values[:, 0])
-    if flight.angle_command is not None:
-        return _from_angles(flight, flight.angle_command, measured, settings, source)
+    if elevator is not None:
+        _check_covered(flight, elevator, source)
+        measured = np.interp(flight.time, elevator.time, elevator.values[:, 0])
+    if angles is not None:
+        return _from_angles(flight, angles, measured, settings, source)
     if measured is None:
         raise InputError(
             f"{source}: columns: no angle of the elevator is mapped; expected "
             "'elevator' (measured) or 'elevator_angle_command', or 'vehicle: "
             "{elevator: fixed}' where the tail does not move."
         )
-    if flight.rate_command is not None:
-        return Servo(measured, _hold(flight, flight.rate_command, source), "")
+    if rates is not None:
+        return Servo(measured, _hold(flight, rates, source), "")
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
     return Servo(measured, _rate_of(flight.time, measured), note)
 
@@ -109,11 +104,6 @@ def _hold(flight: Track, stream: Stream, source: str) -> np.ndarray:
 def _check_covered(flight: Track, stream: Stream, source: str) -> None:
     """Refuses a log that does not last over the flight."""
     begin, end = flight.time[0], flight.time[-1]
-    if len(stream.time) < 2:
-        raise InputError(
-            f"{flight.path}: the elevator is logged in {len(stream.time)} rows; "
-            f"expected rows from {begin:.6g} to {end:.6g} s."
-        )
     if stream.time[0] > begin + _SLACK or stream.time[-1] < end - _SLACK:
         raise InputError(
             f"{flight.path}: the elevator is logged from {stream.time[0]:.6g} to "

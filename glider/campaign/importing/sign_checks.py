@@ -27,7 +27,6 @@ from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.physics.parameters import GliderParameters
 
 CLEARLY = 1.2
 """Ratio of misfits above which the data contradict the mapping."""
@@ -47,11 +46,7 @@ Motions = dict[str, Motion]
 
 
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
-    """Reports what could not be decided; raises InputError where signs are wrong.
-
-    Args:
-        campaign: as a mapping made it; its path is the mapping's.
-    """
+    """Reports what could not be decided; raises InputError where signs are wrong."""
     masks = find_faults(campaign).masks
     _check_attitude(campaign)
     _check_level(campaign)
@@ -92,7 +87,7 @@ def misfit_of(campaign: Campaign) -> float | None:
         return None
     if np.mean(motion.velocity[:, 0]) < 0.0:
         return None
-    down = np.array([0.0, -GliderParameters().gravity])
+    down = np.array([0.0, -campaign.gravity])
     return fit_forces(motion, down, signs=(1,)).misfit
 
 
@@ -158,7 +153,7 @@ def _check_pitch(
     campaign: Campaign, motions: Motions, motion: Motion
 ) -> tuple[str, ...]:
     """Refuses a pitch with the wrong sign, or another angle in its place."""
-    gravity = campaign.vehicle.get("gravity", GliderParameters().gravity)
+    gravity = campaign.gravity
     down = np.array([0.0, -gravity])
     heading = calc_heading(motion, 1)
     if heading < _AHEAD:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from glider.campaign.importing.mapping import Frame, Mapping
-from glider.campaign.importing.selection import Stream, Streams
+from glider.campaign.importing.selection import ServoLogs, Stream, Streams
 from glider.errors import InputError
 
 _MAX_GAP = 0.1
@@ -31,17 +31,11 @@ class Track:
     pitch: np.ndarray | None  # (n,) positive nose down [rad], where no rotation is.
     along_throw: bool  # Whether x has yet to be turned along each flight.
     clock: str
-    elevator: Stream | None  # (k, 1) positive trailing edge up [rad].
-    rate_command: Stream | None  # [rad/s]
-    angle_command: Stream | None  # [rad]
+    servo: ServoLogs  # Positive trailing edge up.
 
 
 def make_track(streams: Streams, mapping: Mapping) -> Track:
-    """Turns a recording into the axes and signs of this project.
-
-    Raises:
-        InputError: axes are named that the log does not have.
-    """
+    """Turns a recording into the axes and signs of this project."""
     frame = mapping.frame
     planar = streams.position.values.shape[1] == 2
     world, along_throw = _world_axes(frame, planar, mapping.source)
@@ -55,11 +49,9 @@ def make_track(streams: Streams, mapping: Mapping) -> Track:
         seen = np.isfinite(rotation).all(axis=(1, 2))
     else:
         assert streams.pitch is not None
-        sign = 1.0 if frame.pitch == "nose_down" else -1.0
-        pitch = sign * np.interp(
-            time, *_known(streams.pitch), left=np.nan, right=np.nan
-        )
-        seen = np.isfinite(pitch) & _is_near(streams.pitch.time, time)
+        pitch = _pitches(streams.pitch, time)
+        pitch *= 1.0 if frame.pitch == "nose_down" else -1.0
+        seen = np.isfinite(pitch)
     position = position @ world.T
     seen &= np.isfinite(position).all(axis=1)
     ahead, above = frame.tracked_point
@@ -69,8 +61,6 @@ def make_track(streams: Streams, mapping: Mapping) -> Track:
         cos, sin = np.cos(pitch), np.sin(pitch)
         position[:, 0] -= ahead * cos + above * sin
         position[:, 2] -= above * cos - ahead * sin
-    elevator = 1.0 if frame.elevator == "trailing_edge_up" else -1.0
-    command = 1.0 if frame.command == "trailing_edge_up" else -1.0
     return Track(
         path=streams.path,
         time=time[seen],
@@ -79,9 +69,11 @@ def make_track(streams: Streams, mapping: Mapping) -> Track:
         pitch=None if pitch is None else np.unwrap(pitch[seen]),
         along_throw=along_throw,
         clock=streams.position.clock,
-        elevator=_scaled(streams.elevator, elevator),
-        rate_command=_scaled(streams.rate_command, command),
-        angle_command=_scaled(streams.angle_command, command),
+        servo=ServoLogs(
+            _signed(streams.servo.elevator, frame.elevator),
+            _signed(streams.servo.rate_command, frame.command),
+            _signed(streams.servo.angle_command, frame.command),
+        ),
     )
 
 
@@ -175,14 +167,25 @@ def _unit(axis: str) -> np.ndarray:
 
 def _rotations(stream: Stream, time: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
-    known, quaternion = _known_rows(stream)
+    known = stream.known()
     result = np.full((len(time), 3, 3), np.nan)
-    if len(known) < 2:
+    if len(known.time) < 2:
         return result
-    inside = (time >= known[0]) & (time <= known[-1]) & _is_near(known, time)
-    slerp = Slerp(known, Rotation.from_quat(quaternion))
+    inside = (time >= known.time[0]) & (time <= known.time[-1])
+    inside &= _is_near(known.time, time)
+    slerp = Slerp(known.time, Rotation.from_quat(known.values))
     result[inside] = slerp(time[inside]).as_matrix()
     return result
+
+
+def _pitches(stream: Stream, time: np.ndarray) -> np.ndarray:
+    """Pitches (n,) at times (n,), nan where none is near [rad]."""
+    known = stream.known()
+    if len(known.time) < 2:
+        return np.full(len(time), np.nan)
+    pitch = np.unwrap(known.values[:, 0])
+    pitch = np.interp(time, known.time, pitch, left=np.nan, right=np.nan)
+    return np.where(_is_near(stream.time, time), pitch, np.nan)
 
 
 def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -192,18 +195,7 @@ def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
     return exact | (known[index] - known[index - 1] < _MAX_GAP)
 
 
-def _known_rows(stream: Stream) -> tuple[np.ndarray, np.ndarray]:
-    known = np.isfinite(stream.values).all(axis=1)
-    return stream.time[known], stream.values[known]
-
-
-def _known(stream: Stream) -> tuple[np.ndarray, np.ndarray]:
-    time, values = _known_rows(stream)
-    return time, np.unwrap(values[:, 0])
-
-
-def _scaled(stream: Stream | None, sign: float) -> Stream | None:
-    if stream is None:
-        return None
-    time, values = _known_rows(stream)
-    return dataclasses.replace(stream, time=time, values=sign * values)
+def _signed(stream: Stream | None, positive: str) -> Stream | None:
+    if stream is None or positive == "trailing_edge_up":
+        return stream
+    return dataclasses.replace(stream, values=-stream.values)

@@ -60,16 +60,7 @@ def spell(text: str) -> str | None:
 
 
 def scale_of(unit: Unit, kind: str, source: str) -> Scale:
-    """Scale of a unit.
-
-    Args:
-        unit: from a mapping or a file.
-        kind: "time", "length", "angle" or "rate".
-        source: what to name in the message.
-
-    Raises:
-        InputError: it is no unit of that kind.
-    """
+    """Scale of a unit of a kind; the source is for the message."""
     if isinstance(unit, Scale):
         return unit
     factors, spelled = _FACTORS[kind], spell(unit)

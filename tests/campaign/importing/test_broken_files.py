@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.readers import read_recording
 from glider.errors import InputError
 from tests.campaign.importing import foreign
@@ -177,3 +178,42 @@ def test_a_damaged_file_gives_data_or_one_sentence(tmp_path, campaign, name, see
                 else:
                     assert all(isinstance(n, str) for n in table.names())
     shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [
+        ("pitch", "no flight was found"),
+        ("de", "fewer than two rows of it have a number"),
+    ],
+)
+def test_a_column_that_is_blank_throughout(tmp_path, campaign, column, words):
+    [file] = foreign.write_csv(tmp_path, campaign)
+    lines = file.read_bytes().decode("cp1252").splitlines()
+    names = lines[1].split(";")
+    j = names.index({"pitch": "Nick"}.get(column, column))
+    for i in range(3, len(lines)):
+        cells = lines[i].split(";")
+        cells[j] = ""
+        lines[i] = ";".join(cells)
+    file.write_text("\n".join(lines))
+    path = tmp_path / "MAP.yaml"
+    path.write_text(foreign.MAP_CSV + foreign.VEHICLE)
+    with pytest.raises(InputError, match=words):
+        read_flights([file], path)
+
+
+def test_angles_beside_a_rotation_of_four_numbers(tmp_path, campaign):
+    """PX4's quaternions are no order of roll, pitch and yaw, which are mapped here."""
+    [file] = foreign.write_csv(tmp_path, campaign)
+    path = tmp_path / "MAP.yaml"
+    path.write_text(
+        foreign.MAP_CSV.replace(
+            "pitch: Nick", "y: x0, pitch: Nick, roll: r, yaw: r"
+        ).replace("axes: NED", "axes: NED, rotation: wxyz")
+        + foreign.VEHICLE
+    )
+    lines = file.read_bytes().decode("cp1252").splitlines()
+    ends = ["", ";x0;r", ";;", *[";0,0;0,0"] * (len(lines) - 3)]
+    file.write_text("\n".join(a + b for a, b in zip(lines, ends, strict=True)))
+    assert len(read_flights([file], path).campaign.flights) == 1

@@ -12,6 +12,7 @@ from glider.__main__ import main
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
+from glider.campaign.importing.selection import ServoLogs
 from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
@@ -324,9 +325,7 @@ def test_a_recording_is_cut_at_the_vehicles_gravity():
         pitch=np.arctan2(gravity * falling, 5.0),
         along_throw=False,
         clock="",
-        elevator=None,
-        rate_command=None,
-        angle_command=None,
+        servo=ServoLogs(),
     )
     [flight], _ = cut(track, gravity)
     assert 0.5 < flight.track.time[0] < 0.65

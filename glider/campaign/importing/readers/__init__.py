@@ -34,11 +34,7 @@ _READERS: dict[str, tuple[str, Reader]] = {
 
 
 def read_recordings(path: Path) -> list[Recording]:
-    """Reads a file of any known format: one recording, or one of each sheet.
-
-    Raises:
-        InputError: it cannot be read, or the library for its format is missing.
-    """
+    """Reads a file of any known format: one recording, or one of each sheet."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; expected a log.")
     what, reader = _READERS.get(path.suffix.lower(), ("", None))

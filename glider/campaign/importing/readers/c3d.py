@@ -32,11 +32,7 @@ Parameters = dict[str, list]
 
 
 def read(path: Path) -> Recording:
-    """Reads points, rigid bodies and analog channels.
-
-    Raises:
-        InputError: it is damaged, holds none of them, or has no rate.
-    """
+    """Reads points, rigid bodies and analog channels."""
     parameters, data = _load(path)
     groups = []
     points, turns, analogs = data["points"], data["rotations"], data["analogs"][0]

@@ -22,11 +22,7 @@ Rows = list[list[str]]
 
 
 def parse(path: Path, text: str) -> Recording | None:
-    """Parses an export of either; None for a text that is none.
-
-    Raises:
-        InputError: its header is not that of the export.
-    """
+    """Parses an export of either; None for a text that is none."""
     if text.startswith("Format Version"):
         return _parse_motive(path, text)
     if text.lstrip().split("\n", 1)[0].strip(" \r,;\t") in _SECTIONS:

@@ -26,12 +26,7 @@ Rows = Sequence[Sequence[str]]
 
 
 def decode(path: Path, formats: Sequence[str]) -> str:
-    """Text of a file in UTF-8, UTF-16 or Windows' Western code page.
-
-    Args:
-        path: of the file.
-        formats: suffixes of the files that are no text, for the message.
-    """
+    """Text of a file in UTF-8, UTF-16 or Windows' Western code page."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -63,19 +58,11 @@ def parse(path: Path, text: str) -> Recording:
 
 
 def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
-    """Parses rows of cells, their header included.
+    """Parses rows of cells, their header included; decimals may have a comma.
 
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
     "pitch [deg]", "x (mm)", "pitch_deg".
-
-    Args:
-        path: of the file.
-        rows: of cells as text.
-        comma: whether decimals have a comma.
-
-    Raises:
-        InputError: there are no rows of numbers, or no names above them.
     """
     first = _first_data_row(rows, comma)
     if first is None:
@@ -117,13 +104,9 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
 def make_column(
     name: str, cells: list[tuple[int, str]], unit: str | None, comma: bool = False
 ) -> Column:
-    """Makes a column of cells; one of ISO 8601 times is in seconds from its first row.
+    """Makes a column of cells, with the numbers of their lines, and a unit if given.
 
-    Args:
-        name: of the column.
-        cells: line and text of each.
-        unit: of the column, if it is given.
-        comma: whether decimals have a comma.
+    Times in ISO 8601 become seconds from the first row.
     """
     values = np.array([_number(cell, comma) for _, cell in cells])
     filled = np.array([cell.lower() not in _BLANK for _, cell in cells], dtype=bool)

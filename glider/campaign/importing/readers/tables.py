@@ -90,11 +90,7 @@ def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def read_workbook(path: Path) -> list[Recording]:
-    """Reads the sheets of a workbook, each a recording; those without numbers are not.
-
-    Raises:
-        InputError: no sheet has rows of numbers under a header.
-    """
+    """Reads the sheets of a workbook that have numbers, each a recording."""
     openpyxl = need("openpyxl", path)
     book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     recordings, reason = [], InputError(f"{path}: has no sheet of cells.")
