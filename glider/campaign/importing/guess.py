@@ -81,7 +81,7 @@ _MAX_TRIED = 4  # Files that frames are tried on.
 _MAX_FILES = 12  # Files that are read.
 
 Fields = dict[str, str]
-"""Of a mapping's `columns:`, `units:` or `frame:`."""
+"""Fields of one part of a mapping: columns, units or frame."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
