@@ -20,16 +20,7 @@ def add_command(
     description: str,
     epilog: str | None = None,
 ) -> argparse.ArgumentParser:
-    """Returns the parser of a new command.
-
-    Args:
-        commands: to add it to.
-        name: that it is called by.
-        run: what it does; returns the exit code.
-        help: a line.
-        description: laid out as it is, as is the epilogue.
-        epilog: below the arguments.
-    """
+    """Adds a command, whose `run` returns the exit code; texts keep their layout."""
     parser = commands.add_parser(
         name,
         help=help,
@@ -53,13 +44,7 @@ def check_seed(seed: int) -> None:
 
 
 def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
-    """The folder to write to, checked to be writable.
-
-    Args:
-        out: the --out option, or None.
-        campaign: whose name the default has: out/CAMPAIGN/parts.
-        parts: of the default, below the campaign.
-    """
+    """The folder to write to, --out or out/CAMPAIGN/parts, checked to be writable."""
     name = campaign.resolve().name.removesuffix(".zip")
     folder = out or Path("out", name, *parts)
     if folder.exists() and not folder.is_dir():

@@ -28,6 +28,7 @@ from glider.experiments.funnel_throws import Kept, keep
 from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
 from glider.physics.effects import Field
 from glider.sysid.likelihood.directions import Direction, slopes
+from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import whiten
@@ -205,20 +206,15 @@ class Forecast:
             moved: (M, c) products of all columns with the change of the log, X_i δ + ν.
         """
         found = np.empty((len(moved), len(self.explanations)))
-        for k, (own, e) in enumerate(
-            zip(self._columns, self.explanations, strict=True)
-        ):
-            error = own.stop
+        for k, e in enumerate(self.explanations):
+            own = self._columns[k]
+            error, known = own.stop, gram[own, own] + e.precision
+            scale = 1.0 / np.sqrt(np.diag(known))
+            side = scale[:, None] * (gram[own, error] + moved[:, own]).T
+            fitted = np.linalg.solve(known * scale[:, None] * scale, side)
             loss = gram[error, error] + 2.0 * moved[:, error]
-            volume = 0.0
-            if len(e.precision):
-                known = gram[own, own] + e.precision
-                scale = 1.0 / np.sqrt(np.diag(known))
-                factor = np.linalg.cholesky(known * scale[:, None] * scale)
-                side = (gram[own, error] + moved[:, own]) * scale
-                loss = loss - np.sum(np.linalg.solve(factor, side.T) ** 2, axis=0)
-                volume = 2.0 * float(np.sum(np.log(np.diag(factor) / scale)))
-                volume -= float(np.linalg.slogdet(e.precision)[1])
+            loss = loss - np.sum(side * fitted, axis=0)
+            volume = np.linalg.slogdet(known)[1] - np.linalg.slogdet(e.precision)[1]
             found[:, k] = np.log(e.probability) - 0.5 * (loss + volume)
         return found
 
@@ -311,10 +307,7 @@ class Forecast:
         if grams is not None:
             own = self._columns[0]
             precision = precision + grams[0][own, own]
-        scale = 1.0 / np.sqrt(np.diag(precision))
-        return (
-            scale[:, None] * np.linalg.inv(precision * scale[:, None] * scale) * scale
-        )
+        return solve_scaled(precision, np.eye(len(precision)))
 
 
 _PER_FLIGHT = 2

@@ -20,8 +20,7 @@ from glider.experiments.end_scatter import end_scatter
 from glider.experiments.explanations import Explanation, explain
 from glider.experiments.findings import Findings
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
-from glider.experiments.funnel_checks import check_frame, check_launch
-from glider.experiments.funnel_throws import SHORTEST
+from glider.experiments.funnel_throws import SHORTEST, check_frame, check_launch
 from glider.experiments.known_funnel import (
     KnownFunnel,
     check_vehicle,

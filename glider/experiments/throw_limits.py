@@ -117,11 +117,7 @@ def limits_flown(
 ) -> ThrowLimits:
     """Limits that flown flights kept, with the given ones in their place.
 
-    Args:
-        records: the flights.
-        travel: of the elevator, if it is known [rad].
-        rate: the servo's limit, if it is known [rad/s].
-        given: limits that hold instead.
+    `travel` [rad] and `rate` [rad/s] are the elevator's, if they are known.
     """
     starts = np.array([r.nodes[0] for r in records])
     nodes = np.vstack([r.nodes for r in records])

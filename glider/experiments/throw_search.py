@@ -15,8 +15,8 @@ from glider.errors import InputError
 from glider.experiments.end_scatter import EndScatter
 from glider.experiments.explanations import with_probabilities
 from glider.experiments.forecast import Forecast, Grams, added
-from glider.experiments.funnel_checks import check_frame
 from glider.experiments.funnel_throws import (
+    check_frame,
     draw_genes_in_funnel,
     shortest,
     throw_in_funnel,

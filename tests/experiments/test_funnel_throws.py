@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
-from glider.experiments.funnel_checks import check_frame, check_launch
 from glider.experiments.funnel_throws import (
     FUNNEL_GENES,
     SHORTEST,
+    check_frame,
+    check_launch,
     keep,
     throw_in_funnel,
 )

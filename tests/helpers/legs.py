@@ -26,6 +26,7 @@ FILES = (
     "test_changed.py",
     "test_contributing.py",
     "test_floors.py",
+    "test_front_door.py",
     "verification/test_check_funnel.py",
     "verification/test_confidence.py",
     "verification/test_defect.py",
