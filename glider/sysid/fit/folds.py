@@ -218,8 +218,6 @@ class _Refits:
         wide = np.full(count, np.inf)
         step = bounded_step(
             model_fit.with_prior(rest, own, mean, precision),
-            np.full(free + count, 1e-9),
-            0.0,
             np.append(self.task.layout.lower[index], -wide) - own,
             np.append(self.task.layout.upper[index], wide) - own,
         )

@@ -35,19 +35,14 @@ def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarra
 
 
 def bounded_step(
-    information: np.ndarray,
-    ridge: np.ndarray,
-    damping: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    information: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Returns a Levenberg-Marquardt step that keeps between bounds.
+    """Returns the minimiser that `solve` finds between bounds.
 
     A coefficient that would leave them stays on its bound, and the others are
     solved for again.
     """
-    m = len(ridge)
-    hessian = np.diag(information)[:m]
+    m = len(lower)
     fixed = np.zeros(m, dtype=bool)
     step = np.zeros(m)
     for _ in range(m + 1):
@@ -57,7 +52,7 @@ def bounded_step(
         reduced[:-1, -1] -= (
             information[np.ix_(loose, np.flatnonzero(fixed))] @ step[fixed]
         )
-        step[loose] = solve(reduced, ridge[loose] + damping * hessian[loose])
+        step[loose] = solve(reduced)
         outside = ~fixed & ((step < lower) | (step > upper))
         if not outside.any():
             break
@@ -66,21 +61,14 @@ def bounded_step(
     return step
 
 
-def covariance(
-    information: np.ndarray, dispersion: float, ridge: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Returns the covariance of coefficients fitted to flights, (m, m).
+def covariance(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
+    """Returns the covariance (m, m) of coefficients fitted to (flights, m + 1, m + 1).
 
-    The larger of the classical one, scaled by the dispersion, and the jackknife over
-    flights: that one stays honest when errors within a flight are correlated, and
-    where flights are few for the coefficients (MacKinnon and White, Journal of
-    Econometrics 29, 1985), widened as Student's t of so few asks: 1.96 standard errors
-    are to hold 95 %. Everything being linear, each flight is held out exactly.
-
-    Args:
-        information: (flights, m + 1, m + 1) at the coefficients.
-        dispersion: mean squared error over noise variance.
-        ridge: as in `solve`.
+    The larger of the classical one and the jackknife over flights: that one stays
+    honest when errors within a flight are correlated, and where flights are few for the
+    coefficients (MacKinnon and White, Journal of Econometrics 29, 1985), widened as
+    Student's t of so few asks: 1.96 standard errors are to hold 95 %. Everything being
+    linear, each flight is held out exactly.
     """
     m = information.shape[1] - 1
     hessians = information[:, :m, :m]
@@ -88,7 +76,7 @@ def covariance(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
     square = scale[:, None] * scale
     least = 1e-12 * np.eye(m)
-    classical = np.linalg.inv(total * square + least) * square * max(1.0, dispersion)
+    classical = np.linalg.inv(total * square + least) * square
     flights = len(information)
     changes = solve_scaled(total - hessians, information[:, :m, m], 1e-12)
     jackknife = np.square(changes).sum(axis=0) * (flights - 1.0) / max(flights, 1.0)

@@ -1,7 +1,7 @@
 """Coefficients, curves and scales fitted together to the flights of a campaign.
 
 Gauss-Newton on the filter's innovations, which are linear in the coefficients about
-each linearisation, and Fisher marginal_scorer for the scales in between.
+each linearisation, and Fisher scoring for the scales in between.
 """
 
 import dataclasses
@@ -187,8 +187,6 @@ def fit_model(
         count = len(current.coordinates)
         step = bounded_step(
             with_prior(gram, own, mean, precision),
-            np.full(m + count, 1e-9),
-            0.0,
             np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
             np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
         )

@@ -190,11 +190,7 @@ def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
-
-    def one(flight: LinearFlight) -> np.ndarray:
-        return _flight_values(flight, scales)
-
-    return np.array(in_parallel(one, flights))
+    return np.array(in_parallel(lambda f: _flight_values(f, scales), flights))
 
 
 def _flight_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
@@ -232,11 +228,7 @@ def negative_log_likelihood(
     flights: Sequence[LinearFlight], scales: Scales
 ) -> np.ndarray:
     """Returns each flight's, at its single column (flights,) [nats]."""
-
-    def one(flight: LinearFlight) -> float:
-        return whiten(flight, scales).cost
-
-    return np.array(in_parallel(one, flights))
+    return np.array(in_parallel(lambda f: whiten(f, scales).cost, flights))
 
 
 def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
@@ -251,7 +243,7 @@ def fit_scales(
     iterations: int = 8,
     tolerance: float = 0.05,
 ) -> tuple[Scales, float]:
-    """Maximises the likelihood of the scales by Fisher marginal_scorer.
+    """Maximises the likelihood of the scales by Fisher scoring.
 
     Args:
         flights: each with one column, its error.

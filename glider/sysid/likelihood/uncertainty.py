@@ -38,7 +38,7 @@ def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
     grams = np.stack(model_fit.grams_of(flights, model.scales))
     _, _, precision = model_fit.prior_of(task, model, model.free)
     return Uncertainty(
-        free=model.free, covariance=covariance(grams, 1.0, precision), flights=grams
+        free=model.free, covariance=covariance(grams, precision), flights=grams
     )
 
 
