@@ -152,6 +152,14 @@ def linearize(
     def own_dynamics(theta: np.ndarray) -> np.ndarray:
         return layout.dynamics(trimmed(record, theta, constants.trim)[0])
 
+    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        elevator, rate = pose_signals(record, theta)
+        path = elevator + trimmed(record, theta, constants.trim)[1]
+        along = path, rate, wind, record.bank
+        return advance_nodes(
+            kinds, record.time, nodes, *along, own_dynamics(theta), field
+        )
+
     dynamics = own_dynamics(theta)
     nodes = true_nodes(record, theta, field)
     elevator, rate = pose_signals(record, theta)
@@ -181,12 +189,10 @@ def linearize(
         else:
             key = direction.shapes
             if key not in others:
-                others[key] = _apart(record, direction, field, constants, wind)
+                base_nodes = true_nodes(record, direction.base, field)
+                others[key] = base_nodes, ends_from(base_nodes, direction.base)
             base_nodes, base_ends = others[key]
-            signals = pose_signals(record, direction.moved)
-            moved_ends = _advance(
-                record, base_nodes, signals, direction.moved, field, constants, wind
-            )
+            moved_ends = ends_from(base_nodes, direction.moved)
             inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
     inputs[:, :, -1] = ends - nodes[1:]
     nothing = np.zeros(0, dtype=np.int64)
@@ -264,29 +270,3 @@ def _is_plain(record: Record, direction: Direction) -> bool:
         return False
     kind = layout.kinds.get(direction.kind)
     return kind is None or not (kind.states and direction.shapes)
-
-
-def _apart(record, direction, field, constants, wind):
-    """Returns nodes and ends under a direction's base."""
-    nodes = true_nodes(record, direction.base, field)
-    signals = pose_signals(record, direction.base)
-    return nodes, _advance(
-        record, nodes, signals, direction.base, field, constants, wind
-    )
-
-
-def _advance(record, nodes, signals, theta, field, constants, wind):
-    elevator, rate = signals
-    layout = record.layout
-    theta, shift = trimmed(record, theta, constants.trim)
-    return advance_nodes(
-        layout.compiled_kinds,
-        record.time,
-        nodes,
-        elevator + shift,
-        rate,
-        wind,
-        record.bank,
-        layout.dynamics(theta),
-        field,
-    )

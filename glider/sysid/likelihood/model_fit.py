@@ -148,7 +148,6 @@ def fit_model(
 ) -> FitResult:
     """Fits a model's free parameters, its curves and its scales."""
     index = list(model.free)
-    m = len(index)
     lower, upper = task.layout.lower[index], task.layout.upper[index]
     best, about, step, halvings = None, [], None, 0
     current = model
