@@ -216,6 +216,6 @@ def run(args: argparse.Namespace) -> int:
     elif looking := states.count("look"):
         summary = f"All that is required works; {looking} of {len(states)} need a look."
     else:
-        summary = "All works."
+        summary = "Everything works."
     print(f"\n{summary}")
     return 1 if failing else 0

@@ -61,7 +61,7 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
     ][::-1]
     if not compared:
         return None
-    keys = {"chosen": "changed by more than chance allows", "other": "agrees"}
+    keys = {"chosen": "changed by more than chance explains", "other": "agrees"}
     limit = comparison.z_significant
     marks: list[spec.Ground | spec.Points] = [spec.Ground(start=-limit, end=limit)]
     for key in keys:

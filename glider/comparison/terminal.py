@@ -28,8 +28,8 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
         if row.note:
             say(f"{row.kind}, {row.name}: {row.note}.")
     say(
-        "σ: change over its standard error; * marks what is beyond "
-        f"{comparison.z_significant:.1f} σ, more than chance allows."
+        "σ: change divided by its standard error; * marks changes beyond "
+        f"{comparison.z_significant:.1f} σ, more than chance explains."
     )
     say()
     console.print(_errors(comparison, console))
