@@ -17,7 +17,11 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module", params=[["A", "B"], None], ids=["planar", "all"])
+@pytest.fixture(
+    scope="module",
+    params=[["A", "B"], pytest.param(None, marks=pytest.mark.nightly)],
+    ids=["planar", "all"],
+)
 def throws(request):
     """Those graded planar by hand, and all: the others roll over by up to 95°."""
     return close_the_loop(THROWS, grades=request.param)
