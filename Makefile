@@ -5,7 +5,7 @@
 # make nightly     the tests that take longest: more campaigns and more effects
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
-# make tables      the README's tables, from what ships; takes half an hour
+# make tables      measures the tables of README and docs again; half an hour
 # make proofs      proves of the shipped funnels that no flight leaves; half an hour
 # make benchmark   timings
 # make clean       removes caches, builds and out/demo
@@ -66,16 +66,8 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-TRUTHS := head_wind slow_servo attached_flow rough_skin set_wing wing_wash floor_vent
-LEARNED := attached_flow head_wind rough_skin slow_servo low_reynolds
 tables: setup
-	$(BIN)/python -m glider samples --tables
-	for truth in $(TRUTHS); do \
-		$(BIN)/python examples/perch_corrected.py --truth $$truth --headless || exit 1; done
-	for truth in $(LEARNED); do \
-		$(BIN)/python examples/article/learn_residual.py --truth $$truth --headless || exit 1; done
-	for bound in 0 1 1.1; do \
-		$(BIN)/python examples/perching_funnel.py --remainder $$bound --headless || exit 1; done
+	$(BIN)/python -m tests.benchmarks.tables
 
 proofs: setup
 	for funnel in models/funnels/proven/*.npz models/funnels/head_wind_95.npz; do \

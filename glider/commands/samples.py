@@ -1,6 +1,7 @@
 """The command `samples`: list the campaigns that ship with this package."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from glider.commands.parsing import Commands, add_command
@@ -9,7 +10,7 @@ from glider.errors import InputError
 _DESCRIPTION = """\
 Lists the campaigns that ship with this package, with their contents and how to run one.
 With a name and --out, writes that campaign as a folder of CSV files, to look at or to
-start from. With --tables, closes the loop on each and prints the results as a table.
+start from. With --tables, closes the loop on each and prints a line of results.
 """
 
 
@@ -50,11 +51,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     names = sample_names() if args.name is None else (args.name,)
     if args.tables:
-        from glider.commands.sample_table import HEADING, line_of, trace_samples
-
-        print(HEADING)
-        for row in trace_samples(names):
-            print(line_of(row), flush=True)
+        _print_results(names)
         return 0
     print("sample         flights  what a flat plate in still air lacks")
     for sample in list_samples():
@@ -63,3 +60,22 @@ def run(args: argparse.Namespace) -> int:
     print(f"\nTo run one:        python -m glider close-the-loop {names[0]}")
     print(f"To see its files:  python -m glider samples {names[0]} --out mine")
     return 0
+
+
+def _print_results(names: Sequence[str]) -> None:
+    """Closes the loop on samples and prints a line for each, and its effects."""
+    from glider.sysid.pipeline import close_the_loop
+
+    print("                                 held-out position error [mm]")
+    print("sample         verdict           nominal  corrected  effects")
+    for name in names:
+        result = close_the_loop(name)
+        nominal, corrected = (
+            result.errors[model].position_rms_m for model in ("nominal", "corrected")
+        )
+        effects = ", ".join(effect.kind for effect in result.effects) or "-"
+        print(
+            f"{name:14s} {result.verdict:16s} {1e3 * nominal:8.1f} "
+            f"{1e3 * corrected:10.2f}  {effects}",
+            flush=True,
+        )

@@ -28,12 +28,12 @@ from typing import Any
 import joblib
 import numpy as np
 
-from glider.commands.sample_table import begin, task_of
 from glider.errors import InputError
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
 from tests.benchmarks.power import Limit, limits_of
 from tests.helpers.hidden import Thrower, campaign
+from tests.helpers.known_truth import begin, task_of
 from tests.helpers.one_effect import ONE_SIGN, PLANTED
 
 DRAWS = 5

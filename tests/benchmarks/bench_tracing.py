@@ -15,12 +15,12 @@ import time
 import numpy as np
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.campaign.samples import sample_names
-from glider.commands.sample_table import HEADING, line_of, trace_samples
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.pipeline import close_the_loop
+from tests.benchmarks import tables
+from tests.benchmarks.table_rows import TABLES
 from tests.helpers.tasks import fly, typical
 
 PAIRS = (
@@ -40,10 +40,8 @@ PAIRS = (
 
 
 def practice() -> None:
-    """Prints the samples' table, as python -m glider samples --tables does."""
-    print(HEADING)
-    for row in trace_samples(sample_names()):
-        print(line_of(row), flush=True)
+    """Prints the samples' table, as `make tables` writes it into the pages."""
+    tables.measure(TABLES["samples"])
 
 
 def alarms(count: int = 20) -> None:

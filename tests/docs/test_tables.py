@@ -1,4 +1,4 @@
-"""Tables in the pages are those that were measured, of what ships and of today's code."""
+"""Tables in the pages are those that were measured, of files that still ship."""
 
 import hashlib
 import re

@@ -3,12 +3,12 @@
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.commands.sample_table import begin, task_of
 from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan, simulate_campaign
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
+from tests.helpers.known_truth import begin, task_of
 
 
 def fly(*effects, seed: int = 0, **plan) -> Campaign:
