@@ -1,6 +1,7 @@
 """Fits that know which effects are true: the least error that a tracer can reach."""
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 
 from glider.campaign.checks.masks import Masks
@@ -44,10 +45,10 @@ def limit_of(
     task = whole.on([r for r in whole.records if r.name not in held_out])
     unseen = [r for r in whole.records if r.name in held_out]
     if isinstance(truth, FieldData):
-        start = dataclasses.replace(begin(task, noise), extra=truth)
+        starts = [dataclasses.replace(begin(task, noise), extra=truth)]
     else:
-        start = begin(task, noise, truth)
-    model = fit_model(task, start)
+        starts = starts_of(task, noise, truth)
+    model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
     return measure_errors(flown_by(task, model, model.scales), unseen)[0].position_rms_m
 
 
@@ -60,6 +61,27 @@ def task_of(
     vehicle, noise = make_vehicle(campaign, layout), measure_noise(campaign, masks)
     records = prepare(campaign.flights, campaign, noise, layout, masks)
     return make_task(records, vehicle, vehicle.kinds), noise
+
+
+def starts_of(task: Task, noise: Noise, kinds: Sequence[str]) -> list[FitResult]:
+    """Starts of a fit of kinds, one for each combination of first guesses of shapes."""
+    shapes = [
+        (slot, c.grid)
+        for kind in kinds
+        for slot, c in zip(
+            task.layout.slots_of(kind),
+            task.layout.kinds[kind].coefficients,
+            strict=True,
+        )
+        if c.is_shape
+    ]
+    start, starts = begin(task, noise, kinds), []
+    for guess in itertools.product(*(grid for _, grid in shapes)):
+        theta = start.theta.copy()
+        for (slot, _), value in zip(shapes, guess, strict=True):
+            theta[slot] = value
+        starts.append(dataclasses.replace(start, theta=theta))
+    return starts
 
 
 def begin(task: Task, noise: Noise, kinds: Sequence[str] = ()) -> FitResult:
