@@ -16,9 +16,9 @@ from diagrams import program
 from glider.compiled.user_effects import check_user_effects
 from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
-from glider.planning.problem import goal_problem
 from glider.report.plots.as_file import draw
 from glider.simulation.fly import fly
+from ilqr import goal_problem
 from tests.test_floors import FLOORS
 
 ROOT = Path(__file__).parents[1]

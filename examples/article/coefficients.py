@@ -15,13 +15,7 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.effects import FIELD_VARIABLES
-from glider.physics.effects.field import (
-    COEFFICIENTS,
-    FieldData,
-    gaussians,
-    make_field,
-    with_weights,
-)
+from glider.physics.effects.field import COEFFICIENTS, FieldData, gaussians, make_field
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
 from regression import least_squares
@@ -37,6 +31,14 @@ _WIDTH = math.sqrt(0.1)
 
 _COUNT = 5
 """Number of centers along each variable."""
+
+
+def with_weights(
+    data: FieldData, terms: Sequence[str], weights: np.ndarray
+) -> FieldData:
+    """Returns the field with weights (M, terms)."""
+    named = dict(zip(terms, weights.T.tolist(), strict=True))
+    return dataclasses.replace(data, weights=named)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,35 @@ LEAST_DAMPING, MOST_DAMPING = 1e-6, 1e6
 """Bounds between which the damping goes up and down by tens; below, there is none."""
 
 
+def goal_problem(rate_cost: float = 5.0) -> PerchingProblem:
+    """Returns the article's problem of the model-learning loop: a goal, no bounds.
+
+    Its planner flies a given number of steps and ends as near to the goal as it can.
+
+    Args:
+        rate_cost: of the commands; the article has none.
+    """
+    return PerchingProblem(
+        goal=[0.0, 0.0, -math.pi / 4, 0.0, 2.0, -2.0, 0.0],
+        goal_weights=[500.0, 500.0, 50.0, 0.5, 0.5, 0.5, 0.5],
+        rate_cost=rate_cost,
+    )
+
+
+def goal_cost(problem: PerchingProblem, states: np.ndarray) -> np.ndarray:
+    """Returns the cost of last states, (x - goal)ᵀ diag(goal_weights) (x - goal).
+
+    Args:
+        problem: whose goal.
+        states: (..., 7 or more).
+
+    Returns:
+        of shape (...).
+    """
+    error = states[..., :NUM_STATES] - np.array(problem.goal)
+    return np.sum(np.array(problem.goal_weights) * error**2, axis=-1)
+
+
 class DivergedError(InputError):
     """The flight to start from does not stay finite."""
 

@@ -13,21 +13,21 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from coefficients import RIDGE, residual_basis
+from coefficients import RIDGE, residual_basis, with_weights
 from flight_weights import solve_weights, weight_equations
 from glider.campaign.logs import Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
 from glider.control.policy import HeldPolicy
 from glider.errors import InputError
-from glider.physics.effects.field import COEFFICIENTS, with_weights
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, STATE_NAMES
 from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem, goal_cost, goal_problem
+from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Flights, FlownFlight
 from glider.simulation.fly import fly
 from glider.sysid.pipeline import close_the_loop
-from ilqr import ARTICLE, DivergedError, IlqrSettings, ilqr
+from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 
 SPEEDS = (6.5, 7.5)
 """Bounds between which the launch speed is drawn [m/s]."""

@@ -11,20 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.barrier import (
-    Optimum,
-    Program,
-    Scratch,
-    add_barrier,
-    assess,
-    change_multipliers,
-    enter,
-    keep_clear,
-    lean_on,
-    lower_barrier,
-    make_scratch,
-    weigh_path,
-)
+from glider.compiled import barrier as steps
+from glider.compiled.barrier import Optimum, Program, Scratch
 from glider.compiled.collocation import Path
 from glider.compiled.points import PathDynamics
 from glider.compiled.stages import newton_step, weigh
@@ -137,8 +125,7 @@ def optimize(
     Args:
         model: the glider, in still air and at time 0.
         program: what to solve.
-        guess: to start from; where its forces are not positive, those of the barrier
-            function are taken.
+        guess: to start from; its forces, where not positive, are the barrier's.
         barrier: weight of the barrier function at first.
         limits: when to stop.
 
@@ -146,10 +133,11 @@ def optimize(
         UncompilableError: a formula is not of what numba compiles.
     """
     at = Optimum(*(part.copy() for part in guess))
-    dynamics = PathDynamics(model, len(guess.multipliers) + 1)
-    path, scratch = dynamics.path, make_scratch(program, len(dynamics.path.defects) + 1)
+    knots = len(guess.multipliers) + 1
+    dynamics, scratch = PathDynamics(model, knots), steps.make_scratch(program, knots)
+    path = dynamics.path
     penalty = limits.penalty if program.is_held else 0.0
-    enter(program, barrier, scratch, at.w, at.forces)
+    steps.enter(program, barrier, scratch, at.w, at.forces)
     missed = _missed(program, dynamics, at.w)
     known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
     fine = False
@@ -158,9 +146,9 @@ def optimize(
     status, error = "out of steps", np.inf
     for iteration in range(limits.iterations + 1):
         while True:
-            lean_on(program, at, scratch)
+            steps.lean_on(program, at, scratch)
             weigh(at.w[-1], path, at.multipliers, scratch.back, scratch.lagrangian)
-            dual, touch, scale = assess(program, at, scratch)
+            dual, touch, scale = steps.assess(program, at, scratch)
             off = max(dual / scale, missed)
             error = max(off, touch / scale)
             if fine or error > near:
@@ -171,23 +159,23 @@ def optimize(
             status = "solved"
         if status == "solved" or iteration == limits.iterations:
             break
-        lower = lower_barrier(barrier, least, off, scale, scratch, at.forces)
+        lower = steps.lower_barrier(barrier, least, off, scale, scratch, at.forces)
         if lower < barrier:
             known.forget()
         barrier = lower
         dynamics.curve()
-        add_barrier(barrier, at.forces, scratch)
+        steps.add_barrier(barrier, at.forces, scratch)
         added = _step_down(penalty, damping, path, at, scratch)
         if added is None:
             status = "stuck"
             break
         damping = added or damping
-        share, share_of_forces, expected = keep_clear(barrier, at.forces, scratch)
-        before = missed, weigh_path(program, at.w, barrier)
+        share, share_of_forces, expected = steps.keep_clear(barrier, at.forces, scratch)
+        before = missed, steps.weigh_path(program, at.w, barrier)
         for _ in range(HALVINGS):
             tried = at.w + share * scratch.change
             missed = _missed(program, dynamics, tried)
-            after = missed, weigh_path(program, tried, barrier)
+            after = missed, steps.weigh_path(program, tried, barrier)
             if known.accepts(before, after, share, expected):
                 break
             share *= 0.5
@@ -195,7 +183,7 @@ def optimize(
             missed, status = before[0], "stuck"
             break
         at.w[:] = tried
-        change_multipliers(program, barrier, share, share_of_forces, at, scratch)
+        steps.change_multipliers(program, barrier, share, share_of_forces, at, scratch)
         dynamics.linearize(fine)
     return Outcome(
         optimum=at,
@@ -203,7 +191,7 @@ def optimize(
         iterations=iteration,
         missed=missed,
         error=error,
-        cost=weigh_path(program, at.w, 0.0),
+        cost=steps.weigh_path(program, at.w, 0.0),
     )
 
 

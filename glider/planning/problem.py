@@ -154,35 +154,6 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and math.isfinite(value)
 
 
-def goal_problem(rate_cost: float = 5.0) -> PerchingProblem:
-    """Returns the article's problem of the model-learning loop: a goal, no bounds.
-
-    Its planner flies a given number of steps and ends as near to the goal as it can.
-
-    Args:
-        rate_cost: of the commands; the article has none.
-    """
-    return PerchingProblem(
-        goal=[0.0, 0.0, -math.pi / 4, 0.0, 2.0, -2.0, 0.0],
-        goal_weights=[500.0, 500.0, 50.0, 0.5, 0.5, 0.5, 0.5],
-        rate_cost=rate_cost,
-    )
-
-
-def goal_cost(problem: PerchingProblem, states: np.ndarray) -> np.ndarray:
-    """Returns the cost of last states, (x - goal)ᵀ diag(goal_weights) (x - goal).
-
-    Args:
-        problem: whose goal.
-        states: (..., 7 or more).
-
-    Returns:
-        of shape (...).
-    """
-    error = states[..., :NUM_STATES] - np.array(problem.goal)
-    return np.sum(np.array(problem.goal_weights) * error**2, axis=-1)
-
-
 def load_problem(path: Path | str) -> PerchingProblem:
     """Loads a problem; a misspelt field or a value out of range is an InputError.
 

@@ -356,17 +356,3 @@ def mppi_step(
     to_go = cost.to_go(start, commands, mean, settings.penalty)
     new = mppi_update(mean, noise, to_go[1:, :-1], settings.temperature)
     return new, commands, to_go[:, 0]
-
-
-def flights_per_second(
-    cost: SequenceCost, start: np.ndarray, batch: int = 10_000, rounds: int = 5
-) -> float:
-    """Measures how many flights, with their costs, one core makes in a second."""
-    commands = np.zeros((batch, cost.steps))
-    cost.to_go(start, commands)
-    best = math.inf
-    for _ in range(rounds):
-        begin = time.perf_counter()
-        cost.to_go(start, commands)
-        best = min(best, time.perf_counter() - begin)
-    return batch / best

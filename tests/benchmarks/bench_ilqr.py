@@ -14,8 +14,7 @@ import numpy as np
 from glider.paths import models_path
 from glider.physics.model import GliderModel, load_model
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import goal_problem
-from ilqr import ARTICLE, IlqrSettings, ilqr
+from ilqr import ARTICLE, IlqrSettings, goal_problem, ilqr
 
 
 def best_seconds(function, rounds=10):

@@ -20,10 +20,10 @@ from glider.planning.sampling import (
     MppiSettings,
     SequenceCost,
     cem,
-    flights_per_second,
     mppi,
     mppi_step,
 )
+from searches import flights_per_second
 
 
 def seconds(function, rounds=5):

@@ -11,8 +11,7 @@ from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import held_plan, load_plan, save_plan
-from glider.planning.problem import goal_problem
-from ilqr import IlqrSettings, ilqr
+from ilqr import IlqrSettings, goal_problem, ilqr
 from tests.helpers.flights import LAGGING
 
 

@@ -132,14 +132,6 @@ class FieldData:
     """Further fields over other variables that add to it."""
 
 
-def with_weights(
-    data: FieldData, terms: Sequence[str], weights: np.ndarray
-) -> FieldData:
-    """Returns the field with weights (M, terms)."""
-    named = dict(zip(terms, weights.T.tolist(), strict=True))
-    return dataclasses.replace(data, weights=named)
-
-
 def gaussians(
     field: Field, variables: Sequence[int] | np.ndarray, values: np.ndarray
 ) -> np.ndarray:

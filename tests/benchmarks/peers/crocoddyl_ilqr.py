@@ -10,8 +10,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.point_dynamics import Dynamics
-from glider.planning.problem import goal_problem
-from ilqr import IlqrSettings, ilqr
+from ilqr import IlqrSettings, goal_problem, ilqr
 from tests.benchmarks.peers.pairs import Pair
 
 

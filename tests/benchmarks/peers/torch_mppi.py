@@ -12,8 +12,9 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.point_dynamics import Dynamics
-from glider.planning.problem import goal_cost, load_problem
+from glider.planning.problem import load_problem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi, mppi_step
+from ilqr import goal_cost
 from tests.benchmarks.peers.pairs import Pair
 
 ITERATIONS = 100

@@ -11,8 +11,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.physics.servo import Servo, rate_bounds
-from glider.planning.problem import goal_cost, goal_problem
-from ilqr import ARTICLE, DivergedError, IlqrSettings, ilqr
+from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 from ilqr_kernels import linearize_steps
 from tests.helpers.flights import LAGGING, NOMINAL, QUICK
 from tests.helpers.physics import random_states

@@ -5,16 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from coefficients import basis_values, residual_basis
+from coefficients import basis_values, residual_basis, with_weights
 from flight_weights import solve_weights, weight_equations
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.physics.effects.field import COEFFICIENTS, with_weights
+from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel, load_model
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import goal_cost
 from glider.simulation.miss import closest_pass
-from ilqr import ilqr
+from ilqr import goal_cost, ilqr
 from learn_residual import weight_changes
 from learning import (
     CAPTURE,
