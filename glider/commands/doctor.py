@@ -214,7 +214,7 @@ def run(args: argparse.Namespace) -> int:
     if failing := states.count("fails"):
         summary = f"{failing} of {len(states)} fail: see the advice after the arrows."
     elif looking := states.count("look"):
-        summary = f"All that is required works; {looking} of {len(states)} need a look."
+        summary = f"Everything required works; {looking} of {len(states)} need a look."
     else:
         summary = "Everything works."
     print(f"\n{summary}")

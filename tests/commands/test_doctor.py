@@ -23,7 +23,7 @@ def test_a_healthy_installation(capsys):
         assert any(line.startswith(f"works {name} ") for line in lines), name
     for name in ("cache", "output", "SNOPT", "IPOPT", "CLARABEL", "extra [import]"):
         assert any(line[6:].startswith(name) for line in lines), name
-    assert lines[-1].startswith("All")
+    assert lines[-1].startswith("Everything")
 
 
 def test_a_missing_library_fails_and_a_missing_extra_needs_a_look(monkeypatch):
