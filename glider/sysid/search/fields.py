@@ -32,17 +32,8 @@ SPREADS = {"air": (0.5, 0.5), "forces": (0.2, 0.2, 0.01)}
 """Prior spread of the weights [m/s; -, -, m]."""
 
 SURVEYED = (
-    ("air", "x"),
-    ("air", "z"),
-    ("air", "t"),
-    ("forces", "x"),
-    ("forces", "z"),
-    ("forces", "t"),
-    ("forces", "V"),
-    ("forces", "alpha"),
-    ("forces", "pitchdot"),
-    ("forces", "elevator"),
-    ("forces", "elevator_rate"),
+    *(("air", name) for name in ("x", "z", "t")),
+    *(("forces", name) for name in FIELD_VARIABLES if name != "pitch"),
 )
 """Forms and variables that are looked at."""
 

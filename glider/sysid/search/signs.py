@@ -1,6 +1,7 @@
 """Angles that are logged with the other sign, found before anything else."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -28,16 +29,6 @@ COMPANIONS = ("profile_drag", "pitch_offset")
 """Effects that are fitted under any signs: nearly every glider has them, and without
 them a sign may look wrong."""
 
-_WITH_SERVO = (
-    (-1, 1, 1),
-    (1, -1, -1),
-    (-1, -1, -1),
-    (1, -1, 1),
-    (1, 1, -1),
-    (-1, -1, 1),
-    (-1, 1, -1),
-)
-
 
 def find_signs(
     campaign: Campaign,
@@ -52,11 +43,14 @@ def find_signs(
     flight, each with `COMPANIONS` fitted: no single flight can turn the others.
     """
     few = tuple(flights[:FLIGHTS])
-    options = _WITH_SERVO if campaign.elevator == "servo" else ((-1, 1, 1),)
+    angles = 3 if campaign.elevator == "servo" else 1
+    options = list(itertools.product((1, -1), repeat=angles))[1:]
     logged = _cost(campaign, few, masks, vehicle, Signs())
     best, most = Signs(), 0.0
-    for pitch, elevator, command in options:
-        signs = Signs(pitch=pitch, elevator=elevator, command=command)
+    for option in options:
+        signs = Signs(
+            **dict(zip(("pitch", "elevator", "command"), option, strict=False))
+        )
         cost = _cost(campaign, few, masks, vehicle, signs)
         gain = float(np.median(logged - cost))
         if gain > most:
