@@ -449,7 +449,7 @@ def judge(good: Result, broken: Break, result: Result) -> tuple[str, str]:
 
 
 def check(campaign: Campaign, broken: Break) -> Answer:
-    """Takes a broken campaign through the checks alone: refused, told or silent."""
+    """Takes a broken campaign through the checks alone: refused, reported or silent."""
     begin = time.perf_counter()
     try:
         with tempfile.TemporaryDirectory() as place:
@@ -470,7 +470,7 @@ def check(campaign: Campaign, broken: Break) -> Answer:
         notes = [f"{s.file}: {s.why}" for s in inspection.excluded]
         notes += [f"{name} stands out ({r:.3g})" for name, r in outlying.items()]
         notes += inspection.warnings
-        outcome = "told" if notes else "silent"
+        outcome = "reported" if notes else "silent"
         words = " | ".join(notes[:3])
     return Answer(outcome=outcome, words=words, seconds=time.perf_counter() - begin)
 
@@ -490,7 +490,7 @@ def run(campaign: Campaign, good: Result, broken: Break) -> Answer:
     said = [e.kind for e in result.effects]
     aside = Counter(s.why for s in result.set_aside)
     notes = [f"{result.verdict}: {' + '.join(said) or 'nothing'}", words]
-    notes += [f"{n} set aside ({why})" for why, n in aside.most_common(2)]
+    notes += [f"{n} excluded ({why})" for why, n in aside.most_common(2)]
     notes += result.warnings[:2]
     return Answer(
         outcome=outcome,
@@ -519,7 +519,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--campaign", default="attached_lift")
     parser.add_argument("--flights", type=int, default=20)
     parser.add_argument(
-        "--checks", action="store_true", help="no tracing: refused, told or silent"
+        "--checks", action="store_true", help="no tracing: refused, reported or silent"
     )
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore")

@@ -6,7 +6,7 @@
 lifelike: several effects at once in other forms than the library's, differences from
     flight to flight, moving air, broken rows.
 turbulence: nothing is wrong, the air moves and each flight has its trim.
-throws: hand throws of a glider that nobody has weighed.
+throws: hand throws of a glider of unknown mass.
 
 A line a campaign: what is true, what is found, the held-out position error of a free
 rollout by the refitted plate, by the corrected model, and by who knows the true glider
@@ -124,9 +124,9 @@ def judge(
 def oracle_error(campaign: Campaign, truth: Truth, result: Result) -> float:
     """Returns the held-out position error of the true glider [m]."""
     share = 0.2 if campaign.elevator == "servo" else 0.4
-    foretold = oracle_predict(campaign, truth, share)
+    predicted = oracle_predict(campaign, truth, share)
     squares = [
-        np.sum((foretold[f.name] - f.pose)[:, :2] ** 2, axis=1)
+        np.sum((predicted[f.name] - f.pose)[:, :2] ** 2, axis=1)
         for f in campaign.flights
         if f.name in result.flights.held_out
     ]

@@ -13,8 +13,8 @@ makes the largest in all but a share of the campaigns without an effect.
 How strong the air is, the noise, and what differs from flight to flight, the oracle has
 to learn from the flights, as everybody has: they take up part of an effect, of few
 flights a large one. The size is that from which on as much likelihood is lost without
-the effect, the scales fitted anew, as d σ_j loses where they are known: ½ d². Where a
-rival has to be told from it, the same is asked of what is left of it beside the rival.
+the effect, the scales refitted, as d σ_j loses where they are known: ½ d². Where a
+rival has to be distinguished from it, the same holds for its part that the rival lacks.
 
 What is unknown of the vehicle is fitted beside each candidate.
 """
@@ -176,7 +176,7 @@ class _Strengths:
         self.scales, self.least = fit_scales(own, scales, iterations=_ITERATIONS)
 
     def size(self, step: np.ndarray, sigmas: float, std: float) -> float:
-        """Returns the size of a step that loses ½ sigmas², the scales fitted anew.
+        """Returns the size of a step that loses ½ sigmas², the scales refitted.
 
         Args:
             step: change of all columns (m,) by an effect of size one.
