@@ -10,11 +10,11 @@ alone are, over their σ_k,
 The oracle claims the candidate of the largest |T_k|, if that is larger than chance
 makes the largest in all but a share of the campaigns without an effect.
 
-How strong the air is, the noise, and what differs from flight to flight, the oracle has
-to learn from the flights, as everybody has: they take up part of an effect, of few
-flights a large one. The size is that from which on as much likelihood is lost without
-the effect, the scales refitted, as d σ_j loses where they are known: ½ d². Where a
-rival has to be distinguished from it, the same holds for its part that the rival lacks.
+The oracle estimates the strength of moving air, the noise and the flight-to-flight
+variation from the flights, too: they absorb part of an effect, of few flights a large
+part. The size is the one whose loss of likelihood without the effect, the scales
+refitted, is that of d σ_j where they are known: ½ d². Where a rival has to be
+distinguished from it, the same holds for the part that the rival does not explain.
 
 What is unknown of the vehicle is fitted beside each candidate.
 """
