@@ -109,42 +109,31 @@ def _effects(first: SavedReport, second: SavedReport) -> list[Difference]:
     both = [{e.kind: e for e in report.effects} for report in (first, second)]
     found = []
     for kind in dict.fromkeys((*both[0], *both[1])):
-        one, other = (effects.get(kind) for effects in both)
+        effects = [report.get(kind) for report in both]
+        values = [effect.coefficients if effect else {} for effect in effects]
         note = ""
-        if one is None and other is not None:
-            note = _absence(other, first)
-        elif other is None and one is not None:
-            note = _absence(one, second)
-        found += _numbers(
-            EFFECTS,
-            kind,
-            one.coefficients if one else {},
-            other.coefficients if other else {},
-            note,
-        )
+        for effect, other in zip(effects, (second, first), strict=True):
+            if effect and kind not in {e.kind for e in other.effects}:
+                note = _absence(effect, other)
+        found += _numbers(EFFECTS, kind, *values, note)
     return found
 
 
 def _absence(effect: ReportedEffect, report: SavedReport) -> str:
-    """Returns what may be said of an effect that only the other report has."""
-    instead = [
-        e.kind for e in report.effects if e.kind in effect.indistinguishable_from
-    ]
-    if instead:
-        return f"may be its {join(instead, ' or ')}: the flights cannot tell them apart"
+    """A note on an effect that only the other report has."""
+    rivals = effect.indistinguishable_from
+    if instead := [e.kind for e in report.effects if e.kind in rivals]:
+        return f"may be its {join(instead, ' or ')}: indistinguishable on these flights"
     return "" if effect.kind in report.candidates else "not tried there"
 
 
 def _spreads(first: SavedReport, second: SavedReport) -> list[Difference]:
-    one, other = (
-        {name: _spread(s) for name, s in report.spreads.items()}
-        for report in (first, second)
-    )
-    return _numbers(SPREADS, "", one, other)
+    both = (report.spreads.items() for report in (first, second))
+    return _numbers(SPREADS, "", *({n: _spread(s) for n, s in some} for some in both))
 
 
 def _spread(spread: Spread) -> Estimate:
-    """Returns a standard deviation with its own standard error, s / √(2 (n - 1))."""
+    """A standard deviation with its own standard error, s / √(2 (n - 1))."""
     count = sum(math.isfinite(v) for v in spread.values.values())
     std = spread.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
     return Estimate(value=spread.std, std=std, unit=spread.unit)

@@ -1,23 +1,17 @@
 """A comparison as tables in the terminal."""
 
-from rich import box
 from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from glider.comparison.differences import Comparison
 from glider.comparison.wording import error_rows, facts, headline, rows, title
-from glider.report.terminal import for_console
+from glider.report.terminal import for_console, make_table, writer
 
 
 def print_comparison(comparison: Comparison, console: Console) -> None:
-    """Prints what changed, the numbers side by side, and the errors."""
-
-    def say(text: str = "", style: str = "", indent: int = 0) -> None:
-        plain = for_console(text, console)
-        console.print(Padding(Text(plain, style), (0, 0, 0, indent)))
-
+    """Prints what changed, the values side by side, and the errors."""
+    say = writer(console)
     say(title(comparison))
     say(headline(comparison), "bold")
     for note in comparison.notes:
@@ -40,22 +34,8 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
         say(f"{name}: {first} in A, {second} in B")
 
 
-def _table(console: Console, *headings: str) -> Table:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, 0, 0, 1),  # All fits into 80 columns.
-        pad_edge=False,
-    )
-    for i, heading in enumerate(headings):
-        table.add_column(
-            for_console(heading, console), justify="right" if i else "left"
-        )
-    return table
-
-
 def _differences(comparison: Comparison, console: Console) -> Table:
-    table = _table(console, "", "A", "B", "change", "σ", "")
+    table = make_table(console, "", "A", "B", "change", "σ", "")
     heading = ""
     for row in rows(comparison):
         if row.kind != heading:
@@ -76,7 +56,7 @@ def _differences(comparison: Comparison, console: Console) -> Table:
 
 
 def _errors(comparison: Comparison, console: Console) -> Table:
-    table = _table(console, "Errors on held-out flights", "", "A", "B", "A over B")
+    table = make_table(console, "Errors on held-out flights", "", "A", "B", "A over B")
     name = ""
     for row in error_rows(comparison):
         if row.name != name:

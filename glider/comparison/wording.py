@@ -8,17 +8,8 @@ from typing import NamedTuple
 
 from glider.comparison.differences import EFFECTS, Comparison
 from glider.comparison.saved import SavedReport
+from glider.report import numbers
 from glider.report.error_table import ALONG, END, FREE, PITCH, error_of
-from glider.report.numbers import (
-    DEGREE,
-    MISSING,
-    Unit,
-    format_angle,
-    format_estimate,
-    format_gain,
-    format_length,
-    length_unit,
-)
 from glider.report.plots.style import LABELS
 from glider.report.wording import counted, name_of, say
 from glider.sysid.result import Estimate
@@ -50,8 +41,8 @@ def _sigmas(z: float, sign: str = "-") -> str:
 
 def signed(estimate: Estimate) -> str:
     """Returns "+0.012 ± 0.002 m/s"."""
-    text = format_estimate(estimate)
-    return text if text.startswith(("-", "(-", MISSING)) else f"+{text}"
+    text = numbers.format_estimate(estimate)
+    return text if text.startswith(("-", "(-", numbers.MISSING)) else f"+{text}"
 
 
 class Row(NamedTuple):
@@ -80,7 +71,7 @@ def rows(comparison: Comparison) -> list[Row]:
             first=_plain(d.first),
             second=_plain(d.second),
             change=_plain(d.change, signed),
-            z=_sigmas(d.z, "+") if math.isfinite(d.z) else MISSING,
+            z=_sigmas(d.z, "+") if math.isfinite(d.z) else numbers.MISSING,
             changed=comparison.is_significant(d),
             note=d.note,
         )
@@ -89,10 +80,11 @@ def rows(comparison: Comparison) -> list[Row]:
 
 
 def _plain(
-    estimate: Estimate | None, write: Callable[[Estimate], str] = format_estimate
+    estimate: Estimate | None,
+    write: Callable[[Estimate], str] = numbers.format_estimate,
 ) -> str:
     if estimate is None:
-        return MISSING
+        return numbers.MISSING
     return write(dataclasses.replace(estimate, unit=""))
 
 
@@ -128,27 +120,27 @@ def error_rows(comparison: Comparison) -> list[ErrorRow]:
         values = error_values(comparison, error, model)
         unit = unit_of(comparison, error, *values)
         first, second = map(unit.digits, values)
-        gain = format_gain(*values)
+        gain = numbers.format_gain(*values)
         found.append(ErrorRow(name, LABELS[model], unit.name, first, second, gain))
     return found
 
 
-def unit_of(comparison: Comparison, error: str, *values: float) -> Unit:
+def unit_of(comparison: Comparison, error: str, *values: float) -> numbers.Unit:
     """The unit in which an error of both reports reads best."""
     if error.endswith("_rad"):
-        return DEGREE
+        return numbers.DEGREE
     noises = (comparison.first.noise.position_m, comparison.second.noise.position_m)
-    return length_unit(*(v for v in (*values, *noises) if math.isfinite(v)))
+    return numbers.length_unit(*(v for v in (*values, *noises) if math.isfinite(v)))
 
 
 def facts(report: SavedReport) -> list[tuple[str, str]]:
     """Further facts of a report, by name."""
-    air = MISSING
+    air = numbers.MISSING
     if math.isfinite(report.air.std_m_s):
         air = f"{report.air.std_m_s:.2g} m/s" if report.air.std_m_s else "still"
     fit, held_out = len(report.flights.fit), len(report.flights.held_out)
-    position = format_length(report.noise.position_m)
-    pitch = format_angle(report.noise.pitch_rad)
+    position = numbers.format_length(report.noise.position_m)
+    pitch = numbers.format_angle(report.noise.pitch_rad)
     return [
         ("verdict", name_of(report.verdict)),
         ("flights", f"{fit} + {held_out} held out"),

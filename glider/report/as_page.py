@@ -186,81 +186,59 @@ def _shape(mark: spec.Level | spec.Ground) -> dict[str, Any]:
 
 
 def _traces(mark: spec.Mark, columns: _Columns) -> list[dict[str, Any]]:
-    match mark:
-        case spec.Band():
-            edge = {
-                **{"type": "scatter", "mode": "lines", "key": mark.key},
-                **{"x": columns.add(mark.x), "hoverinfo": "skip"},
-                "line": {"width": 0, "color": f"@{mark.key}"},
+    if isinstance(mark, spec.Band):
+        edge = {
+            **{"type": "scatter", "mode": "lines", "key": mark.key},
+            **{"x": columns.add(mark.x), "hoverinfo": "skip"},
+            "line": {"width": 0, "color": f"@{mark.key}"},
+        }
+        fill = {"fill": "tonexty", "fillcolor": f"@{mark.key}/0.17"}
+        low, high = columns.add(mark.low), columns.add(mark.high)
+        return [{**edge, "y": low}, {**edge, "y": high, **fill}]
+    if isinstance(mark, spec.Bars):
+        x, y = ("y", "x") if mark.is_across else ("x", "y")
+        # Numbers of many narrow bars have space only when upright.
+        is_upright = not mark.is_across and len(mark.texts) > 11 * mark.width
+        return [
+            {
+                **{"type": "bar", "key": mark.key, "width": mark.width},
+                **{"orientation": "h" if mark.is_across else "v", "cliponaxis": False},
+                **{x: columns.add(mark.places), y: columns.add(mark.values)},
+                **{"text": mark.texts, "hovertext": mark.names},
+                **{"textposition": "outside", "textangle": -90 if is_upright else 0},
+                "marker": {"color": f"@{mark.key}"},
+                "hovertemplate": mark.hover + "<extra></extra>",
             }
-            fill = {"fill": "tonexty", "fillcolor": f"@{mark.key}/0.17"}
-            return [
-                {**edge, "y": columns.add(mark.low)},
-                {**edge, "y": columns.add(mark.high), **fill},
-            ]
-        case spec.Line():
-            color, width = f"@{mark.key}", mark.line_width
-            dash = "solid" if mark.is_solid else _dash(mark.key, width, "px")
-            found = {
-                "mode": "lines+markers" if mark.has_dots else "lines",
-                "line": {"color": color, "width": width, "dash": dash},
-            }
-            if mark.has_dots:
-                found["marker"] = {"color": color, "size": 8}
-            if mark.extra is not None:
-                found["customdata"] = columns.add(mark.extra)
-            return [_points(mark, columns) | found]
-        case spec.Points():
-            color = f"@{mark.key}"
-            found = {
-                "mode": "markers+text" if any(mark.labels) else "markers",
-                "marker": {"color": color, "size": mark.size},
-            }
-            if any(mark.labels):
-                found |= {"text": mark.labels, "textposition": "top center"}
-            if len(mark.names):
-                found["hovertext"] = mark.names
-            return [_points(mark, columns) | found]
-        case spec.Bars():
-            ends = ("y", "x") if mark.is_across else ("x", "y")
-            return [
-                {
-                    **{"type": "bar", "key": mark.key, "width": mark.width},
-                    "orientation": "h" if mark.is_across else "v",
-                    ends[0]: columns.add(mark.places),
-                    ends[1]: columns.add(mark.values),
-                    "text": mark.texts,
-                    "hovertext": mark.names,
-                    **{"textposition": "outside", "cliponaxis": False},
-                    # Numbers of many narrow bars have space only when upright.
-                    "textangle": -90
-                    if not mark.is_across and len(mark.texts) > 11 * mark.width
-                    else 0,
-                    "marker": {"color": f"@{mark.key}"},
-                    "hovertemplate": mark.hover + "<extra></extra>",
-                }
-            ]
-    return []
-
-
-def _points(mark: spec.Line | spec.Points, columns: _Columns) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        "type": "scatter",
-        "key": mark.key,
-        "x": columns.add(mark.x),
-        "y": columns.add(mark.y),
+        ]
+    if isinstance(mark, (spec.Level, spec.Ground)):
+        return []
+    color = f"@{mark.key}"
+    trace: dict[str, Any] = {
+        **{"type": "scatter", "key": mark.key, "opacity": mark.opacity},
+        **{"x": columns.add(mark.x), "y": columns.add(mark.y)},
+        "hoverinfo": "all" if mark.hover else "skip",
     }
     if mark.hover:
-        found["hovertemplate"] = mark.hover + "<extra></extra>"
-    else:
-        found["hoverinfo"] = "skip"
-    if mark.opacity < 1.0:
-        found["opacity"] = mark.opacity
+        trace["hovertemplate"] = mark.hover + "<extra></extra>"
     if mark.flight is not None:
-        found["flight"] = columns.add(mark.flight.astype(int))
-        if isinstance(mark, spec.Points) and mark.time is not None:
-            found["time"] = columns.add(mark.time)
-    return found
+        trace["flight"] = columns.add(mark.flight.astype(int))
+    if isinstance(mark, spec.Points):
+        trace["mode"] = "markers+text" if any(mark.labels) else "markers"
+        trace |= {"marker": {"color": color, "size": mark.size}}
+        trace |= {"hovertext": mark.names} if mark.names else {}
+        if any(mark.labels):
+            trace |= {"text": mark.labels, "textposition": "top center"}
+        if mark.time is not None:
+            trace["time"] = columns.add(mark.time)
+        return [trace]
+    width = mark.line_width
+    dash = "solid" if mark.is_solid else _dash(mark.key, width, "px")
+    trace["mode"] = "lines+markers" if mark.has_dots else "lines"
+    trace["line"] = {"color": color, "width": width, "dash": dash}
+    trace |= {"marker": {"color": color, "size": 8}} if mark.has_dots else {}
+    if mark.extra is not None:
+        trace["customdata"] = columns.add(mark.extra)
+    return [trace]
 
 
 def _dash(key: str, width: float, unit: str = "") -> str:

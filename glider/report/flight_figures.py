@@ -5,7 +5,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from glider.report.error_table import ALONG, COLUMNS, FREE, PITCH, unit_beside_noise
+from glider.report import error_table
 from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
 from glider.report.numbers import DEGREE, Unit
 from glider.report.plots import figure as spec
@@ -51,8 +51,10 @@ def held_out_figure(result: Result) -> spec.Figure | None:
         return None
     shown = {flight.name for flight in shown_flights(result)}
     errors = [position_rms(flight, "corrected") for flight in flights]
-    unit = unit_beside_noise(result, *errors)
-    flown = [m for m in COLUMNS if any(m in flight.flown for flight in flights)]
+    unit = error_table.unit_beside_noise(result, *errors)
+    flown = [
+        m for m in error_table.COLUMNS if any(m in flight.flown for flight in flights)
+    ]
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *flown)}
         | {"fitted": "launch state fitted"},
@@ -78,7 +80,11 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     count = len(flight.time)
     rows = np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
     time, measured = flight.time[rows], flight.measured[rows]
-    flown = {m: bounded(flight.flown[m])[rows] for m in COLUMNS if m in flight.flown}
+    flown = {
+        m: bounded(flight.flown[m])[rows]
+        for m in error_table.COLUMNS
+        if m in flight.flown
+    }
     apart = {m: distance(pose, measured) for m, pose in flown.items()}
     name, fitted = _stem(flight.name), time <= flight.fitted_until
 
@@ -166,9 +172,9 @@ def _distance_range(
 
 
 _FOLD_PANELS = {
-    "position, free rollout": FREE,
-    "position, along the measured pitch": ALONG,
-    "pitch, free rollout": PITCH,
+    "position, free rollout": error_table.FREE,
+    "position, along the measured pitch": error_table.ALONG,
+    "pitch, free rollout": error_table.PITCH,
 }
 
 
@@ -199,7 +205,11 @@ def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
             dtype=float,
         )
     )
-    unit = DEGREE if field == PITCH else unit_beside_noise(result, *pairs.flat)
+    unit = (
+        DEGREE
+        if field == error_table.PITCH
+        else error_table.unit_beside_noise(result, *pairs.flat)
+    )
     marks = []
     for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))

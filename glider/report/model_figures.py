@@ -7,16 +7,7 @@ import numpy as np
 
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData, gaussians, make_field
-from glider.report.error_table import (
-    ALONG,
-    END,
-    FREE,
-    PITCH,
-    baseline,
-    columns_of,
-    error_of,
-    noise_floor,
-)
+from glider.report import error_table
 from glider.report.flight_errors import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import figure as spec
@@ -56,9 +47,13 @@ _ERROR_PANELS = (
     (
         "position",
         MILLIMETRE,
-        {FREE: "RMS", END: "at the end", ALONG: "measured\npitch, RMS"},
+        {
+            error_table.FREE: "RMS",
+            error_table.END: "at the end",
+            error_table.ALONG: "measured\npitch, RMS",
+        },
     ),
-    ("pitch", DEGREE, {PITCH: "RMS"}),
+    ("pitch", DEGREE, {error_table.PITCH: "RMS"}),
 )
 """Title and unit of errors side by side, their fields and names."""
 
@@ -67,7 +62,7 @@ _AT = "α %{x:.1f}°: %{y:.3r}"
 
 def errors_figure(result: Result) -> spec.Figure | None:
     """Errors of each model as groups of bars."""
-    models = columns_of(result)
+    models = error_table.columns_of(result)
     if not models:
         return None
     return spec.Figure(
@@ -82,9 +77,10 @@ def _error_panel(
     result: Result, models: list[str], title: str, unit: Unit, fields: dict[str, str]
 ) -> spec.Panel:
     places = np.arange(len(fields), dtype=float)
-    floor = np.array([noise_floor(result, f) for f in fields]) / unit.size
+    floor = np.array([error_table.noise_floor(result, f) for f in fields]) / unit.size
     values = {
-        m: bounded(np.array([error_of(result, m, f) for f in fields])) / unit.size
+        m: bounded(np.array([error_table.error_of(result, m, f) for f in fields]))
+        / unit.size
         for m in models
     }
     every = np.concatenate([floor, *values.values()])
@@ -279,7 +275,7 @@ def _carried_panels(part: FieldData) -> list[spec.Panel]:
 def residual_tables(result: Result) -> dict[str, ResidualTable]:
     """Residuals of the model before and of the corrected one."""
     return {
-        baseline(result): result.residual_before,
+        error_table.baseline(result): result.residual_before,
         "corrected": result.residual_after,
     }
 

@@ -10,7 +10,7 @@ MISSING = "–"
 DIVERGES = "diverges"
 
 DIVERGED = 1e5
-"""An error above this [SI] only says that the model left all bounds."""
+"""An error above this [SI] only means that the model diverged."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -21,13 +21,13 @@ class Unit:
     size: float = 1.0
 
     def digits(self, value: float) -> str:
-        """Returns a number [SI] of three digits in this unit, without its name."""
+        """A number [SI] of three digits in this unit, without its name."""
         if math.isnan(value):
             return MISSING
         return DIVERGES if abs(value) >= DIVERGED else _three_digits(value / self.size)
 
     def text(self, value: float) -> str:
-        """Returns a number [SI] of three digits with this unit."""
+        """A number [SI] of three digits with this unit."""
         digits = self.digits(value)
         if digits in (MISSING, DIVERGES) or self.name in ("", "-"):
             return digits
@@ -41,7 +41,7 @@ MILLIMETRE = Unit(name="mm", size=1e-3)
 
 
 def length_unit(*values: float) -> Unit:
-    """Returns the one unit in which lengths [m] read best.
+    """The one unit in which lengths [m] read best.
 
     It is that of the smallest; metres where one is ten or more.
     """
@@ -52,12 +52,12 @@ def length_unit(*values: float) -> Unit:
 
 
 def format_length(value: float) -> str:
-    """Returns a length [m] in m, cm or mm."""
+    """A length [m] in m, cm or mm."""
     return length_unit(value).text(value)
 
 
 def format_angle(value: float) -> str:
-    """Returns an angle [rad] in degrees."""
+    """An angle [rad] in degrees."""
     return DEGREE.text(value)
 
 
@@ -82,14 +82,14 @@ def format_estimate(c: Estimate) -> str:
 
 
 def in_degrees(c: Estimate) -> str:
-    """Returns " (3.0°)" for an angle, else nothing."""
+    """An angle as " (3.0°)", else nothing."""
     if c.unit != "rad" or not math.isfinite(c.value):
         return ""
     return f" ({math.degrees(c.value):.1f}°)"
 
 
 def format_spread(std: float, unit: str) -> str:
-    """Returns by how much something differs, an angle in degrees too."""
+    """A standard deviation, also in degrees for an angle."""
     text = Unit(name=unit).text(std)
     if unit != "rad" or not math.isfinite(std):
         return text
@@ -97,12 +97,12 @@ def format_spread(std: float, unit: str) -> str:
 
 
 def format_share(share: float) -> str:
-    """Returns a share of one in percent."""
+    """A share of one in percent."""
     return f"{100.0 * share:.0f} %" if math.isfinite(share) else MISSING
 
 
 def format_evidence(evidence: float) -> str:
-    """Returns evidence [nats], with its sign."""
+    """Evidence [nats], with its sign."""
     return f"{evidence:+,.0f}" if math.isfinite(evidence) else MISSING
 
 
@@ -116,7 +116,7 @@ def format_factor(factor: float) -> str:
 
 
 def format_gain(before: float, after: float) -> str:
-    """Returns by what factor an error fell."""
+    """The factor by which an error fell."""
     if before >= DIVERGED > after:
         return "∞"
     if not (0.0 < before < DIVERGED and 0.0 < after < DIVERGED):

@@ -3,13 +3,7 @@
 import math
 from typing import NamedTuple
 
-from glider.report.numbers import (
-    MISSING,
-    format_estimate,
-    format_evidence,
-    format_spread,
-    in_degrees,
-)
+from glider.report import numbers
 from glider.report.wording import name_of, words_of
 from glider.sysid.result import Result
 
@@ -35,8 +29,8 @@ def combination_rows(result: Result) -> list[CombinationRow]:
     return [
         CombinationRow(
             words_of(result, c.kinds),
-            format_evidence(c.evidence),
-            format_evidence(c.evidence - best) if i else "",
+            numbers.format_evidence(c.evidence),
+            numbers.format_evidence(c.evidence - best) if i else "",
             set(c.kinds) == chosen,
         )
         for i, c in enumerate(result.combinations)
@@ -58,7 +52,7 @@ def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
 def vehicle_rows(result: Result) -> list[tuple[str, str]]:
     """Estimated parameters of the vehicle."""
     return [
-        (name_of(name), format_estimate(c) + in_degrees(c))
+        (name_of(name), numbers.format_estimate(c) + numbers.in_degrees(c))
         for name, c in result.vehicle.items()
     ]
 
@@ -69,10 +63,12 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     for name, spread in result.spreads.items():
         known = {f: v for f, v in spread.values.items() if math.isfinite(v)}
         most = max(known, key=lambda f: abs(known[f]), default=None)
-        largest = MISSING
+        largest = numbers.MISSING
         if most is not None:
-            largest = f"{most}: {format_spread(known[most], spread.unit)}"
-        rows.append((name_of(name), format_spread(spread.std, spread.unit), largest))
+            largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
+        rows.append(
+            (name_of(name), numbers.format_spread(spread.std, spread.unit), largest)
+        )
     return rows
 
 
@@ -81,6 +77,6 @@ def spread_values(result: Result) -> list[tuple[str, list[str]]]:
     spreads = result.spreads.values()
     flights = dict.fromkeys(flight for s in spreads for flight in s.values)
     return [
-        (f, [format_spread(s.values.get(f, math.nan), s.unit) for s in spreads])
+        (f, [numbers.format_spread(s.values.get(f, math.nan), s.unit) for s in spreads])
         for f in flights
     ]

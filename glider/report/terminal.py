@@ -16,7 +16,7 @@ from glider.report.tables import vehicle_rows
 from glider.report.wording import (
     counted,
     differences,
-    effect_view,
+    effect_views,
     excluded_words,
     headline,
     notes_of,
@@ -29,20 +29,28 @@ _MOST_EXCLUDED = 5
 """Further ones are in the report."""
 
 
-def print_summary(result: Result, console: Console) -> None:
-    """Prints the verdict, the effects, the errors before and after, the warnings."""
+Writer = Callable[..., None]
+
+
+def writer(console: Console) -> Writer:
+    """A function that prints a text, in ASCII where the console can show no more."""
 
     def write(text: str = "", style: str = "", indent: int = 0) -> None:
-        console.print(
-            Padding(Text(for_console(text, console), style), (0, 0, 0, indent))
-        )
+        shown = Text(for_console(text, console), style)
+        console.print(Padding(shown, (0, 0, 0, indent)))
 
+    return write
+
+
+def print_summary(result: Result, console: Console) -> None:
+    """Prints the verdict, the effects, the errors before and after, the warnings."""
+    write = writer(console)
     write(headline(result), "bold")
     for sentence in (result.reason, *remarks(result)):
         write(sentence)
     write()
-    for effect in result.effects:
-        _write_effect(effect_view(effect, result), write)
+    for effect in effect_views(result):
+        _write_effect(effect, write)
     for sentence in (*differences(result), *say("air", result)):
         write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
     for name, value in vehicle_rows(result):
@@ -63,7 +71,7 @@ def print_summary(result: Result, console: Console) -> None:
         write(f"Note: {note}")
 
 
-def _write_effect(effect: dict[str, Any], write: Callable[..., None]) -> None:
+def _write_effect(effect: dict[str, Any], write: Writer) -> None:
     write(f"{effect['words']} ({effect['kind']})", "bold")
     for name, value in effect["coefficients"]:
         write(f"{name} = {value}", indent=2)
@@ -87,20 +95,30 @@ def _write_effect(effect: dict[str, Any], write: Callable[..., None]) -> None:
     write()
 
 
-def _errors_table(result: Result, console: Console) -> Table:
-    models = columns_of(result)
+def make_table(console: Console, *headings: str, **style: Any) -> Table:
+    """An empty table that all models of a report fit into, in 80 columns."""
     table = Table(
         box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
+        **style,
+    )
+    for i, heading in enumerate(headings):
+        text = for_console(heading, console)
+        table.add_column(text, justify="right" if i else "left", no_wrap=bool(i))
+    return table
+
+
+def _errors_table(result: Result, console: Console) -> Table:
+    models = columns_of(result)
+    table = make_table(
+        console,
+        *("", *(LABELS[m] for m in models), "noise", "gain"),
         title=f"Errors on {counted(result.flights.held_out, 'held-out flight')}",
         title_justify="left",
         title_style="bold",
-        show_edge=False,
-        padding=(0, 0, 0, 1),  # All models fit into 80 columns.
-        pad_edge=False,
     )
-    table.add_column("")
-    for heading in (*(LABELS[m] for m in models), "noise", "gain"):
-        table.add_column(heading, justify="right", no_wrap=True)
     group = ""
     for row in error_rows(result):
         if row.group != group:
@@ -115,7 +133,7 @@ def _errors_table(result: Result, console: Console) -> Table:
 
 
 def for_console(text: str, console: Console) -> str:
-    """Returns a text in ASCII where the console can show no more."""
+    """The text, in ASCII where the console can show no more."""
     if not console.options.ascii_only:
         return text
     table = str.maketrans(

@@ -9,15 +9,8 @@ import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
+from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_noise
-from glider.report.numbers import (
-    DIVERGED,
-    format_estimate,
-    format_evidence,
-    format_share,
-    format_spread,
-    in_degrees,
-)
 from glider.sysid.result import LIBRARY_SHAPE, FoundEffect, Result
 
 _MOST_COEFFICIENTS = 8
@@ -79,8 +72,12 @@ def notes_of(result: Result) -> list[str]:
     return list(notes) if isinstance(notes, (list, tuple)) else [str(notes)]
 
 
-def effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
-    """An effect as text."""
+def effect_views(result: Result) -> list[dict[str, Any]]:
+    """Effects as text."""
+    return [_effect_view(effect, result) for effect in result.effects]
+
+
+def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     items = list(effect.coefficients.items())
     units = {name: c.unit for name, c in items}
     others = effect.indistinguishable_from
@@ -89,23 +86,23 @@ def effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
         "is_unexplained": effect.kind == "unexplained",
         "words": effect.words,
         "coefficients": [
-            (name_of(name), format_estimate(c) + in_degrees(c))
+            (name_of(name), numbers.format_estimate(c) + numbers.in_degrees(c))
             for name, c in items[:_MOST_COEFFICIENTS]
         ],
         "more": max(len(items) - _MOST_COEFFICIENTS, 0),
         "spread": [
-            (name_of(name), format_spread(s, units.get(name, "")))
+            (name_of(name), numbers.format_spread(s, units.get(name, "")))
             for name, s in effect.spread_over_flights.items()
         ],
-        "evidence": format_evidence(effect.evidence),
-        "share": format_share(effect.share_of_residual),
-        "inclusion": format_share(effect.inclusion),
+        "evidence": numbers.format_evidence(effect.evidence),
+        "share": numbers.format_share(effect.share_of_residual),
+        "inclusion": numbers.format_share(effect.inclusion),
         "shape_fits": effect.shape == LIBRARY_SHAPE,
         "confused": [
             f"{words} ({kind})"
             for words, kind in zip(words_of(result, others), others, strict=True)
         ],
-        "depends_on": list(effect.depends_on),
+        "depends_on": effect.depends_on,
     }
 
 
@@ -135,12 +132,12 @@ def _make_sentences() -> jinja2.Template:
         fold.corrected.position_rms_m < fold.refitted.position_rms_m
     )
     environment.globals |= {
-        "DIVERGED": DIVERGED,
+        "DIVERGED": numbers.DIVERGED,
         "baseline": baseline,
         "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
         "counted": counted,
         "error": lambda r, model: error_of(r, model, FREE),
-        "estimate": format_estimate,
+        "estimate": numbers.format_estimate,
         "from_to": _from_to,
         "inf": math.inf,
         "join": join,
@@ -148,7 +145,7 @@ def _make_sentences() -> jinja2.Template:
         "model_of": _model_of,
         "name_of": name_of,
         "numbers": lambda value: ", ".join(f"{v:g}" for v in np.atleast_1d(value)),
-        "spread": format_spread,
+        "spread": numbers.format_spread,
         "vars": vars,
         "words_of": words_of,
     }

@@ -104,7 +104,7 @@ def test_an_effect_under_another_name_is_told(tmp_path):
     second = save(tmp_path / "b", make_result(effects=(tilt,)))
     comparison = compare(load_report(first), load_report(second))
     notes = {d.note for d in comparison.differences if d.kind == "wind"}
-    assert notes == {"may be its frame_tilt: the flights cannot tell them apart"}
+    assert notes == {"may be its frame_tilt: indistinguishable on these flights"}
 
 
 def test_numbers_of_other_units_are_not_subtracted(tmp_path):

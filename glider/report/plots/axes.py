@@ -19,15 +19,7 @@ def limit(
     quantile: float = 0.004,
     around: float | None = None,
 ) -> None:
-    """Sets an axis to where the points are; a few wild ones do not squash it.
-
-    Args:
-        set_limits: `ax.set_xlim` or `ax.set_ylim`.
-        values: of the points.
-        margin: added at both ends, relative to the range.
-        quantile: of points that may lie outside at each end.
-        around: a value that must lie inside.
-    """
+    """Sets an axis to where the points are; see `bounds`."""
     found = bounds(values, margin, quantile, around)
     if found is not None:
         set_limits(*found)

@@ -1,9 +1,9 @@
 """A figure, specified once: panels of lines, bands, points and bars, with their axes.
 
 `as_page` makes of it what `static/page.js` draws, `as_file` a picture. A mark has the
-colour, width and dash of its key (see `palette`), which is also its legend entry. What
-is said of a point under the cursor is a template with plotly's placeholders. Texts are
-plain, but for symbols with a subscript: "$C_n$".
+colour, width and dash of its key (see `style`), which is also its legend entry. Texts
+are plain, but for symbols with a subscript: "$C_n$". `hover` is what is said of a point
+under the cursor, a template with plotly's placeholders.
 """
 
 import dataclasses
@@ -16,21 +16,13 @@ from glider.report.plots.style import WIDTHS
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Axis:
-    """An axis of a panel.
+    """An axis of a panel."""
 
-    Attributes:
-        label: with its unit.
-        range: what it shows at first; all if None.
-        is_log: whether it is logarithmic.
-        ticks: place to label; None for numbers.
-        link: axes of a figure with the same link are zoomed together.
-    """
-
-    label: str = ""
-    range: tuple[float, float] | None = None
+    label: str = ""  # With its unit.
+    range: tuple[float, float] | None = None  # What it shows at first; all if None.
     is_log: bool = False
-    ticks: Mapping[float, str] | None = None
-    link: str = ""
+    ticks: Mapping[float, str] | None = None  # Place to label; None for numbers.
+    link: str = ""  # Axes of a figure with the same link are zoomed together.
 
     @property
     def has_grid(self) -> bool:
@@ -42,32 +34,19 @@ class Axis:
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """A line; NaN breaks it.
-
-    Attributes:
-        key: entry of the legend.
-        x: (n,).
-        y: (n,).
-        hover: template of what is said of a point, empty for nothing.
-        extra: (n,) a further number for the template.
-        width: by default that of the key.
-        opacity: 0 to 1.
-        has_dots: whether its points are marked.
-        is_solid: whether it goes without the dashes of its key.
-        flight: (n,) index into the figure's flights, where the reader may pick one.
-    """
+    """A line; NaN breaks it."""
 
     key: str
-    x: np.ndarray
-    y: np.ndarray
+    x: np.ndarray  # (n,)
+    y: np.ndarray  # (n,)
     _: dataclasses.KW_ONLY
     hover: str = "%{x:.3r}: %{y:.3r}"
-    extra: np.ndarray | None = None
-    width: float | None = None
+    extra: np.ndarray | None = None  # (n,) a further number for `hover`.
+    width: float | None = None  # By default that of the key.
     opacity: float = 1.0
-    has_dots: bool = False
-    is_solid: bool = False
-    flight: np.ndarray | None = None
+    has_dots: bool = False  # At its points.
+    is_solid: bool = False  # Without the dashes of its key.
+    flight: np.ndarray | None = None  # (n,) index into the flights to pick from.
 
     @property
     def line_width(self) -> float:
@@ -77,7 +56,7 @@ class Line:
 
 @dataclasses.dataclass(frozen=True)
 class Band:
-    """The ground between two lines over the same places x."""
+    """The area between two lines over the same places x."""
 
     key: str
     x: np.ndarray
@@ -87,56 +66,38 @@ class Band:
 
 @dataclasses.dataclass(frozen=True)
 class Points:
-    """Single points; attributes as of `Line`.
-
-    Attributes:
-        size: in pixels.
-        names: of the points, for the template.
-        labels: text beside each point.
-        time: (n,) of each point [s], where the reader may pick a flight.
-    """
+    """Single points."""
 
     key: str
-    x: np.ndarray
-    y: np.ndarray
+    x: np.ndarray  # (n,)
+    y: np.ndarray  # (n,)
     _: dataclasses.KW_ONLY
-    hover: str = "%{x:.3r}: %{y:.3r}"
-    size: float = 7.0
+    hover: str = "%{x:.3r}: %{y:.3r}"  # Empty for nothing.
+    size: float = 7.0  # In pixels.
     opacity: float = 1.0
-    names: Sequence[str] = ()
-    labels: Sequence[str] = ()
-    flight: np.ndarray | None = None
-    time: np.ndarray | None = None
+    names: Sequence[str] = ()  # For `hover`.
+    labels: Sequence[str] = ()  # Beside the points.
+    flight: np.ndarray | None = None  # (n,) index into the flights to pick from.
+    time: np.ndarray | None = None  # (n,) of each point [s], for the same.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Bars:
-    """Bars from zero.
-
-    Attributes:
-        key: entry of the legend.
-        places: (n,) on the axis that they stand on.
-        values: (n,).
-        texts: at the end of each bar.
-        hover: template of what is said of a bar.
-        names: of the bars, for the template.
-        width: of a bar, in units of the axis.
-        is_across: whether they lie instead of standing.
-    """
+    """Bars from zero."""
 
     key: str
-    places: np.ndarray
-    values: np.ndarray
-    texts: Sequence[str]
+    places: np.ndarray  # (n,) on the axis that they stand on.
+    values: np.ndarray  # (n,)
+    texts: Sequence[str]  # At their ends.
     hover: str
-    names: Sequence[str] = ()
-    width: float = 0.8
-    is_across: bool = False
+    names: Sequence[str] = ()  # For `hover`.
+    width: float = 0.8  # In units of the axis.
+    is_across: bool = False  # Horizontal.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Level:
-    """A thin line across a panel at a height."""
+    """A thin horizontal line across a panel."""
 
     value: float = 0.0
     is_dotted: bool = False
@@ -144,7 +105,7 @@ class Level:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ground:
-    """A pale ground under a span of x, or of y."""
+    """A pale background over a span of x, or of y."""
 
     start: float
     end: float
@@ -157,23 +118,14 @@ Mark = Line | Band | Points | Bars | Level | Ground
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Panel:
-    """One pair of axes.
-
-    Attributes:
-        title: above it.
-        marks: what it shows, from the bottom up.
-        x: axis across.
-        y: axis up.
-        height: in pixels of the page.
-        share: of the width of its row in a file, relative to the other panels.
-    """
+    """One pair of axes and its marks, from the bottom up."""
 
     title: str
     marks: Sequence[Mark]
     x: Axis = Axis()
     y: Axis = Axis()
-    height: int = 270
-    share: float = 1.0
+    height: int = 270  # In pixels of the page.
+    share: float = 1.0  # Of the width of its row in a file, relative to the others.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -188,23 +140,14 @@ class Choice:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Figure:
-    """Panels with one legend.
+    """Panels with one legend."""
 
-    Attributes:
-        keys: entry of the legend to its label.
-        panels: that are always shown.
-        choices: of which the reader of a page shows some.
-        columns: of panels in a file; a page has as many as it has space for.
-        flights: names, where the reader of a page may pick one.
-        least_width: of a panel of a page, in its letters [rem].
-    """
-
-    keys: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    panels: Sequence[Panel] = ()
-    choices: Sequence[Choice] = ()
-    columns: int = 3
-    flights: Sequence[str] = ()
-    least_width: float = 18.5
+    keys: Mapping[str, str] = dataclasses.field(default_factory=dict)  # To labels.
+    panels: Sequence[Panel] = ()  # That are always shown.
+    choices: Sequence[Choice] = ()  # Of which the reader of a page shows some.
+    columns: int = 3  # In a file; a page has as many as it has space for.
+    flights: Sequence[str] = ()  # Of which the reader of a page may pick one.
+    least_width: float = 18.5  # Of a panel of a page, in its letters [rem].
 
     @property
     def every(self) -> list[Panel]:
