@@ -2,28 +2,20 @@
 
 from collections.abc import Callable
 
-from glider.report.flight_figures import folds_figure, held_out_figure, spreads_figure
-from glider.report.model_figures import (
-    carried_figure,
-    coefficients_figure,
-    curves_figure,
-    errors_figure,
-    evidence_figure,
-    residual_figure,
-)
+from glider.report import flight_figures, model_figures
 from glider.report.plots.figure import Figure
 from glider.sysid.result import Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
-    "errors": errors_figure,
-    "curves": curves_figure,
-    "carried": carried_figure,
-    "coefficients": coefficients_figure,
-    "evidence": evidence_figure,
-    "folds": folds_figure,
-    "held_out": held_out_figure,
-    "spreads": spreads_figure,
-    "residual": residual_figure,
+    "errors": model_figures.errors_figure,
+    "curves": model_figures.curves_figure,
+    "carried": model_figures.carried_figure,
+    "coefficients": model_figures.coefficients_figure,
+    "evidence": model_figures.evidence_figure,
+    "folds": flight_figures.folds_figure,
+    "held_out": flight_figures.held_out_figure,
+    "spreads": flight_figures.spreads_figure,
+    "residual": model_figures.residual_figure,
 }
 """Function that makes each figure, by the name of its file."""
 

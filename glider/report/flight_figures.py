@@ -36,11 +36,8 @@ def shown_flights(result: Result, count: int = MOST_SHOWN) -> list[HeldOutFlight
 
 def flights_in_page(result: Result) -> list[HeldOutFlight]:
     """Flights to choose from, from the worst corrected to the best."""
-    kept = {
-        f.name
-        for most in (MOST_FLIGHTS, MOST_SHOWN)
-        for f in shown_flights(result, most)
-    }
+    every = (*shown_flights(result, MOST_FLIGHTS), *shown_flights(result))
+    kept = {flight.name for flight in every}
     return [flight for flight in rank_flights(result)[::-1] if flight.name in kept]
 
 
@@ -80,11 +77,8 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     count = len(flight.time)
     rows = np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
     time, measured = flight.time[rows], flight.measured[rows]
-    flown = {
-        m: bounded(flight.flown[m])[rows]
-        for m in error_table.COLUMNS
-        if m in flight.flown
-    }
+    models = [m for m in error_table.COLUMNS if m in flight.flown]
+    flown = {m: bounded(flight.flown[m])[rows] for m in models}
     apart = {m: distance(pose, measured) for m, pose in flown.items()}
     name, fitted = _stem(flight.name), time <= flight.fitted_until
 
@@ -93,62 +87,45 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         return spec.Line(model, x, y, hover=hover, extra=time)
 
     poses = {"measured": measured, **flown}
-    degrees = np.degrees(measured[:, 2])
-    clock = spec.Axis(
-        label="time [s]",
-        range=(float(time[0]), float(time[-1])),
-        link=f"time {flight.name}",
-    )
-    start = spec.Ground(start=float(time[0]), end=flight.fitted_until, key="fitted")
-    known = math.isfinite(noise) and noise > 0.0
+    paths = [
+        line(m, pose[:, 0], pose[:, 1], "x %{x:.3f} m, z %{y:.3f} m")
+        for m, pose in poses.items()
+    ]
+    pitches = [
+        line(m, time, np.degrees(pose[:, 2]), "pitch %{y:.2f}°")
+        for m, pose in poses.items()
+    ]
+    distances = [
+        line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
+        for m, d in apart.items()
+    ]
+    x, z, pitch = measured.T
+    launch = x[fitted], z[fitted]
+    begin, end = float(time[0]), float(time[-1])
+    start = spec.Ground(begin, flight.fitted_until, key="fitted")
+    clock = spec.Axis("time [s]", (begin, end), link=f"time {flight.name}")
+    noise = noise if math.isfinite(noise) else 0.0
+    level = [spec.Level(noise, is_dotted=True)] if noise > 0.0 else []
     return [
         spec.Panel(
-            title=name,
-            marks=[
-                spec.Points(
-                    "fitted",
-                    measured[fitted, 0],
-                    measured[fitted, 1],
-                    hover="",
-                    size=12.0,
-                    opacity=0.3,
-                ),
-                *(
-                    line(m, pose[:, 0], pose[:, 1], "x %{x:.3f} m, z %{y:.3f} m")
-                    for m, pose in poses.items()
-                ),
-            ],
-            x=spec.Axis(label="x [m]", range=bounds(measured[:, 0], 0.06, 0.0)),
-            y=spec.Axis(label="z [m]", range=bounds(measured[:, 1], 0.35, 0.0)),
+            name,
+            [spec.Points("fitted", *launch, hover="", size=12.0, opacity=0.3), *paths],
+            spec.Axis("x [m]", bounds(x, 0.06, 0.0)),
+            spec.Axis("z [m]", bounds(z, 0.35, 0.0)),
             height=250,
         ),
         spec.Panel(
-            title="pitch, nose down > 0 [°]",
-            marks=[
-                start,
-                *(
-                    line(m, time, np.degrees(pose[:, 2]), "pitch %{y:.2f}°")
-                    for m, pose in poses.items()
-                ),
-            ],
-            x=clock,
-            y=spec.Axis(range=bounds(degrees, 0.35, 0.0)),
+            "pitch, nose down > 0 [°]",
+            [start, *pitches],
+            clock,
+            spec.Axis(range=bounds(np.degrees(pitch), 0.35, 0.0)),
             height=250,
         ),
         spec.Panel(
-            title="distance from the flight [m]",
-            marks=[
-                start,
-                *([spec.Level(value=noise, is_dotted=True)] if known else []),
-                *(
-                    line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
-                    for m, d in apart.items()
-                ),
-            ],
-            x=clock,
-            y=spec.Axis(
-                is_log=True, range=_distance_range(apart, noise if known else 0.0)
-            ),
+            "distance from the flight [m]",
+            [start, *level, *distances],
+            clock,
+            spec.Axis(range=_distance_range(apart, noise), is_log=True),
             height=250,
         ),
     ]
@@ -184,46 +161,26 @@ def folds_figure(result: Result) -> spec.Figure | None:
         return None
     panels = [_fold_panel(result, *panel) for panel in _FOLD_PANELS.items()]
     keys = {"better": "the correction helps", "worse": "it does not"}
-    drawn = {
-        mark.key
-        for panel in panels
-        for mark in panel.marks
-        if isinstance(mark, spec.Line)
-    }
-    return spec.Figure(
-        keys={k: v for k, v in keys.items() if k in drawn}, panels=panels
-    )
+    drawn = {mark.key for panel in panels for mark in panel.marks}
+    keys = {key: label for key, label in keys.items() if key in drawn}
+    return spec.Figure(keys=keys, panels=panels)
 
 
 def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
-    pairs = bounded(
-        np.array(
-            [
-                [attrgetter(field)(e) for e in (f.refitted, f.corrected)]
-                for f in result.folds
-            ],
-            dtype=float,
-        )
-    )
-    unit = (
-        DEGREE
-        if field == error_table.PITCH
-        else error_table.unit_beside_noise(result, *pairs.flat)
-    )
+    get = attrgetter(field)
+    errors = [(get(fold.refitted), get(fold.corrected)) for fold in result.folds]
+    pairs, unit = bounded(np.array(errors, dtype=float)), DEGREE
+    if field != error_table.PITCH:
+        unit = error_table.unit_beside_noise(result, *pairs.flat)
     marks = []
     for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))
-        more = len(fold.held_out) - 6
-        marks.append(
-            spec.Line(
-                "better" if pair[1] < pair[0] else "worse",
-                np.array([0.0, 1.0]),
-                pair,
-                hover=f"%{{y:.3r}} {unit.name}<br>{names}"
-                + (f" and {more} more" if more > 0 else ""),
-                has_dots=True,
-            )
-        )
+        if (more := len(fold.held_out) - 6) > 0:
+            names += f" and {more} more"
+        hover = f"%{{y:.3r}} {unit.name}<br>{names}"
+        key = "better" if pair[1] < pair[0] else "worse"
+        ends = np.array([0.0, 1.0])
+        marks.append(spec.Line(key, ends, pair, hover=hover, has_dots=True))
     shown = pairs[np.isfinite(pairs) & (pairs > 0.0)] / unit.size
     is_far = bool(shown.size) and shown.max() > 5.0 * shown.min()
     span = None
@@ -232,10 +189,10 @@ def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
         span = (0.6 * low, 1.6 * high) if is_far else (0.0, 1.12 * high)
     ticks = {0.0: LABELS["refitted"], 1.0: LABELS["corrected"]}
     return spec.Panel(
-        title=f"{title}, RMS [{unit.name}]",
-        marks=marks,
-        x=spec.Axis(range=(-0.35, 1.35), ticks=ticks),
-        y=spec.Axis(is_log=is_far, range=span),
+        f"{title}, RMS [{unit.name}]",
+        marks,
+        spec.Axis(range=(-0.35, 1.35), ticks=ticks),
+        spec.Axis(range=span, is_log=is_far),
     )
 
 
@@ -260,26 +217,17 @@ def _spread_panel(
     size = np.where(np.isfinite(own), np.abs(own), -1.0)
     named = [i for i in np.argsort(-size)[:_MOST_NAMES] if size[i] >= 0.0]
     names = [_stem(name) for name in values]
-    half = std / unit.size
+    points = spec.Points(
+        "own",
+        np.arange(1.0, len(own) + 1.0),
+        own,
+        hover=f"%{{hovertext}}: %{{y:.3r}} {unit.name}",
+        names=names,
+        labels=[name if i in named else "" for i, name in enumerate(names)],
+    )
+    half = np.nan_to_num(std / unit.size, posinf=0.0)
     return spec.Panel(
-        title=f"{title} [{unit.name}]" if unit.name else title,
-        marks=[
-            spec.Level(),
-            *(
-                [spec.Ground(start=-half, end=half, along="y", key="own")]
-                if math.isfinite(half)
-                else []
-            ),
-            spec.Points(
-                "own",
-                np.arange(1.0, len(own) + 1.0),
-                own,
-                hover=f"%{{hovertext}}: %{{y:.3r}} {unit.name}",
-                names=names,
-                labels=[name if i in named else "" for i, name in enumerate(names)],
-            ),
-        ],
-        x=spec.Axis(
-            label="flight, in the order of the campaign", range=(0.0, len(own) + 1.0)
-        ),
+        f"{title} [{unit.name}]" if unit.name else title,
+        [spec.Level(), spec.Ground(-half, half, along="y", key="own"), points],
+        spec.Axis("flight, in the order of the campaign", (0.0, len(own) + 1.0)),
     )

@@ -34,8 +34,8 @@ RESIDUALS = {
 }
 """Columns of a residual, with their units."""
 
-COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$"}
-"""Coefficient to its symbol; C_M is without a chord [m]."""
+COEFFICIENTS = {"c_lift": "$C_L$", "c_drag": "$C_D$", "c_moment": "$C_M$ [m]"}
+"""Coefficient to its symbol; that of the moment is without a chord."""
 
 _ERROR_PANELS = (
     (
@@ -86,17 +86,15 @@ def _error_panel(
     every = np.concatenate([floor, *values.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
     low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
+    noise = spec.Line(
+        "noise",
+        np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
+        np.repeat(floor, 4),
+        hover=f"noise: %{{y:.3r}} {unit.name}",
+    )
     return spec.Panel(
-        title=f"{title} [{unit.name}]",
-        marks=[
-            *grouped_bars(values, {m: LABELS[m] for m in models}, unit),
-            spec.Line(
-                "noise",
-                np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
-                np.repeat(floor, 4),
-                hover=f"noise: %{{y:.3r}} {unit.name}",
-            ),
-        ],
+        f"{title} [{unit.name}]",
+        [*grouped_bars(values, {m: LABELS[m] for m in models}, unit), noise],
         x=spec.Axis(
             range=(-0.6, len(fields) - 0.4), ticks=dict(enumerate(fields.values()))
         ),
@@ -263,12 +261,11 @@ def _carried_panels(part: FieldData) -> list[spec.Panel]:
     place = np.linspace(centers.min(), centers.max(), 121)
     values = gaussians(field, column, place[:, None]) @ field.weights
     scaled = place * VARIABLES[variable][1]
+    lines = [spec.Line("rest", scaled, value, is_solid=True) for value in values.T]
     return [
-        term_panel(
-            term, [spec.Line("rest", scaled, values[:, k], is_solid=True)], variable
-        )
-        for k, term in enumerate(FIELD_TERMS)
-        if np.any(values[:, k] != 0.0)
+        term_panel(term, [line], variable)
+        for term, line in zip(FIELD_TERMS, lines, strict=False)
+        if np.any(line.y != 0.0)
     ]
 
 
@@ -283,12 +280,11 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
 def coefficients_figure(result: Result) -> spec.Figure | None:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = residual_tables(result)
-    for table in tables.values():
-        if (
-            "alpha" not in table.variables
-            or COEFFICIENTS.keys() - table.coefficients.keys()
-        ):
-            return None
+    if not all(
+        "alpha" in t.variables and COEFFICIENTS.keys() <= t.coefficients.keys()
+        for t in tables.values()
+    ):
+        return None
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
@@ -296,13 +292,12 @@ def coefficients_figure(result: Result) -> spec.Figure | None:
             both = [
                 t[name] for o in tables.values() for t in (o.coefficients, o.modelled)
             ]
-            unit = " [m]" if name == "c_moment" else ""
             panels.append(
                 spec.Panel(
-                    title=f"{symbol}{unit}, {LABELS[model]}",
-                    marks=_coefficient_marks(table, lines, name, model),
-                    x=spec.Axis(label=VARIABLES["alpha"][0], link="alpha"),
-                    y=spec.Axis(range=bounds(np.concatenate(both)), link=name),
+                    f"{symbol}, {LABELS[model]}",
+                    _coefficient_marks(table, lines, name, model),
+                    spec.Axis(VARIABLES["alpha"][0], link="alpha"),
+                    spec.Axis(range=bounds(np.concatenate(both)), link=name),
                     height=250,
                 )
             )
@@ -335,6 +330,7 @@ def _coefficient_marks(
     degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
     place, rows = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
     over, modelled = binned_quantiles(degrees, table.modelled[name])
+    hover = f"{LABELS[model]}, median<br>{_AT}"
     return [
         spec.Line(
             "measured",
@@ -348,13 +344,7 @@ def _coefficient_marks(
         ),
         spec.Band("measured", place, rows[0], rows[2]),
         spec.Line("measured", place, rows[1], hover=f"measured, median<br>{_AT}"),
-        spec.Line(
-            model,
-            over,
-            modelled[0],
-            hover=f"{LABELS[model]}, median<br>{_AT}",
-            width=2.0,
-        ),
+        spec.Line(model, over, modelled[0], hover=hover, width=2.0),
     ]
 
 
@@ -425,9 +415,9 @@ def residual_panel(
     everything = np.concatenate([t.residual[:, column] for t in tables.values()])
     over = np.concatenate([t.variables[variable] for t in tables.values()]) * factor
     return spec.Panel(
-        title=f"{name} [{unit.name}]",
-        marks=[spec.Level(), *clouds, *medians],
-        x=spec.Axis(label=label, range=bounds(over), link=variable),
-        y=spec.Axis(range=bounds(everything, around=0.0), link=name),
+        f"{name} [{unit.name}]",
+        [spec.Level(), *clouds, *medians],
+        spec.Axis(label, bounds(over), link=variable),
+        spec.Axis(range=bounds(everything, around=0.0), link=name),
         height=240,
     )

@@ -14,12 +14,13 @@ import numpy as np
 from glider.report.plots.style import WIDTHS
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Axis:
     """An axis of a panel."""
 
     label: str = ""  # With its unit.
     range: tuple[float, float] | None = None  # What it shows at first; all if None.
+    _: dataclasses.KW_ONLY
     is_log: bool = False
     ticks: Mapping[float, str] | None = None  # Place to label; None for numbers.
     link: str = ""  # Axes of a figure with the same link are zoomed together.
@@ -95,7 +96,7 @@ class Bars:
     is_across: bool = False  # Horizontal.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Level:
     """A thin horizontal line across a panel."""
 
@@ -103,7 +104,7 @@ class Level:
     is_dotted: bool = False
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Ground:
     """A pale background over a span of x, or of y."""
 
@@ -116,7 +117,7 @@ class Ground:
 Mark = Line | Band | Points | Bars | Level | Ground
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Panel:
     """One pair of axes and its marks, from the bottom up."""
 
@@ -124,6 +125,7 @@ class Panel:
     marks: Sequence[Mark]
     x: Axis = Axis()
     y: Axis = Axis()
+    _: dataclasses.KW_ONLY
     height: int = 270  # In pixels of the page.
     share: float = 1.0  # Of the width of its row in a file, relative to the others.
 
