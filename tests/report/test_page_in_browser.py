@@ -94,7 +94,7 @@ def test_the_legend_shows_and_hides_a_model_in_all_panels(desk):
     buttons = desk.page.locator("#held_out .legend button")
     labels = [b.strip() for b in buttons.all_inner_texts()]
     assert labels == [
-        *("measured", "as drawn", "refitted", "corrected"),
+        *("measured", "nominal", "refitted", "corrected"),
         "launch state fitted",
     ]
     assert all(traces(desk.page, "held_out", "t.visible"))
