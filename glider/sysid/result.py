@@ -29,7 +29,7 @@ VERDICTS = (
 was found does not hold on flights that were held out."""
 
 MODELS = ("nominal", "refitted", "corrected")
-"""Nominal model; baseline, the flat plate with re-identified parameters; corrected
+"""Nominal model; baseline, the flat plate with refitted parameters; corrected
 model, with the effects."""
 
 CALIBRATED = "calibrated"

@@ -181,7 +181,7 @@ def judge(
     if as_plate:
         return "effect_found", (
             "The effects are identified and hold on held-out flights: the glider "
-            "differs from its nominal model, and the flat plate with re-identified "
+            "differs from its nominal model, and the flat plate with refitted "
             "parameters predicts about as well."
         )
     return "effect_found", "The effects are identified and hold on held-out flights."
@@ -190,7 +190,7 @@ def judge(
 def changes_baseline_alone(model: FitResult) -> bool:
     """Whether all effects of a model are other values of the flat plate's parameters.
 
-    The re-identified baseline has them too and may leave nothing to gain: they are
+    The refitted baseline has them too and may leave nothing to gain: they are
     then compared with the nominal model.
     """
     bare = model.extra is None and not model.has_curves
@@ -200,12 +200,12 @@ def changes_baseline_alone(model: FitResult) -> bool:
 def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
     """Finds the reason why a correction does not beat the baseline, or None."""
     if held_out is not None and not held_out.gain.are_significant:
-        return _no_gain(held_out.gain, "re-identified baseline")
+        return _no_gain(held_out.gain, "refitted baseline")
     ratios = [
         _ratios(errors, "refitted"),
         *([] if held_out is None else [held_out.ratios]),
     ]
-    return _worse(list(np.max(ratios, axis=0)), "re-identified baseline")
+    return _worse(list(np.max(ratios, axis=0)), "refitted baseline")
 
 
 def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
@@ -213,7 +213,7 @@ def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | No
     if not gain.are_significant:
         return _no_gain(gain, "nominal model")
     if held_out.gain.t < -held_out.gain.least_t:
-        return _no_gain(held_out.gain, "re-identified baseline: it loses")
+        return _no_gain(held_out.gain, "refitted baseline: it loses")
     free, _ = _ratios(errors, "nominal")  # Along the pitch, turning shows nothing.
     return _worse([free], "nominal model")
 

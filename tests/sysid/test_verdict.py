@@ -226,7 +226,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     assert verdict(("mass",), **alike)[0] == "not_trusted"
     word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
     assert word == "effect_found"
-    assert "re-identified parameters predicts about as well" in reason
+    assert "refitted parameters predicts about as well" in reason
     by_chance = verdict(("mass",), t_over_nominal=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
     assert "over the nominal model" in by_chance[1]
@@ -235,7 +235,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     gains = alike | {"t": LEAST_T + 0.1, "ratios": (0.5, 0.5), "split": (0.5, 0.5)}
     word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
     assert word == "effect_found"  # It travels: the plate does not.
-    assert "re-identified" not in reason
+    assert "refitted" not in reason
     lost = alike | {"t": -LEAST_T - 0.1}
     assert verdict(("mass",), t_over_nominal=9.0, **lost)[0] == "not_trusted"
 

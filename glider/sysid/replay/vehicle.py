@@ -22,7 +22,7 @@ BASELINE_PARAMETERS = ("wing_area", "elevator_area", "pitch_inertia", "wing_offs
 """Parameters of a flat-plate glider that flights can identify, given its mass."""
 
 BASELINE_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
-"""Effects that are other values of these: the re-identified baseline includes them."""
+"""Effects that are other values of these: the refitted baseline includes them."""
 
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
 """Parameters that default to the nominal glider where they are not specified: they
