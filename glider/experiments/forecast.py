@@ -262,41 +262,37 @@ class Forecast:
             draws: gliders, in proportion to the probability of their explanation; each
                 is flown with several draws of noise.
         """
-        p = self.probabilities
+        p, layout = self.probabilities, self.task.layout
         counts = np.maximum(2, 2 * np.round(0.5 * draws * p / p.sum()).astype(int))
         freedom = _PER_FLIGHT * len(self.task.records)
-        truths, flights = [], []
-        strengths: list[float] = []
+        truths: list[tuple[int, float]] = []
+        flights = []
         for i, (e, count) in enumerate(zip(self.explanations, counts, strict=True)):
+            index = list(e.model.free)
             for numbers in self.numbers(e, rng, int(count) // 2):
-                strengths.append(float(np.sqrt(freedom / rng.chisquare(freedom))))
-                index = list(e.model.free)
+                strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
                 theta = e.model.theta.copy()
                 theta[index] = np.clip(
-                    theta[index] + strengths[-1] * numbers,
-                    self.task.layout.lower[index],
-                    self.task.layout.upper[index],
+                    theta[index] + strength * numbers,
+                    layout.lower[index],
+                    layout.upper[index],
                 )
-                truths.append(i)
+                truths.append((i, strength))
                 flights += [
                     (missed(t, self.place.limits, rng), i, theta) for t in throws
                 ]
-        records = self._fly(flights)
-        known = [r for r in records if r is not None]
-        made = iter(in_parallel(self._gram, known))
-        grams = [None if r is None else next(made) for r in records]
+        diverged = np.full((self._columns[-1].stop + 1,) * 2, np.nan)
+        grams = in_parallel(
+            lambda record: diverged if record is None else self._gram(record),
+            self._fly(flights),
+        )
         right: list[list[float]] = [[] for _ in p]
-        for d, i in enumerate(truths):
-            own = [
-                g
-                for g in grams[d * len(throws) : (d + 1) * len(throws)]
-                if g is not None
-            ]
-            gram = np.sum(own, axis=0)
-            if len(own) < len(throws) or not np.all(np.isfinite(gram)):
+        for d, (i, strength) in enumerate(truths):
+            gram = np.sum(grams[d * len(throws) : (d + 1) * len(throws)], axis=0)
+            if not np.all(np.isfinite(gram)):
                 right[i].append(0.0)  # Not promised where it diverges.
                 continue
-            noise = strengths[d] * rng.normal(size=(_NOISES, len(gram)))
+            noise = strength * rng.normal(size=(_NOISES, len(gram)))
             odds = self.odds(gram, noise @ _root(gram))
             right[i].append(float(np.mean(np.argmax(odds, axis=1) == i)))
         return float(p @ [np.mean(r) for r in right])
