@@ -136,8 +136,8 @@ def fit_basis(
     for channel, chosen in zip(CHANNELS, numbers, strict=True):
         if not chosen:
             raise InputError(
-                f"fit_basis: the {channel} channel has no features; at least one is "
-                "needed."
+                f"fit_basis: the {channel} channel has no features; expected at least "
+                "one."
             )
     targets = plane_accelerations(flights, frame)
     regressions = tuple(

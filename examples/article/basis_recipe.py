@@ -83,14 +83,14 @@ def check_recipe(recipe: Recipe, source: str) -> None:
     for name, channels in recipe.configurations.items():
         if len(channels) != _CHANNELS or not all(channels):
             raise InputError(
-                f"{source}: configuration '{name}' is {show(channels)}; a list of "
-                f"features for each of {_CHANNELS} channels is needed."
+                f"{source}: configuration '{name}' is {show(channels)}; expected a "
+                f"list of features for each of {_CHANNELS} channels."
             )
         for number in (number for channel in channels for number in channel):
             if number not in FEATURES:
                 raise InputError(
-                    f"{source}: configuration '{name}' names feature {number}; one of "
-                    f"{', '.join(map(str, FEATURES))} is needed."
+                    f"{source}: configuration '{name}' names feature {number}; "
+                    f"expected one of {', '.join(map(str, FEATURES))}."
                 )
 
 

@@ -65,13 +65,13 @@ def weight_equations(
     """
     if nominal.field is not None or any(e.kind.states for e in nominal.effects):
         raise InputError(
-            "weight_equations: a model without a field and without effects that have "
-            "states is needed."
+            "weight_equations: expected a model without a field and without effects "
+            "that have states."
         )
     if states.shape != (len(inputs) + 1, NUM_STATES):
         raise InputError(
             f"weight_equations: the states have shape {states.shape} and there are "
-            f"{len(inputs)} inputs; ({len(inputs) + 1}, {NUM_STATES}) is needed."
+            f"{len(inputs)} inputs; expected ({len(inputs) + 1}, {NUM_STATES})."
         )
     chain, theta = compose(nominal.kinds, True), nominal.numbers
     now = states[:-1].T

@@ -125,12 +125,13 @@ class IlqrSettings:
                 )
         if not (math.isfinite(self.step) and self.step > 0.0) or self.steps < 1:
             raise InputError(
-                f"IlqrSettings: {self.steps} steps of {show(self.step)} s; at least "
-                "one, of "
-                "a positive duration, is needed."
+                f"IlqrSettings: {self.steps} steps of {show(self.step)} s; expected "
+                "at least one, of a positive duration."
             )
         if self.order not in (1, 4):
-            raise InputError(f"IlqrSettings: the order is {self.order}; 1 or 4 needed.")
+            raise InputError(
+                f"IlqrSettings: the order is {self.order}; expected 1 or 4."
+            )
 
 
 ARTICLE = IlqrSettings(state_weights=(0.0,) * NUM_STATES)

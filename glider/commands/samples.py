@@ -71,11 +71,12 @@ def _print_results(names: Sequence[str]) -> None:
     for name in names:
         result = close_the_loop(name)
         nominal, corrected = (
-            result.errors[model].position_rms_m for model in ("nominal", "corrected")
+            f"{1e3 * errors.position_rms_m:.2f}" if errors else "-"
+            for errors in (result.errors["nominal"], result.errors["corrected"])
         )
         effects = ", ".join(effect.kind for effect in result.effects) or "-"
         print(
-            f"{name:14s} {result.verdict:16s} {1e3 * nominal:8.1f} "
-            f"{1e3 * corrected:10.2f}  {effects}",
+            f"{name:14s} {result.verdict:16s} {nominal:>8s} {corrected:>10s}"
+            f"  {effects}",
             flush=True,
         )

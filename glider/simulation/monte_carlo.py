@@ -47,7 +47,7 @@ class LaunchSpread:
             expect(good, f"LaunchSpread: '{name}'", value, "a number not negative")
 
     def scaled(self, times: float) -> "LaunchSpread":
-        """Returns launches that err so many times as much."""
+        """Launch errors so many times as large."""
         return LaunchSpread(
             height=times * self.height,
             speed=times * self.speed,

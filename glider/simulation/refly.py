@@ -35,15 +35,15 @@ from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Flight as somebody saw it: the cameras, or a model.
+    """Flight as cameras or a model have it.
 
     Attributes:
         time: (n,) from the first row of the log [s]; it ends early where a model
-            blows up.
+            diverges.
         poses: (n, 4) x, z [m], pitch, elevator [rad].
         forces: (n, 2) of wing and elevator along their normals [N], as the model
             has them along the measured flight; None for a model's own flight, and
-            where the campaign does not tell the mass.
+            where the campaign does not give the mass.
     """
 
     time: np.ndarray
@@ -52,7 +52,7 @@ class Motion:
 
 
 def nominal_model(campaign: Campaign) -> GliderModel | None:
-    """Returns the nominal model; None where the campaign does not tell all of it."""
+    """Returns the nominal model; None where the campaign does not give all of it."""
     vehicle = make_vehicle(campaign)
     if not vehicle.is_known:
         return None
@@ -60,7 +60,7 @@ def nominal_model(campaign: Campaign) -> GliderModel | None:
 
 
 def nominal_parameters(campaign: Campaign) -> GliderParameters:
-    """Returns what is told of the vehicle; the default glider's where nothing is."""
+    """The given parameters of the vehicle; the default glider's for the others."""
     vehicle: dict[str, Any] = dict(campaign.vehicle)
     return GliderParameters(**vehicle)
 

@@ -175,7 +175,7 @@ def keeps_servo(interval: Interval) -> bool:
 def covers(interval: Interval, basis: np.ndarray) -> bool:
     """Returns whether all y of the sets are basis w with |w| <= 1, for sure.
 
-    So it is where C S⁻¹ Cᵀ < basis basisᵀ, and so where the matrix
+    This holds if C S⁻¹ Cᵀ < basis basisᵀ, that is, if the matrix
         S   Cᵀ
         C   basis basisᵀ
     is positive definite.
