@@ -232,6 +232,7 @@ class Analysis:
         signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
         model, judged = traced.model, traced.judged
         before, named, after = tables
+        rolling = [(f.name, planarity(f)) for f in flights.logged.flights]
         with self.stage("weigh", "standard errors"):
             carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
             known = uncertainty_of(task, with_allowed_curves(task, judged))
@@ -280,7 +281,7 @@ class Analysis:
                 *_losses(held_out, verdict),
             ),
             set_aside=_excluded(self.inspection, split.outlying),
-            planarity=_planarity(flights.logged),
+            planarity={f: p.sentence for f, p in rolling if p is not None},
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
             ),
@@ -379,8 +380,3 @@ def _losses(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
 
 MOST_LOST = 0.25
 """Share of the flights that may lose by a correction without a warning."""
-
-
-def _planarity(campaign: Campaign) -> dict[str, str]:
-    found = {f.name: planarity(f) for f in campaign.flights}
-    return {name: p.sentence for name, p in found.items() if p is not None}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.checks.clocks import find_stops
-from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.checks.planarity import normal
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
@@ -99,27 +99,22 @@ def prepare(
         stops = find_stops(campaign, masks or {}, noise.elevator)
     records = []
     for flight in flights:
-        usable = np.ones(len(flight.time), dtype=bool)
-        turned = usable
-        if masks is not None and flight.name in masks:
-            usable = masks[flight.name].usable
-            turned = ~masks[flight.name].elevator
-        masked = usable, turned
-        records.append(_record(flight, masked, stops, maps, campaign, noise, layout))
+        mask = (masks or {}).get(flight.name, no_masks(flight))
+        records.append(_record(flight, mask, stops, maps, campaign, noise, layout))
     return records
 
 
 def _record(
     flight: Flight,
-    masked: tuple[np.ndarray, np.ndarray],
+    mask: Masks,
     stops: tuple[float, float] | None,
     kept: dict[bytes, list[np.ndarray]],
     campaign: Campaign,
     noise: Noise,
     layout: Layout,
 ) -> Record:
-    usable, turned = masked
-    good = np.flatnonzero(usable)
+    turned = ~mask.elevator
+    good = np.flatnonzero(mask.usable)
     rows = slice(good[0], good[-1] + 1)
     clock = flight.time - flight.time[good[0]]
     time, place = _with_gaps_filled(clock[rows])

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.masks import Masks, no_masks
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
 
@@ -150,32 +150,20 @@ def measure_noise(
     campaign: Campaign, masks: Mapping[str, Masks] | None = None
 ) -> Noise:
     """Finds the noise of a campaign's channels from all its flights."""
-    masks = masks or {}
-    usable = [
-        masks[f.name].usable if f.name in masks else np.ones(len(f.time), dtype=bool)
-        for f in campaign.flights
-    ]
-    times = [f.time[u] for f, u in zip(campaign.flights, usable, strict=True)]
-    poses = [f.pose[u] for f, u in zip(campaign.flights, usable, strict=True)]
-    smoothing = estimate_noise(times, poses)
+    of_flights = [(masks or {}).get(f.name, no_masks(f)) for f in campaign.flights]
+    pairs = list(zip(campaign.flights, of_flights, strict=True))
+    times = [f.time[m.usable] for f, m in pairs]
+    smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
     position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
-    elevator = 0.0
-    if campaign.elevator == "servo":
-        turned = [
-            ~masks[f.name].elevator
-            if f.name in masks
-            else np.ones(len(f.time), dtype=bool)
-            for f in campaign.flights
-        ]
-        pairs = [
-            (f, u)
-            for f, u in zip(campaign.flights, turned, strict=True)
-            if np.count_nonzero(u) >= _FEWEST_ROWS
-        ]
-        times = [f.time[u] for f, u in pairs]
-        errors = [_elevator_error(f, campaign.command_rate)[u] for f, u in pairs]
-        if pairs:
-            elevator = estimate_noise(times, [e[:, None] for e in errors])[0].noise
+    elevator, times, errors = 0.0, [], []
+    for flight, mask in pairs if campaign.elevator == "servo" else ():
+        seen = ~mask.elevator
+        if np.count_nonzero(seen) >= _FEWEST_ROWS:
+            error = _elevator_error(flight, campaign.command_rate)
+            times.append(flight.time[seen])
+            errors.append(error[seen, None])
+    if errors:
+        elevator = estimate_noise(times, errors)[0].noise
     return Noise(
         position=max(position, _LEAST_POSITION),
         pitch=max(smoothing[2].noise, _LEAST_ANGLE),
