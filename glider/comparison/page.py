@@ -23,7 +23,7 @@ from glider.report.plots.style import LABELS
 
 
 def to_html(comparison: Comparison) -> str:
-    """Returns the page."""
+    """The page of a comparison."""
     figures = {
         "changes": changes_figure(comparison),
         "errors": errors_figure(comparison),
@@ -36,12 +36,7 @@ def to_html(comparison: Comparison) -> str:
         headline=headline(comparison),
         rows=rows(comparison),
         errors=error_rows(comparison),
-        facts=[
-            (name, first, second)
-            for (name, first), (_, second) in zip(
-                facts(comparison.first), facts(comparison.second), strict=True
-            )
-        ],
+        facts=facts(comparison),
     )
 
 
@@ -63,34 +58,26 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
         return None
     keys = {"chosen": "changed by more than chance explains", "other": "agrees"}
     limit = comparison.z_significant
-    marks: list[spec.Ground | spec.Points] = [spec.Ground(start=-limit, end=limit)]
-    for key in keys:
-        mine = [
-            place
-            for place, (d, _) in enumerate(compared)
-            if comparison.is_significant(d) == (key == "chosen")
+    marks: list[spec.Ground | spec.Points] = [spec.Ground(-limit, limit)]
+    z = np.array([d.z for d, _ in compared])
+    names = np.array(
+        [
+            f"{d.label}: {d.z:+.1f} σ<br>{row.first} → {row.second} {row.unit}"
+            for d, row in compared
         ]
-        chosen = [compared[place] for place in mine]
-        marks.append(
-            spec.Points(
-                key,
-                np.array([d.z for d, _ in chosen]),
-                np.array(mine, dtype=float),
-                hover="%{hovertext}",
-                names=[
-                    f"{d.label}: {d.z:+.1f} σ<br>{row.first} → {row.second} {row.unit}"
-                    for d, row in chosen
-                ],
-                size=11.0,
-            )
-        )
+    )
+    is_chosen = np.array([comparison.is_significant(d) for d, _ in compared])
+    for key, which in zip(keys, (is_chosen, ~is_chosen), strict=True):
+        x, y, hovers = z[which], 1.0 * np.flatnonzero(which), names[which].tolist()
+        points = spec.Points(key, x, y, hover="%{hovertext}", names=hovers, size=11.0)
+        marks.append(points)
     far = 1.15 * max(limit, *(abs(d.z) for d, _ in compared))
     ticks = {float(place): d.label for place, (d, _) in enumerate(compared)}
     panel = spec.Panel(
-        title="",
-        marks=marks,
-        x=spec.Axis(label="change over its standard error [σ]", range=(-far, far)),
-        y=spec.Axis(range=(-0.6, len(compared) - 0.4), ticks=ticks),
+        "",
+        marks,
+        spec.Axis("change over its standard error [σ]", (-far, far)),
+        spec.Axis(range=(-0.6, len(compared) - 0.4), ticks=ticks),
         height=90 + 26 * len(compared),
     )
     return spec.Figure(keys=keys, panels=[panel], columns=1, least_width=WIDE)
@@ -125,18 +112,9 @@ def curves_figure(comparison: Comparison) -> spec.Figure | None:
     """What the plate of each report lacks, one over the other."""
     both = {"first": comparison.first.curves, "second": comparison.second.curves}
     terms = dict.fromkeys(c.term for curves in both.values() for c in curves)
-    panels = [
-        term_panel(
-            term,
-            [
-                mark
-                for key, curves in both.items()
-                for curve in curves
-                if curve.term == term
-                for mark in lack_marks(key, curve)
-            ],
-            "alpha",
-        )
-        for term in terms
-    ]
+    panels = []
+    for term in terms:
+        pairs = [(key, c) for key, curves in both.items() for c in curves]
+        marks = [m for key, c in pairs if c.term == term for m in lack_marks(key, c)]
+        panels.append(term_panel(term, marks, "alpha"))
     return spec.Figure(keys=_keys(comparison), panels=panels) if panels else None

@@ -28,9 +28,7 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
     say()
     console.print(_errors(comparison, console))
     say()
-    for (name, first), (_, second) in zip(
-        facts(comparison.first), facts(comparison.second), strict=True
-    ):
+    for name, first, second in facts(comparison):
         say(f"{name}: {first} in A, {second} in B")
 
 

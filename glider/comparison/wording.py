@@ -133,8 +133,13 @@ def unit_of(comparison: Comparison, error: str, *values: float) -> numbers.Unit:
     return numbers.length_unit(*(v for v in (*values, *noises) if math.isfinite(v)))
 
 
-def facts(report: SavedReport) -> list[tuple[str, str]]:
-    """Further facts of a report, by name."""
+def facts(comparison: Comparison) -> list[tuple[str, str, str]]:
+    """Further facts by name, of both reports."""
+    both = map(_facts, (comparison.first, comparison.second))
+    return [(name, one, other) for (name, one), (_, other) in zip(*both, strict=True)]
+
+
+def _facts(report: SavedReport) -> list[tuple[str, str]]:
     air = numbers.MISSING
     if math.isfinite(report.air.std_m_s):
         air = f"{report.air.std_m_s:.2g} m/s" if report.air.std_m_s else "still"
