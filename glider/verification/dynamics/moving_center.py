@@ -34,7 +34,7 @@ class MovingCenter:
         confidence: set of the deviations δ (m,).
         times: times (T,) [s].
         shifts: X (T, n, m).
-        slopes: ẋ (T, n, m) [1/s].
+        slopes: Ẋ (T, n, m) [1/s].
     """
 
     confidence: ConfidenceSet

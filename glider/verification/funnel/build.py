@@ -19,7 +19,7 @@ from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import BoundaryForms
 from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.scaling import Gauge, scale_funnel
+from glider.verification.funnel.scaling import Gauge
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import ShapeFlow
 from glider.verification.sos.programs import (
@@ -59,10 +59,12 @@ def make_funnel(
     Args:
         model: the glider that the plan is for.
         policy: the feedback, e.g. of `glider.control.tvlqr.tracking_policy`.
+        settings: goal and margins.
         confidence: set of gliders that are to stay, each in the funnel about its own
             center; None for the model's own. Needs a `remainder`.
-        hook_of: problem whose hook is to take every state of the last set: the goal in
-            place, speed and pitch is its (`hook_goal`). None for that of the settings.
+        hook_of: problem whose hook is to accept every state of the last set
+            (`hook_goal`); None for the goal of the settings.
+        seed: of the points where remainder and growth are sampled.
         progress: called with the current stage.
 
     Raises:
@@ -90,35 +92,20 @@ def make_funnel(
     if settings.elevator_gain > 0.0:
         own = normalized(directions[:, :n])
         steered = ShapeFlow(nominal, coefficients, settings, own, steer=True)
-        _shape(
-            steered, lambda share: say(f"funnel: its feedback, {100.0 * share:.0f} %")
-        )
+        _shape(steered, say, "feedback")
         nominal = steered.nominal
         coefficients = expand(nominal)
     center = make_moving_center(nominal, confidence) if confidence else None
-    flow = ShapeFlow(nominal, coefficients, settings, directions, center)
-    S = _shape(flow, lambda share: say(f"funnel: its shape, {100.0 * share:.0f} %"))
+    parts = nominal, coefficients, settings, directions, center
+    S = _shape(ShapeFlow(*parts), say, "shape")
     say("funnel: its size")
-    gauge = Gauge(nominal, coefficients, settings, directions, center)
-    if not gauge.is_bounded:
-        raise SolverError(
-            "The plan's flight cannot be enclosed; a shorter step may do."
-        )
-    try:
-        S = scale_funnel(
-            nominal.times, S, gauge.growth, gauge.servo_margin, settings.margin
-        )
-    except np.linalg.LinAlgError:
-        raise SolverError(
-            "The funnel changes too fast between its times; a shorter step may help."
-        ) from None
-    sets = gauge.sets(S)
+    sets = Gauge(*parts).scaled(S)
     say("funnel: its certificate")
     grams = certify(nominal.times, sets.forms, settings.margin)
     return Funnel(
         nominal=nominal,
         settings=settings,
-        S=S,
+        S=sets.S,
         slopes=sets.slopes,
         beta=sets.beta,
         weights=sets.weights,
@@ -129,10 +116,10 @@ def make_funnel(
     )
 
 
-def _shape(flow: ShapeFlow, progress: Callable[[float], None]) -> np.ndarray:
+def _shape(flow: ShapeFlow, say: Progress, what: str) -> np.ndarray:
     """Returns S (T, n, n) of a flow."""
     try:
-        return flow.run(progress)
+        return flow.run(lambda share: say(f"funnel: its {what}, {100.0 * share:.0f} %"))
     except np.linalg.LinAlgError:
         raise SolverError("The funnel vanishes; a tighter goal may help.") from None
 

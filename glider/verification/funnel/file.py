@@ -135,7 +135,8 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
 def write_file(path: Path | str, notes: Notes, arrays: dict[str, np.ndarray]) -> None:
     """Writes a file at once; `read_file` reads it."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, notes=np.array(schema.json_text(notes)), **arrays)
+    text = np.array(schema.json_text(notes))
+    np.savez_compressed(buffer, notes=text, **arrays)  # type: ignore[arg-type]
     replace_file(Path(path), lambda file: file.write_bytes(buffer.getvalue()))
 
 
@@ -153,7 +154,7 @@ def read_file(path: Path | str) -> FunnelFile:
             count = _header(archive, "times")[0]
             if len(count) != 1:
                 raise ValueError(f"'times' has shape {show(count)}; expected one axis")
-            shapes = _shapes(*count, len(notes.state_names))
+            shapes = _shapes(count[0], len(notes.state_names))
             if 8 * sum(map(math.prod, shapes.values())) > MOST_BYTES:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}

@@ -8,7 +8,6 @@ then certified, with a margin.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -32,6 +31,7 @@ from glider.verification.funnel.remainder import (
 from glider.verification.funnel.servo_limits import bounds_about, margin_to_limits
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import size_matrices
+from glider.verification.sos.programs import SolverError
 from glider.verification.sos.sphere import normalized
 
 ROUNDS = 10
@@ -40,48 +40,10 @@ ROUNDS = 10
 MARGIN_SHARE = 0.6
 """Share of the margin that is enough, everywhere, to end the rounds."""
 
-
 STARTS = 60
 """Points where the ascent to the largest growth starts, besides the axes of its
 quadratic part. With 12, and none from neighbors in time, it missed so much that one
 funnel was not certified, and another not proven between two times."""
-
-
-def scale_funnel(
-    times: np.ndarray,
-    S: np.ndarray,
-    find_growth: Callable[[np.ndarray], np.ndarray],
-    find_margin: Callable[[np.ndarray], np.ndarray],
-    margin: float,
-) -> np.ndarray:
-    """Returns S (T, n, n) scaled so that V̇/V stays below zero on its boundary.
-
-    Args:
-        times: (T,) [s].
-        S: (T, n, n) the shapes.
-        find_growth: from S to the largest V̇/V at and around the times, (T,) [1/s].
-        find_margin: from S to the largest ρ (T,) that the servo allows.
-        margin: aimed at for -V̇/V; MARGIN_SHARE of it is enough [1/s].
-    """
-    for turn in range(ROUNDS):
-        growth, cap = find_growth(S), find_margin(S)
-        if growth.max() <= -MARGIN_SHARE * margin and cap.min() >= 1.0 - 1e-9:
-            break
-        excess = growth + margin
-        # At first as the equation says; then only what is still missing.
-        S = S / _levels(times, excess if turn == 0 else np.maximum(excess, 0.0), cap)
-    return S
-
-
-def _levels(times, rate, largest):
-    """Returns ρ (T, 1, 1), backward from 1 and within the servo's margin."""
-    log = np.zeros(len(times))
-    cap = np.log(largest)
-    log[-1] = min(0.0, cap[-1])
-    for k in range(len(times) - 2, -1, -1):
-        mean = 0.5 * (rate[k] + rate[k + 1])
-        log[k] = min(log[k + 1] - mean * (times[k + 1] - times[k]), cap[k])
-    return np.exp(log)[:, None, None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -89,12 +51,14 @@ class BoundarySets:
     """Sets along a flight, with all that makes V̇ on their boundaries.
 
     Attributes:
-        slopes: ṡ (T, n, n) of the cubic spline through S [1/s].
+        S: matrices S (T, n, n).
+        slopes: Ṡ (T, n, n) of the cubic spline through S [1/s].
         beta: bounds β (T, n) of the remainder [m/s², rad/s²].
         weights: weights λ (T, n) of the remainder.
         forms: V̇/V on the boundaries.
     """
 
+    S: np.ndarray
     slopes: np.ndarray
     beta: np.ndarray
     weights: np.ndarray
@@ -112,7 +76,7 @@ class Gauge:
         directions: np.ndarray,
         center: MovingCenter | None,
     ):
-        """Has the arguments of a ShapeFlow."""
+        """Expands the dynamics between the times; see `ShapeFlow` for the arguments."""
         self._nominal, self._coefficients = nominal, coefficients
         self._settings, self._directions = settings, directions
         self._center, n = center, nominal.states.shape[1]
@@ -123,10 +87,35 @@ class Gauge:
         self._between = [GrowthBetween(nominal, share) for share in SHARES]
         self._defect = defect_bounds(nominal)
 
-    @property
-    def is_bounded(self) -> bool:
-        """Whether the nominal's defect is."""
-        return bool(np.all(np.isfinite(self._defect)))
+    def scaled(self, S: np.ndarray) -> BoundarySets:
+        """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary.
+
+        Raises:
+            SolverError: the sets cannot be evaluated between their times.
+        """
+        if not np.all(np.isfinite(self._defect)):
+            raise SolverError(
+                "The plan's flight cannot be enclosed; a shorter step may help."
+            )
+        try:
+            return self.sets(self._scale(S))
+        except np.linalg.LinAlgError:
+            raise SolverError(
+                "The funnel changes too fast between its times; a shorter step may "
+                "help."
+            ) from None
+
+    def _scale(self, S):
+        times, margin = self._nominal.times, self._settings.margin
+        for turn in range(ROUNDS):
+            growth, largest = self.growth(S), self.servo_margin(S)
+            if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
+                break
+            excess = growth + margin
+            # At first as the equation says; then only what is still missing.
+            excess = excess if turn == 0 else np.maximum(excess, 0.0)
+            S = S / _levels(times, excess, largest)
+        return S
 
     def sets(self, S: np.ndarray) -> BoundarySets:
         """Returns the sets with their slopes, remainders and forms."""
@@ -137,7 +126,7 @@ class Gauge:
         disturbance = remainder_form(S, beta, weights)
         disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
         forms = boundary_forms(S, slopes, self._coefficients, disturbance)
-        return BoundarySets(slopes=slopes, beta=beta, weights=weights, forms=forms)
+        return BoundarySets(S=S, slopes=slopes, beta=beta, weights=weights, forms=forms)
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
@@ -172,3 +161,14 @@ class Gauge:
             self._center,
         )
         return inflate(sampled, self._settings.remainder)
+
+
+def _levels(times, rate, largest):
+    """Returns ρ (T, 1, 1), backward from 1 and within the servo's margin."""
+    log = np.zeros(len(times))
+    cap = np.log(largest)
+    log[-1] = min(0.0, cap[-1])
+    for k in range(len(times) - 2, -1, -1):
+        mean = 0.5 * (rate[k] + rate[k + 1])
+        log[k] = min(log[k + 1] - mean * (times[k + 1] - times[k]), cap[k])
+    return np.exp(log)[:, None, None]

@@ -130,7 +130,8 @@ def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
         tensor = tensor.product(pull, functools.partial(contracted, axis=0))
         gather = functools.partial(gathered, n=n, degree=degree + 1)
         forms.append(tensor.map(gather) * -2)
-    return GrowthForms(-A, *forms, G)
+    cubic, quartic = forms
+    return GrowthForms(-A, cubic, quartic, G)
 
 
 def _prove_whole(interval, slack, grams):

@@ -35,7 +35,7 @@ class Exact:
         return Exact(-self.numbers, self.exponent)
 
     def __sub__(self, other: "Exact") -> "Exact":
-        return self + -other
+        return self + -other if isinstance(other, Exact) else NotImplemented
 
     def __mul__(self, other: "Exact | int") -> "Exact":
         """Multiplies entry by entry."""

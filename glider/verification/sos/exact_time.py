@@ -66,9 +66,9 @@ class InTime:
         return _in_time(other) @ self
 
     def __add__(self, other: "InTime | Exact") -> "InTime":
-        other = _in_time(other)
-        degree = max(self.degree, other.degree)
-        pairs = zip(self.raised(degree).parts, other.raised(degree).parts, strict=True)
+        more = _in_time(other)
+        degree = max(self.degree, more.degree)
+        pairs = zip(self.raised(degree).parts, more.raised(degree).parts, strict=True)
         return InTime(tuple(a + b for a, b in pairs))
 
     __radd__ = __add__
@@ -78,6 +78,9 @@ class InTime:
 
     def __sub__(self, other: "InTime | Exact") -> "InTime":
         return self + -other
+
+    def __rsub__(self, other: Exact) -> "InTime":
+        return -self + other
 
     def __getitem__(self, index: Any) -> "InTime":
         return self.map(lambda part: part[index])
@@ -135,7 +138,7 @@ def hermite(
     return cubic, InTime((rise_a, middle, rise_b))
 
 
-def _in_time(value):
+def _in_time(value: InTime | Exact) -> InTime:
     return InTime((value,)) if isinstance(value, Exact) else value
 
 

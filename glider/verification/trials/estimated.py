@@ -14,10 +14,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.errors import InputError, show
-from glider.estimation.ekf import Ekf, make_ekf
+from glider.estimation.ekf import make_ekf
 from glider.estimation.noisy_flights import fly_watched
 from glider.estimation.perching import CAPTURE, PROCESS
-from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
@@ -164,9 +163,18 @@ def fly_estimated(
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
         rates = limited_rates(command, means[k, :, ELEVATOR], servo)
-        means[k + 1], covariances = _filter(
-            ekf, k / rate, means[k], covariances, rates, measured[k]
+        found, spreads, *_ = filter_flights(
+            ekf.model,
+            k / rate,
+            ekf.z,
+            ekf.estimated,
+            ekf.clock,
+            ekf.process * ekf.period,
+            ekf.noise,
+            (rates[:, None, None], measured[k]),
+            (means[k], covariances),
         )
+        means[k + 1], covariances = found[:, 1], spreads[:, 1]
 
     times = np.arange(steps + 1) / rate
     passes = [closest_pass(times, states[:, b], np.zeros(2)) for b in range(batch)]
@@ -184,17 +192,3 @@ def fly_estimated(
         miss=np.array([passed.miss for passed in passes]),
         arrivals=np.array([passed.arrival for passed in passes]),
     )
-
-
-def _filter(
-    ekf: Ekf,
-    time: float,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    rates: np.ndarray,
-    measured: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Advances B beliefs, (B, n) and (B, n, n), by one prediction and its sample."""
-    prior = Belief(mean=mean, covariance=covariance)
-    found = run_ekf(ekf, prior, rates[:, None, None], measured, time)
-    return found.means[:, 1], found.covariances[:, 1]

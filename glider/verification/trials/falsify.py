@@ -176,7 +176,7 @@ class _Trial:
             worst = self._fly_all(k, self._stray(worst, kept, width))
             width *= CLIMB_NARROWING
         if climb and self._confidence:
-            self._fly_corner(k, worst, kept, width)
+            self._fly_corner(self._confidence, k, worst, kept, width)
 
     def outcome(self) -> Falsification:
         """Returns all that was flown."""
@@ -215,11 +215,11 @@ class _Trial:
             flights.append((glider, strayed(points[group], width, rng)))
         return flights
 
-    def _fly_corner(self, k, before, kept, width):
+    def _fly_corner(self, allowed, k, before, kept, width):
         """Flies the worst corner of the set, to first order from the worst flight."""
         values, points, gliders = before
         best = np.argsort(-values)[:kept]
-        allowed, worst = self._confidence, best[0]
+        worst = best[0]
         if not allowed.dimension or not np.isfinite(values[worst]):
             return
         shrunk, start = (1.0 - NUDGE) * gliders[worst], points[worst][None]
