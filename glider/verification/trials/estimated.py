@@ -17,6 +17,7 @@ from glider.errors import InputError, show
 from glider.estimation.ekf import make_ekf
 from glider.estimation.noisy_flights import fly_watched
 from glider.estimation.perching import CAPTURE, PROCESS
+from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
@@ -163,18 +164,9 @@ def fly_estimated(
         if (k + 1) % TICKS == 0:
             measured[k] = flown.measured + draws[:, [k // TICKS]] * std
         rates = limited_rates(command, means[k, :, ELEVATOR], servo)
-        found, spreads, *_ = filter_flights(
-            ekf.model,
-            k / rate,
-            ekf.z,
-            ekf.estimated,
-            ekf.clock,
-            ekf.process * ekf.period,
-            ekf.noise,
-            (rates[:, None, None], measured[k]),
-            (means[k], covariances),
-        )
-        means[k + 1], covariances = found[:, 1], spreads[:, 1]
+        prior = Belief(mean=means[k], covariance=covariances)
+        found = run_ekf(ekf, prior, rates[:, None, None], measured[k], k / rate)
+        means[k + 1], covariances = found.means[:, 1], found.covariances[:, 1]
 
     times = np.arange(steps + 1) / rate
     passes = [closest_pass(times, states[:, b], np.zeros(2)) for b in range(batch)]
