@@ -152,8 +152,10 @@ class _Picker:
                 )
             order = [rotation.index(letter) for letter in "xyzw"]
             stream = dataclasses.replace(stream, values=stream.values[:, order])
-        norm = np.linalg.norm(stream.values, axis=1)
-        stream.values[norm < 0.5] = np.nan  # Zeros stand for a body that is not seen.
+        with np.errstate(over="ignore"):
+            norm = np.linalg.norm(stream.values, axis=1)
+        # Zeros stand for a body that is not seen; a damaged number may be huge.
+        stream.values[~((norm > 0.5) & (norm < 2.0))] = np.nan
         norm = norm[np.isfinite(norm)]
         if len(norm) and np.median(np.abs(norm - 1.0)) > 0.01:
             raise self._error(
@@ -256,7 +258,7 @@ class _Picker:
             column = group.columns.get(name.removeprefix(f"{group.name}."))
             if column is not None:
                 return column
-        if group.time is not None:
+        if group.time in group.columns:  # A damaged log may lack it.
             return group.columns[group.time]
         for other in self._recording.groups:  # Of the same clock, with as many rows.
             for name, column in other.columns.items():

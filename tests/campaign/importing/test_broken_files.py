@@ -2,13 +2,19 @@
 
 import shutil
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.readers import read_recording
+from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.selection import select
+from glider.campaign.importing.track import make_track
+from glider.campaign.settings import Settings
 from glider.errors import InputError
+from glider.files import schema
 from tests.campaign.importing import foreign
 from tests.campaign.importing.test_readers import VICON
 
@@ -217,3 +223,32 @@ def test_angles_beside_a_rotation_of_four_numbers(tmp_path, campaign):
     ends = ["", ";x0;r", ";;", *[";0,0;0,0"] * (len(lines) - 3)]
     file.write_text("\n".join(a + b for a, b in zip(lines, ends, strict=True)))
     assert len(read_flights([file], path).campaign.flights) == 1
+
+
+def test_a_topic_without_its_times(tmp_path, campaign):
+    """As in a ULog whose format message is damaged."""
+    files = foreign.write_ulog(tmp_path, campaign)
+    content = files[0].read_bytes()
+    files[0].write_bytes(
+        content.replace(b"uint64_t timestamp;", b"uint64_t timestomp;")
+    )
+    path = tmp_path / "MAP.yaml"
+    path.write_text(foreign.MAP_ULOG + foreign.VEHICLE)
+    with pytest.raises(InputError):
+        read_flights(files, path)
+
+
+@pytest.mark.parametrize("value", [0.0, 1e200, 40.0])
+def test_a_quaternion_that_is_none_is_not_seen(value):
+    rows = np.tile([0.0, 0.0, 0.0, 1.0], (9, 1))
+    rows[4] = [0.0, 0.0, 0.0, value]
+    columns = {
+        f"q.{axis}": Column(values=v) for axis, v in zip("xyzw", rows.T, strict=True)
+    }
+    columns |= {f"p.{axis}": Column(values=np.arange(9.0)) for axis in "xyz"}
+    columns["t"] = Column(values=np.arange(9.0) / 5)
+    recording = Recording(path=Path("a"), groups=(Group(name="", columns=columns),))
+    fields = {"columns": {"position": "p", "attitude": "q", "time": "t"}}
+    mapping = schema.convert(fields, Settings, "MAP").mapping("MAP")
+    track = make_track(select(recording, mapping), mapping)
+    assert len(track.time) == 8
