@@ -134,19 +134,7 @@ def judge(
     left: Residual,
     doubt: str | None,
 ) -> tuple[str, str]:
-    """Returns the verdict and the sentence that says why.
-
-    Args:
-        traced: result of the search.
-        signs: of the angles.
-        carried: curves of the model.
-        held_out: gains and errors in folds, or None.
-        errors: of unseen flights, by model.
-        effects: as reported.
-        left: residual of the model.
-        doubt: why the model cannot be trusted, see
-            `glider.sysid.verdict.find_doubt`, or None.
-    """
+    """Returns the verdict and the sentence that says why."""
     model = traced.model
     nothing = not model.kinds and traced.field is None and not carried.terms
     if nothing and signs.are_right:

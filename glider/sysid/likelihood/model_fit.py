@@ -210,16 +210,7 @@ def _moved(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> FitResult:
-    """Returns a model with its free parameters moved, and per-flight constants.
-
-    Args:
-        model: to move.
-        flights: linear about it.
-        index: of the free parameters in theta.
-        step: of these, then of the curves.
-        lower: bounds of the free parameters.
-        upper: the same.
-    """
+    """Returns a model with its free parameters moved, and per-flight constants."""
     theta = model.theta.copy()
     theta[index] = np.clip(theta[index] + step[: len(index)], lower, upper)
     return dataclasses.replace(

@@ -69,14 +69,7 @@ def make_table(
     trims: Sequence[float],
     field: Field = NO_FIELD,
 ) -> ResidualTable:
-    """Stacks the residual of flights.
-
-    Args:
-        records: the flights.
-        theta: the model.
-        trims: elevator offset of each flight [rad].
-        field: the model's residual field.
-    """
+    """Stacks the residual of flights, each with its elevator trim [rad]."""
     index = records[0].layout.index
     mass, area, inertia, density, gravity = (
         theta[index["parameters", name]]

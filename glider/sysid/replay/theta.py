@@ -89,14 +89,7 @@ class Layout:
     def steady_states(
         self, time: float, state: np.ndarray, rate: float, theta: np.ndarray
     ) -> np.ndarray:
-        """Returns the effects' states at rest in still air.
-
-        Args:
-            time: [s].
-            state: (7 or more,) of `physics.state`, the elevator's true angle included.
-            rate: of the elevator [rad/s].
-            theta: the model.
-        """
+        """Returns the effects' states at rest in still air."""
         plate = compose()
         motion = plate.motion_of(time, state.tolist(), rate)
         parameters = Parameters(*theta[:NUM_PARAMETERS].tolist())

@@ -158,15 +158,8 @@ def _gain(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Returns a field's evidence, its weights and their covariance.
 
-    Where the model diverges, the evidence is -inf and the others are NaN.
-
-    Args:
-        flights: linear about the model.
-        task: of the flights.
-        model: on top of which the field acts.
-        basis: of the field.
-        now: (count,) weights that the model has already; none by default.
-        terms: of the basis that act; all by default.
+    Where the model diverges, the evidence is -inf and the others are NaN. The model may
+    have weights of the field already (`now`), and only some terms may act.
     """
     acting = basis.of_terms(basis.terms if terms is None else terms)
     count = len(acting)

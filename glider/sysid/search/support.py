@@ -149,11 +149,8 @@ def weakest(
 ) -> str | None:
     """Returns the effect that fewest resampled flights support, if too few.
 
-    Args:
-        weighed: support of each effect.
-        evidence: lost without it when all else is refitted [nats].
-        beside_field: whether a field acts too: the error of its Gaussians makes
-            evidence of any size for effects that are not there.
+    Beside a field any may be dropped: the error of its Gaussians makes evidence of any
+    size for effects that are not there.
     """
     doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)
