@@ -74,7 +74,7 @@ def find_flight(campaign: Campaign, name: str) -> Flight:
     flights = {f.name.removesuffix(".csv"): f for f in campaign.flights}
     if name.removesuffix(".csv") not in flights:
         raise InputError(
-            f"{campaign.path}: there is no flight '{name}'; there are "
+            f"{campaign.path}: there is no flight '{name}'; expected one of "
             f"{', '.join(flights)}."
         )
     return flights[name.removesuffix(".csv")]
@@ -89,8 +89,8 @@ def refly(
     flights (`glider.sysid.fit.prediction`); the elevator moves as its commands say.
 
     Args:
-        campaign: all of it: its flights tell the noise, and what differs between
-            them under the last model.
+        campaign: all of it: its flights determine the noise, and their
+            flight-to-flight variation under the last model.
         flight: of the campaign.
         models: by name, at least one; the measured flight's forces are the last
             one's.
@@ -109,7 +109,7 @@ def refly(
         elevator = logged_elevator(record, theta_of(model)) + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
-        rows = _rows_before_it_blows_up(poses)
+        rows = _rows_before_divergence(poses)
         motions[label] = Motion(time=record.time[:rows], poses=poses[:rows])
     # With the last model's signs.
     angle = np.where(record.seen[:, 3], record.elevator, elevator)
@@ -136,10 +136,10 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
 
 
 _LARGEST_POSITION = 100.0
-"""Position that no flight reaches [m]: a model that does has blown up."""
+"""Position that no flight reaches [m]: a model that does has diverged."""
 
 
-def _rows_before_it_blows_up(poses: np.ndarray) -> int:
+def _rows_before_divergence(poses: np.ndarray) -> int:
     largest = np.max(np.abs(poses), axis=1)
     far = ~(largest < _LARGEST_POSITION)  # So is what is not a number.
     return int(np.argmax(far)) if far.any() else len(poses)

@@ -68,7 +68,7 @@ def test_the_options_reach_the_story(output, model):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([CAMPAIGN, "flight_099"], "there is no flight 'flight_099'; there are flight"),
+        ([CAMPAIGN, "flight_099"], "there is no flight 'flight_099'; expected one of"),
         (["nowhere", "flight_000"], "nowhere: does not exist"),
         ([CAMPAIGN, "flight_000", "--model", "no.yaml"], "no.yaml: not a glider model"),
         ([CAMPAIGN, "flight_000", "--json", "no/f.json"], "folder no does not exist"),

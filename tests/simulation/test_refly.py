@@ -139,7 +139,9 @@ def test_of_an_unknown_vehicle_there_is_no_nominal_model_and_there_are_no_forces
 
 def test_flights_are_found_with_and_without_their_ending(campaign, flight):
     assert find_flight(campaign, "flight_003.csv") is flight
-    with pytest.raises(InputError, match=r"no flight 'x'; there are flight_000, fl"):
+    with pytest.raises(
+        InputError, match=r"no flight 'x'; expected one of flight_000, fl"
+    ):
         find_flight(campaign, "x")
 
 
