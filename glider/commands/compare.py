@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from glider.comparison.as_json import to_json
+    from glider.comparison.comparison_page import to_html
     from glider.comparison.differences import compare
-    from glider.comparison.page import to_html
     from glider.comparison.terminal import print_comparison
     from glider.files.writing import replace_files
 

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from glider.__main__ import main
 from glider.comparison.as_json import to_json
+from glider.comparison.comparison_page import to_html
 from glider.comparison.differences import FALSE_ALARM, compare
-from glider.comparison.page import to_html
 from glider.comparison.saved import load_report
 from glider.comparison.terminal import print_comparison
 from glider.comparison.wording import headline
