@@ -59,4 +59,6 @@ def _report(report: SavedReport) -> dict[str, Any]:
 
 
 def _estimate(estimate: Estimate | None) -> dict[str, float] | None:
-    return estimate and {"value": estimate.value, "std": estimate.std}
+    if estimate is None:
+        return None
+    return {"value": estimate.value, "std": estimate.std}

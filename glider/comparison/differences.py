@@ -110,12 +110,12 @@ def _effects(first: SavedReport, second: SavedReport) -> list[Difference]:
     found = []
     for kind in dict.fromkeys((*both[0], *both[1])):
         effects = [report.get(kind) for report in both]
-        values = [effect.coefficients if effect else {} for effect in effects]
+        old, new = (effect.coefficients if effect else {} for effect in effects)
         note = ""
         for effect, other in zip(effects, (second, first), strict=True):
             if effect and kind not in {e.kind for e in other.effects}:
                 note = _absence(effect, other)
-        found += _numbers(EFFECTS, kind, *values, note)
+        found += _numbers(EFFECTS, kind, old, new, note)
     return found
 
 
@@ -128,8 +128,11 @@ def _absence(effect: ReportedEffect, report: SavedReport) -> str:
 
 
 def _spreads(first: SavedReport, second: SavedReport) -> list[Difference]:
-    both = (report.spreads.items() for report in (first, second))
-    return _numbers(SPREADS, "", *({n: _spread(s) for n, s in some} for some in both))
+    old, new = (
+        {name: _spread(s) for name, s in report.spreads.items()}
+        for report in (first, second)
+    )
+    return _numbers(SPREADS, "", old, new)
 
 
 def _spread(spread: Spread) -> Estimate:

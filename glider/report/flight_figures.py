@@ -161,7 +161,7 @@ def folds_figure(result: Result) -> spec.Figure | None:
         return None
     panels = [_fold_panel(result, *panel) for panel in _FOLD_PANELS.items()]
     keys = {"better": "the correction helps", "worse": "it does not"}
-    drawn = {mark.key for panel in panels for mark in panel.marks}
+    drawn = {getattr(mark, "key", "") for panel in panels for mark in panel.marks}
     keys = {key: label for key, label in keys.items() if key in drawn}
     return spec.Figure(keys=keys, panels=panels)
 

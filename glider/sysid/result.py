@@ -452,7 +452,8 @@ class Result(Report):
     def report(self) -> Report:
         """The part that report.json holds."""
         effects = tuple(_only(ReportedEffect, effect) for effect in self.effects)
-        return _only(Report, dataclasses.replace(self, effects=effects))
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}
+        return Report(**values | {"effects": effects})
 
 
 T = TypeVar("T")

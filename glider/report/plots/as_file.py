@@ -72,16 +72,17 @@ def draw(figure: spec.Figure, width: float = WIDTH) -> Picture:
                 end - start - left - 0.12,
                 height - below - above,
             )
-            scale = (width, whole, width, whole)
-            ax = picture.add_axes([a / b for a, b in zip(box, scale, strict=True)])
+            x, y, wide, high = box
+            place = (x / width, y / whole, wide / width, high / whole)
+            ax = picture.add_axes(place)
             _draw_panel(ax, panel, box[2])
         edge -= height
     for k, keys in enumerate(legend):
-        place = (0.5, 1.0 - 1.2 * _LINE * k / whole)
+        anchor = (0.5, 1.0 - 1.2 * _LINE * k / whole)
         picture.legend(
             handles=[_entry(figure, key) for key in keys],
             loc="upper center",
-            bbox_to_anchor=place,
+            bbox_to_anchor=anchor,
             ncols=len(keys),
             borderpad=0.2,
         )
@@ -164,10 +165,10 @@ def _draw_panel(ax: Axes, panel: spec.Panel, width: float) -> None:
     frame = LineCollection(edges, colors=FRAME, lw=0.8, clip_on=False)
     ax.add_collection(frame, autolim=False)
 
-    figure = ax.get_figure()
+    figure: Any = ax.get_figure()
     below = offset_copy(ax.get_xaxis_transform(), figure, 0, -4, "points")
     beside = offset_copy(ax.get_yaxis_transform(), figure, -4, 0, "points")
-    small = {"size": 8.5, "color": FRAME}
+    small: Any = {"size": 8.5, "color": FRAME}
     for x, label in zip(places, labels, strict=True):
         ax.text(x, 0.0, label, ha="center", va="top", transform=below, **small)
     for y, text in zip(heights, texts, strict=True):
@@ -178,10 +179,8 @@ def _draw_panel(ax: Axes, panel: spec.Panel, width: float) -> None:
     low = offset_copy(ax.transAxes, figure, 0, 0.06 - bottom)
     ax.text(0.5, 0.0, _escape(panel.x.label), ha="center", va="bottom", transform=low)
     side = offset_copy(ax.transAxes, figure, 0.1 - left, 0)
-    ax.text(
-        *(0.0, 0.5, _escape(panel.y.label)),
-        **{"ha": "left", "va": "center", "rotation": 90, "transform": side},
-    )
+    label = _escape(panel.y.label)
+    ax.text(0.0, 0.5, label, ha="left", va="center", rotation=90, transform=side)
 
 
 def _ticks(
@@ -268,8 +267,10 @@ def _annotate(
     place: Sequence[float],
     offset: tuple[float, float],
     size: float = 8.0,
-    **alignment: str,
+    **alignment: Any,
 ) -> None:
     if text and all(map(math.isfinite, place)):
-        beside = offset_copy(ax.transData, ax.get_figure(), *offset, "points")
-        ax.text(*place, _escape(text), transform=beside, size=size, **alignment)
+        (x, y), figure = place, ax.get_figure()
+        assert isinstance(figure, Picture)
+        beside = offset_copy(ax.transData, figure, *offset, "points")
+        ax.text(x, y, _escape(text), transform=beside, size=size, **alignment)
