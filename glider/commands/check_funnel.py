@@ -124,24 +124,7 @@ def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     from glider.verification.funnel.file import read_file
 
-    if args.every < 1:
-        raise InputError(f"--every is {args.every}; expected a positive number.")
-    if args.resume and not args.prove:
-        raise InputError("--resume has no effect without --prove; expected both.")
-    level = _level(args.confidence)
-    for name in ("box", "flights", "seed"):
-        value = getattr(args, name)
-        if level is None and value is not None and value is not False:
-            raise InputError(
-                f"--{name} has no effect without --confidence; expected both."
-            )
-    flights = FLIGHTS if args.flights is None else args.flights
-    seed = SEED if args.seed is None else args.seed
-    if not 1 <= flights <= MOST_FLIGHTS:
-        raise InputError(
-            f"--flights is {flights}; expected a number from 1 to {MOST_FLIGHTS:,}."
-        )
-    check_seed(seed)
+    level, flights, seed = _checked_options(args)
     file = read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -207,6 +190,29 @@ def run(args: argparse.Namespace) -> int:
         if confidence and trial:
             print(describe_trial(funnel, confidence, trial, seed))
     return 0 if good else 1
+
+
+def _checked_options(args: argparse.Namespace) -> tuple[float | None, int, int]:
+    """Probability of --confidence, number of flights and seed; checks all options."""
+    if args.every < 1:
+        raise InputError(f"--every is {args.every}; expected a positive number.")
+    if args.resume and not args.prove:
+        raise InputError("--resume has no effect without --prove; expected both.")
+    level = _level(args.confidence)
+    for name in ("box", "flights", "seed"):
+        value = getattr(args, name)
+        if level is None and value is not None and value is not False:
+            raise InputError(
+                f"--{name} has no effect without --confidence; expected both."
+            )
+    flights = FLIGHTS if args.flights is None else args.flights
+    seed = SEED if args.seed is None else args.seed
+    if not 1 <= flights <= MOST_FLIGHTS:
+        raise InputError(
+            f"--flights is {flights}; expected a number from 1 to {MOST_FLIGHTS:,}."
+        )
+    check_seed(seed)
+    return level, flights, seed
 
 
 def _level(text):

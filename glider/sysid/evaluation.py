@@ -129,14 +129,15 @@ def evaluate_in_folds(
     rng: np.random.Generator,
 ) -> HeldOut:
     """Holds out each flight once, baseline and corrected model refitted."""
-    models, nominal = [baseline, traced.model], None
+    corrected, nominal = traced.model, None
     if traced.forces is not None:
-        models = [forces_alone(task, model, traced.forces) for model in models]
+        baseline = forces_alone(task, baseline, traced.forces)
+        corrected = forces_alone(task, corrected, traced.forces)
     elif task.vehicle.is_known and changes_baseline_alone(traced.model):
         nominal = traced.bare
     searched = {record.name for record in task.records}
     scales = traced.model.scales
-    return hold_out(everything, *models, scales, rng, searched, nominal)
+    return hold_out(everything, baseline, corrected, scales, rng, searched, nominal)
 
 
 def residual_tables(

@@ -74,7 +74,8 @@ def carried_of(task: Task, model: FitResult, known: Uncertainty) -> ResidualCurv
 
 def _central_angles(task: Task) -> np.ndarray:
     """Angles over the central 90 % of those flown, (41,) [rad]."""
-    return np.linspace(*np.percentile(task.curves.angles, [5.0, 95.0]), 41)
+    low, high = np.percentile(task.curves.angles, [5.0, 95.0])
+    return np.linspace(low, high, 41)
 
 
 def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
@@ -223,7 +224,7 @@ def _spread_entry(task: Task, name: str, spread: result.Spread) -> result.FoundE
     """Returns a flight-to-flight variation as an effect, with the mean over flights."""
     kind, (_, first, unit) = task.layout.kinds[name], SPREAD_KINDS[name]
     values = list(spread.values.values())
-    mean = _estimate(np.mean(values), spread.std / math.sqrt(len(values)), unit)
+    mean = _estimate(float(np.mean(values)), spread.std / math.sqrt(len(values)), unit)
     words = f"{kind.words}, different in each flight"
     return dataclasses.replace(
         _entry(name, words, {first: mean}, kind.depends_on),
@@ -351,9 +352,9 @@ def curves_of(
             parts = [np.mean(explained[term][of_flight]) for of_flight in rows_of]
             error = np.std(means, ddof=1) / np.sqrt(len(means))
             rows.append((np.mean(alpha[here]), np.mean(means), error, np.mean(parts)))
-        angles, means, errors, parts = np.array(rows).reshape(-1, 4).T
+        angles, total, std, named_part = np.array(rows).reshape(-1, 4).T
         curves.append(
-            result.Curve(term=term, alpha=angles, lack=means, std=errors, named=parts)
+            result.Curve(term=term, alpha=angles, lack=total, std=std, named=named_part)
         )
     return tuple(curves)
 

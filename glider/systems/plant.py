@@ -101,13 +101,11 @@ def GliderPlant_(T):
             )
 
         def _eval_wind(self, context):
-            if self._wind.HasValue(context):
-                return self._wind.Eval(context)
-            return 0.0, 0.0
+            has_wind = self._wind.HasValue(context)
+            return self._wind.Eval(context) if has_wind else (0.0, 0.0)
 
         def _theta(self, context):
-            p = context.get_numeric_parameter(0).CopyToVector()
-            c = context.get_numeric_parameter(1).CopyToVector()
+            p, c = (context.get_numeric_parameter(i).CopyToVector() for i in (0, 1))
             return Theta(Parameters(*p), c, self._field)
 
         def _calc_forces(self, context, output):
