@@ -19,9 +19,9 @@ def millimeters(value: float) -> str:
 
 
 def effects_of(result: Result) -> str:
-    """Names the effects of a result, with what an unexplained one depends on."""
+    """Names the effects of a result; an unexplained one with its first variable."""
     names = [
-        f"{e.kind}: {', '.join(e.depends_on)}" if e.kind == "unexplained" else e.kind
+        f"{e.kind} over {e.depends_on[0]}" if e.kind == "unexplained" else e.kind
         for e in result.effects
     ]
     return ", ".join(names) or "-"

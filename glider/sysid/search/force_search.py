@@ -34,7 +34,7 @@ class HeldOutEvidence:
     No formula is exact, and an error common to all flights is evidence for any effect
     that imitates it, more of it with more flights. Held-out flights do not reward that:
     cross-validation is robust to models that are all wrong (Stone, J. R. Stat. Soc.
-    B 44, 1977). Everything is linear, so that each flight is held out exactly, the
+    B 39, 1977). Everything is linear, so that each flight is held out exactly, the
     unknown parameters of the vehicle refitted without it.
     """
 
