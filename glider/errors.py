@@ -29,7 +29,7 @@ def expect(holds: object, what: str, found: object, expected: str) -> None:
         raise InputError(f"{what} is {show(found)}; expected {expected}.")
 
 
-INTERRUPTED = "interrupted: nothing half-done was kept; what was finished stays."
+INTERRUPTED = "interrupted: no incomplete output was kept; completed files stay."
 """What is said where somebody stops a program."""
 
 INTERRUPTED_CODE = 130

@@ -1,4 +1,4 @@
-"""A package imports only from lower floors (the order of packages in the README)."""
+"""A package imports only from lower floors; CONTRIBUTING.md has their order."""
 
 import ast
 import graphlib

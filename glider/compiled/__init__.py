@@ -2,7 +2,7 @@
 
 A module holds the loops of a `Family` or two as plain Python and, where several
 modules call them, functions that allocate their arrays. Nothing else in the library
-calls numba.
+calls numba, except the doctor's check of the compiler.
 
 kernel: the compiler and its cache. fingerprint: all that machine code depends on.
 runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,

@@ -401,7 +401,7 @@ def measure_nodes(
     """Computes the measured poses of states (K, n), with derivatives.
 
     The poses (K, 3), their derivatives by the state (K, 3, n) and by the free numbers
-    (K, 3, m); the arguments as in `shoot`.
+    (K, 3, m).
     """
     rows, n = nodes.shape
     pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n))

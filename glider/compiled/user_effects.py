@@ -119,7 +119,7 @@ def _tried(
             what = "fails" if form is function else "does not compile"
             raise InputError(
                 f"{where} {what} ({text.rstrip('.')}); expected arithmetic and the "
-                "functions sin, cos, sqrt, exp and tanh of numpy."
+                "functions sin, cos, sqrt, exp, tanh and arctan of numpy."
             ) from None
     numbers = result if isinstance(result, tuple) else (result,)
     shaped = isinstance(result, tuple) == (count > 1) and len(numbers) == count

@@ -151,7 +151,8 @@ def _check(problem: PerchingProblem) -> None:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)
 
 
 def load_problem(path: Path | str) -> PerchingProblem:

@@ -24,7 +24,9 @@ class CombinationRow(NamedTuple):
 def combination_rows(result: Result) -> list[CombinationRow]:
     """The best sets of effects that were fitted."""
     tried = {kind for c in result.combinations for kind in c.kinds}
-    chosen = tried & {e.kind for e in result.effects}  # A wrong sign is in no set.
+    # A wrong sign is in no set; a variation over flights alone has no evidence.
+    effects = {e.kind for e in result.effects if not math.isnan(e.evidence)}
+    chosen = tried & effects
     best = result.combinations[0].evidence if result.combinations else math.nan
     return [
         CombinationRow(

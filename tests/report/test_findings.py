@@ -323,6 +323,13 @@ def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
     assert [r.is_chosen for r in rows] == [True, False, False]
 
 
+def test_a_variation_over_flights_is_in_no_chosen_combination():
+    """It is among the effects, but the model has none of its kind."""
+    varies = dataclasses.replace(WIND, kind="camber", evidence=math.nan)
+    rows = combination_rows(make_result(effects=(WIND, varies)))
+    assert [r.is_chosen for r in rows] == [True, False, False]
+
+
 def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
     """Forty flights and fewer have another than more, one effect another than two."""
     for effect, words in ((6.6, "at least 6.6"), (20.0, "at least 20")):

@@ -88,8 +88,8 @@ def _pose_faults(
         "is not a number": unknown,
         "does not change while the glider moves: frozen": frozen,
         "lies still, or is held": standing,
-        "sticks out of the motion round it": verdict.sticks_out,
-        "the track jumps, and goes on displaced": verdict.displaced,
+        "departs from the motion around it": verdict.sticks_out,
+        "the track jumps and stays displaced": verdict.displaced,
         "beyond a gap whose commands are not known": _cut_off(flight, usable),
     }
 
@@ -190,7 +190,7 @@ def _elevator_faults(
         if moved > max(_MIN_COMMANDED, _SURELY * noise) and not at_stop:
             frozen[first : last + 1] = True
     return {
-        "sticks out of the motion round it": sticks_out,
+        "departs from the motion around it": sticks_out,
         "does not change while commands move it: frozen": frozen & ~sticks_out,
     }
 

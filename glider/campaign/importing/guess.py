@@ -137,7 +137,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     elif np.isfinite(ratio):
         why = f"the forces fit {ratio:.2g} times as well as in the next best frame"
     else:
-        why = "in no other frame they are flights"
+        why = "the columns make flights in no other frame"
     servo = best.campaign.elevator == "servo"
     servo_why = _guess_elevator(best.campaign, frame) if servo else ""
     lines = ["# Proposed by --guess: check each line before you use it.", "columns:"]
@@ -283,9 +283,9 @@ def _best_frame(logs: _Logs) -> tuple[_Trial, float]:
     trials = [trial for trial in tried if trial is not None]
     if not trials:
         raise InputError(
-            f"{logs.recordings[0].path}: in no frame the columns "
-            f"{', '.join(logs.columns.values())} make flights; write the mapping by "
-            "hand."
+            f"{logs.recordings[0].path}: the columns "
+            f"{', '.join(logs.columns.values())} make flights in no frame; write the "
+            "mapping by hand."
         )
     most = max(trial.rows for trial in trials)
     trials = [trial for trial in trials if 2 * trial.rows > most]

@@ -175,7 +175,7 @@ def _check_pitch(
             )
     if turned * CLEARLY < own:
         raise InputError(
-            f"{campaign.path}: frame: a positive pitch means the other way: with the "
+            f"{campaign.path}: frame: the sign of the pitch is reversed: with the "
             f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
             "nose_up or nose_down; with attitudes: nose, top or rotation)."
         )
