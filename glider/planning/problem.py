@@ -151,8 +151,9 @@ def _check(problem: PerchingProblem) -> None:
 
 
 def _is_number(value: object) -> bool:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return math.isfinite(value)
 
 
 def load_problem(path: Path | str) -> PerchingProblem:
