@@ -1,8 +1,8 @@
 """Plans a perch, replays it without feedback, and flies it from many launches.
 
 Direct collocation finds the flight (25 knots, then 41), finite-horizon LQR tracks
-it. A launch errs by 0.04 m in height, 0.1 m/s in speed and 0.02 rad in pitch, one
-standard deviation each; a flight perches if a hook can take it at the wire: within
+it. Launches are perturbed: standard deviations of 0.04 m in height, 0.1 m/s in speed
+and 0.02 rad in pitch. A flight perches if a hook can take it at the wire: within
 5 cm, not faster than 2.8 m/s, nose up by 20° to 67°.
 
     python examples/perch.py

@@ -2,8 +2,8 @@
 
 The true glider has an effect that its nominal model lacks, and the planner does not
 know it. With the nominal model it plans, flies and logs; the logs are traced; with the
-corrected model it plans and flies again. Launches err as in `perch.py`; commands come
-at 50 Hz.
+corrected model it plans and flies again. Launches are perturbed as in `perch.py`;
+commands come at 50 Hz.
 
     python examples/perch_corrected.py --truth head_wind
     python examples/perch_corrected.py --truth my_glider.yaml --headless --json out.json

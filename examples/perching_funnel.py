@@ -1,4 +1,4 @@
-"""Certifies a perch: how far may a launch err, for the nominal and the corrected model?
+"""Certifies a perch: how large may launch errors be, nominal and corrected model?
 
 A funnel is a tube of states about the plan that the closed loop never leaves and that
 ends at the wire. Sums of squares prove it for the third-order dynamics, the servo's
@@ -497,7 +497,7 @@ def describe_funnel(name: str, study: FunnelStudy) -> str:
     verdict, flown, proof = study.verdict, study.falsification, study.proof
     checked = "holds" if verdict.holds else "DOES NOT HOLD"
     text = (
-        f"{name}: a launch may err by {100 * inlet['z']:.1f} cm in height, "
+        f"{name}: launch errors of up to {100 * inlet['z']:.1f} cm in height, "
         f"{np.degrees(inlet['pitch']):.1f}° in pitch or {inlet['xdot']:.2f} m/s in "
         f"speed ({funnel.seconds:.0f} s; remainder: "
         f"{funnels.remainder_status(funnel, proof)}).\n"

@@ -93,7 +93,7 @@ def perching_filter(
     Args:
         model: the glider.
         launch: (n,) planned state.
-        unsure: how many times LAUNCH_STD the launch may err.
+        unsure: standard deviation of the launch error, in LAUNCH_STD.
     """
     ekf = perching_ekf(model)
     return ekf, make_prior(ekf, launch, unsure * np.array(LAUNCH_STD))

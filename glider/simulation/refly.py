@@ -162,7 +162,7 @@ def _scales(campaign: Campaign, model: GliderModel) -> Scales:
     start, theta = start_scales(noise), theta_of(model)
     flights = [linearize(r, theta, model.residual_field) for r in records]
     scales, cost = fit_scales(flights, start)
-    return scales if np.isfinite(cost) else start  # A model may blow up.
+    return scales if np.isfinite(cost) else start  # A model may diverge.
 
 
 def _predicted(

@@ -43,7 +43,7 @@ from glider.verification.sos.forms import higher_forms, linear_part
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
-"""Share of the sizes that is added to the errors of a launch. Of the drawn glider's
+"""Share of the sizes that is added to the errors of a launch. Of the nominal glider's
 funnel for the hook, 0.32, 0.17, 0.1 and 0.05 leave 14.4, 15.4, 15.9 and 15.3 cm of
 height, in steps twice as long."""
 
