@@ -14,7 +14,7 @@ from glider.report.wording import notes_of
 from glider.sysid.result import Result
 
 
-def write_report(result: Result, folder: Path) -> None:
+def write_report(result: Result, folder: Path | str) -> None:
     """Writes report.json, report.html, model.yaml and figures/*.png.
 
     All is made before anything is written, and what cannot be written in full leaves
@@ -34,7 +34,7 @@ def write_report(result: Result, folder: Path) -> None:
     text_of_model = model_text(result.model, origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()
-    replace_files(folder, files, last="report.json")
+    replace_files(Path(folder), files, last="report.json")
 
 
 def origin_of(result: Result) -> Origin:

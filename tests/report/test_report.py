@@ -364,7 +364,7 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
 
 
 def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
-    write_report(make_result(), tmp_path)
+    write_report(make_result(), str(tmp_path))
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     monkeypatch.setattr("glider.report.folder.to_html", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
