@@ -1,6 +1,7 @@
 """Errors that a user of this package can meet and fix."""
 
 import errno
+from collections.abc import Iterator
 
 
 class InputError(ValueError):
@@ -54,18 +55,32 @@ def show(value: object, width: int = 80) -> str:
 
     Numbers are as people write them, NumPy's too: 0.63, [-0.45, 0.95].
     """
-    text = _written(value)
-    return text if len(text) <= width else text[:width] + "..."
+    text = ""
+    for piece in _pieces(value):
+        text += piece
+        if len(text) > width:
+            return text[:width] + "..."
+    return text
 
 
-def _written(value: object) -> str:
+def _pieces(value: object) -> Iterator[str]:
+    """Yields a value's text bit by bit: aliases of YAML can make it endless."""
     to_list = getattr(value, "tolist", None)  # NumPy's arrays and numbers.
     if callable(to_list):
         value = to_list()
     if isinstance(value, float):
-        return repr(float(f"{value:.6g}"))
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k}: {_written(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_written, value))}]"
-    return repr(value)
+        yield repr(float(f"{value:.6g}"))
+    elif isinstance(value, dict):
+        yield "{"
+        for i, (name, field) in enumerate(value.items()):
+            yield f"{', ' if i else ''}{name}: "
+            yield from _pieces(field)
+        yield "}"
+    elif isinstance(value, (list, tuple)):
+        yield "["
+        for i, item in enumerate(value):
+            yield ", " if i else ""
+            yield from _pieces(item)
+        yield "]"
+    else:
+        yield repr(value)

@@ -29,6 +29,17 @@ def test_what_was_found_is_written_plainly(value, text):
     assert show(value) == text
 
 
+def test_what_a_few_aliases_make_endless_is_cut_off_at_once():
+    """As hostile YAML has it: nine times nine, nine levels deep, or itself."""
+    nested = [1] * 9
+    for _ in range(20):
+        nested = [nested] * 9
+    assert show(nested).startswith("[[[[") and show(nested).endswith("...")
+    nested.clear()
+    nested.append(nested)
+    assert show(nested) == "[" * 80 + "..."
+
+
 def test_messages_do_not_name_numpy():
     with pytest.raises(InputError, match=r"'elevator_limits' is \[0\.5, 0\.2\]"):
         check_parameters({"elevator_limits": [np.float64(0.5), 0.2]})
