@@ -28,7 +28,7 @@ extensions = [
 exclude_patterns = ["conf.py", "extensions"]
 default_role = "literal"  # As Markdown has it: our docstrings are no reST.
 
-# Notebooks are Python files with cells, as jupytext reads them, and run anew in each
+# Notebooks are Python files with cells, as jupytext reads them, and run again in each
 # build, in a folder of their own.
 nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
 nb_execution_mode = "force"

@@ -15,13 +15,7 @@ from glider.commands import (
     next_throw,
     samples,
 )
-from glider.errors import (
-    INTERRUPTED,
-    INTERRUPTED_CODE,
-    InputError,
-    os_error_line,
-    printable,
-)
+from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 
 COMMANDS = (
     close_the_loop,
@@ -47,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except InputError as error:
-        print(f"error: {printable(error)}", file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"error: {os_error_line(error)}", file=sys.stderr)

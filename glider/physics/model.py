@@ -18,7 +18,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike
 
 from glider.errors import InputError, expect
@@ -317,8 +316,8 @@ def has_parameters_only(path: Path | str) -> bool:
     A file that cannot be read is none: `load_model` reports what is wrong with it.
     """
     try:
-        names = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        names = schema.parse_yaml(schema.read_text(path, "a vehicle"), str(path))
+    except InputError:
         return False
     fields = {field.name for field in dataclasses.fields(GliderParameters)}
     return isinstance(names, dict) and bool(fields & set(names))
