@@ -20,9 +20,11 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
 from rich.console import Console
@@ -32,9 +34,12 @@ from diagrams.playback import Track, legend_of, play, stage_of
 from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 from glider.files.writing import write_text
 from glider.paths import models_path
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError, Progress
+from glider.planning.plan import Plan
+from glider.planning.problem import Hook
+from glider.simulation.flown_flights import FlownFlight
 
 
 def silent(text: str) -> None:
@@ -95,14 +100,14 @@ def load_truth(name: str) -> GliderModel:
         InputError: there is none of that name, or the file is no model.
     """
     if Path(name).suffix:
-        return load_model(Path(name))
+        return GliderModel.load(Path(name))
     known = sorted(path.stem for path in models_path("truths").glob("*.yaml"))
     if name not in known:
         raise InputError(
             f"There is no truth '{name}'; expected a model file or one of "
             f"{', '.join(known)}."
         )
-    return load_model(models_path("truths", f"{name}.yaml"))
+    return GliderModel.load(models_path("truths", f"{name}.yaml"))
 
 
 def add_campaign(parser: argparse.ArgumentParser) -> None:
@@ -230,6 +235,42 @@ def write_figure(
     """Draws where --figure says, by `save(file, *shown)`."""
     if args.figure:
         save(args.figure, *shown)
+
+
+def plot_perches(
+    ax: Axes,
+    plan: Plan,
+    flown: Iterable[FlownFlight],
+    replayed: Iterable[FlownFlight] = (),
+    wire: tuple[float, float] = (0.0, 0.0),
+    color: str = "#0072B2",
+) -> None:
+    """Draws paths to the wire in the vertical plane, one scale on both axes.
+
+    Args:
+        ax: to draw into.
+        plan: that the flights follow.
+        flown: flights with feedback.
+        replayed: flights without.
+        wire: (x, z) [m]; a ring shows the reach of the article's hook.
+        color: of the flights with feedback.
+    """
+    groups = (
+        (replayed, "#D55E00", "without feedback"),
+        (flown, color, "with feedback"),
+    )
+    for flights, shade, words in groups:
+        paths = [flight.states[:, :2].T for flight in flights]
+        for k, path in enumerate(paths):
+            label = f"{len(paths)} flights {words}" if k == 0 else None
+            ax.plot(*path, color=shade, lw=0.8, alpha=0.5, label=label)
+    ax.plot(*plan.states[:, :2].T, color="k", lw=1.8, ls=(0, (4, 2)), label="plan")
+    angle, reach = np.linspace(0.0, 2.0 * np.pi, 60), Hook().reach
+    ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
+    ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xlabel="x [m]", ylabel="z [m]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
 def start_meshcat(args: argparse.Namespace) -> Meshcat | None:

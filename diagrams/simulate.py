@@ -1,6 +1,6 @@
 """Many flights of one diagram, which Drake need not build again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -31,7 +31,9 @@ def simulate_flights(
 ) -> Perches:
     """Flies launches through one diagram of `diagrams.loops`.
 
-    A glider that the hook takes stays at the wire: its flight ends there.
+    A glider that the hook takes stays at the wire: its flight ends there. Where the
+    diagram has a motion capture and holds its commands, the logs are the campaign of
+    what is returned, which has the diagram's name.
 
     Each flight starts from the diagram's default context: Drake 1.51.1 loses
     about 0.2 MB with every diagram that is built.
@@ -86,7 +88,7 @@ def simulate_flights(
         simulator.Initialize()
         simulator.AdvanceTo(duration)
         flights.append(_collect(diagram, context, problem, f"flight_{k:03d}.csv"))
-    return Perches(flights)
+    return Perches(flights, _campaign(diagram, flights))
 
 
 def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -105,25 +107,15 @@ def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.n
     return rng.normal(size=(count, tape_rows(rate), 4)) * std
 
 
-def campaign_of_flights(name: str, diagram: Diagram, flights: Perches) -> Campaign:
-    """Returns the logs of flights of a diagram as a campaign.
-
-    The campaign's vehicle has the parameters of the glider that flew: its effects stay
-    undeclared.
-
-    Args:
-        name: of the campaign.
-        diagram: that flew, with a motion capture and commands that are held.
-        flights: of `simulate_flights`.
-    """
-    glider, capture, hold = (
-        diagram.GetSubsystemByName(system)
-        for system in ("glider", "motion_capture", "command_hold")
-    )
+def _campaign(diagram: Diagram, flights: Sequence[FlownFlight]) -> Campaign | None:
+    """Returns the logs of a diagram's flights, if it has all that logs them."""
+    names = ("glider", "motion_capture", "command_hold")
+    if not all(map(diagram.HasSubsystemNamed, names)):
+        return None
+    glider, capture, hold = map(diagram.GetSubsystemByName, names)
     logs = [flight.log for flight in flights if flight.log is not None]
-    return campaign_of(
-        name, glider.model.parameters, logs, capture.rate, 1.0 / hold.period()
-    )
+    parameters, name = glider.model.parameters, diagram.get_name()
+    return campaign_of(name, parameters, logs, capture.rate, 1.0 / hold.period())
 
 
 def stop_at_hook(

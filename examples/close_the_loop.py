@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagrams import program
-from glider import Result, close_the_loop, save_model
+from glider import Result, close_the_loop
 
 
 def run(campaign: Path, progress: program.Progress = program.silent) -> Result:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = run(args.campaign, progress)
     print(describe(found))
     if args.model:
-        save_model(args.model, found.model)
+        found.model.save(args.model)
     kinds = [effect.kind for effect in found.effects]
     program.write_json(args, {"verdict": found.verdict, "effects": kinds})
 

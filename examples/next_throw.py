@@ -21,15 +21,7 @@ from typing import Any
 import numpy as np
 
 from diagrams import playback, program
-from glider import (
-    Campaign,
-    CampaignPlan,
-    GliderModel,
-    InputError,
-    effects,
-    simulate_campaign,
-    throws,
-)
+from glider import Campaign, CampaignPlan, GliderModel, InputError, effects, throws
 
 LATE = 0.002
 """By how much the hidden glider's servo is late [s]."""
@@ -111,7 +103,7 @@ def run(
         )
     rng = np.random.default_rng(seed)
     hidden = GliderModel(effects=(RIVALS[effect],))
-    campaign = simulate_campaign(hidden, CampaignPlan(flights=GIVEN), rng)
+    campaign = CampaignPlan(flights=GIVEN).simulate(hidden, rng)
     # What an analysis of these flights would find: a late servo, of either kind.
     first, second = RIVALS
     findings = throws.Findings(

@@ -17,21 +17,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams import (
-    closed_loop,
-    open_loop,
-    playback,
-    plot_perches,
-    program,
-    simulate_flights,
-)
+from diagrams import closed_loop, open_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
     LaunchSpread,
     Perches,
     PerchingProblem,
     Plan,
-    draw_launches,
     plan,
     tracking_regulator,
 )
@@ -96,7 +88,7 @@ def fly(
         progress: called with a line of text as the work goes on.
     """
     model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
-    starts = draw_launches(problem, LaunchSpread(), launches, rng)
+    starts = LaunchSpread().draw(problem, launches, rng)
 
     # The problem holds launch, wire, limits and weights; the plan holds states,
     # elevator rates and times at its knots.
@@ -121,7 +113,7 @@ def save_figure(path: Path, study: PerchStudy) -> None:
     plan = study.plan
     figure = Figure(figsize=(9.5, 5.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, height_ratios=[3, 2])
-    plot_perches(top, plan, study.flights, study.blind)
+    program.plot_perches(top, plan, study.flights, study.blind)
     for flight in study.flights:
         elevator = np.degrees(flight.states[:, 3])
         bottom.plot(flight.times, elevator, color="#0072B2", lw=0.7, alpha=0.5)

@@ -16,17 +16,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.console import Console
 
-from diagrams import (
-    campaign_of_flights,
-    closed_loop,
-    playback,
-    plot_perches,
-    program,
-    simulate_flights,
-)
+from diagrams import closed_loop, playback, program, simulate_flights
 from glider import (
-    Campaign,
     GliderModel,
     LaunchSpread,
     Perches,
@@ -34,9 +27,8 @@ from glider import (
     Plan,
     Result,
     close_the_loop,
-    draw_launches,
-    headline,
     plan,
+    print_summary,
     tracking_regulator,
 )
 
@@ -60,10 +52,7 @@ class Rehearsal:
     """Plan made with the model, as is the feedback."""
 
     flights: Perches
-    """Flights of the true glider."""
-
-    campaign: Campaign
-    """Logs of the flights, as motion capture measures them."""
+    """Flights of the true glider, and their logs as motion capture measures them."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -93,9 +82,8 @@ class Correction:
         }
 
     def describe(self) -> str:
-        """Returns what was found, and how launches ended before and after."""
+        """Returns how launches ended before and after."""
         return (
-            f"{headline(self.found)}\n"
             f"planned nominal: {self.before.flights.describe()}\n"
             f"planned corrected: {self.after.flights.describe()}"
         )
@@ -149,8 +137,7 @@ def rehearse(
         capture_noise=rng,
         progress=lambda text: progress(f"fly: {text}"),
     )
-    campaign = campaign_of_flights("rehearsal", loop, flights)
-    return Rehearsal(plan=planned, flights=flights, campaign=campaign)
+    return Rehearsal(plan=planned, flights=flights)
 
 
 def fly(
@@ -170,11 +157,11 @@ def fly(
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
 
     def fly_with(model: GliderModel) -> Rehearsal:
-        starts = draw_launches(problem, LaunchSpread(), launches, rng)
+        starts = LaunchSpread().draw(problem, launches, rng)
         return rehearse(truth, model, problem, starts, rng, progress)
 
     before = fly_with(GliderModel(parameters=truth.parameters))
-    found = close_the_loop(before.campaign, progress=progress)
+    found = close_the_loop(before.flights.campaign, progress=progress)
     after = fly_with(found.model)
     return Correction(truth=truth, before=before, found=found, after=after)
 
@@ -187,7 +174,7 @@ def save_figure(path: Path, flown: Correction) -> None:
         (axes[0], flown.before, "nominal", RED),
         (axes[1], flown.after, "corrected", BLUE),
     ):
-        plot_perches(ax, rehearsal.plan, rehearsal.flights, color=color)
+        program.plot_perches(ax, rehearsal.plan, rehearsal.flights, color=color)
         ax.set_title(f"planned with the {name} model", loc="left")
         misses = 1000.0 * np.sort(rehearsal.flights.misses)
         share = 100.0 * np.arange(1, len(misses) + 1) / len(misses)
@@ -210,6 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     truth = program.load_truth(args.truth)
     with program.working("plan (compiles once)") as progress:
         flown = fly(truth, args.launches, args.seed, progress)
+    print_summary(flown.found, Console())
     print(flown.describe())
     program.write_json(args, flown.key_figures() | {"seed": args.seed})
     program.write_figure(args, save_figure, flown)

@@ -35,13 +35,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from diagrams import (
-    campaign_of_flights,
-    closed_loop,
-    playback,
-    program,
-    simulate_flights,
-)
+from diagrams import closed_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
     InputError,
@@ -49,9 +43,7 @@ from glider import (
     PerchingProblem,
     Result,
     close_the_loop,
-    draw_launches,
     funnels,
-    load_problem,
     plan,
     tracking_policy,
     tracking_regulator,
@@ -143,7 +135,9 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
         for folder in (args.load, args.save)
     )
     args.trials = FunnelTrials(
-        problem=load_problem("perching_hook") if args.hook else PerchingProblem(),
+        problem=PerchingProblem.load("perching_hook")
+        if args.hook
+        else PerchingProblem(),
         hook=args.hook,
         settings=funnels.FunnelSettings(
             remainder=args.remainder,
@@ -349,7 +343,7 @@ def trace_flights(
         progress: called with a line of text as the work goes on.
     """
     problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
-    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    starts = LaunchSpread().draw(problem, flights, rng)
     planned = plan(nominal, problem, progress=progress)
     loop = closed_loop(
         truth,
@@ -361,8 +355,7 @@ def trace_flights(
     flown = simulate_flights(
         loop, starts, planned.duration + 0.1, capture_noise=rng, progress=progress
     )
-    campaign = campaign_of_flights("rehearsal", loop, flown)
-    return close_the_loop(campaign, progress=progress)
+    return close_the_loop(flown.campaign, progress=progress)
 
 
 def run(

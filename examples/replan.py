@@ -28,15 +28,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams import (
-    campaign_of_flights,
-    closed_loop,
-    estimated_loop,
-    playback,
-    plot_perches,
-    program,
-    simulate_flights,
-)
+from diagrams import closed_loop, estimated_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
     LaunchSpread,
@@ -46,8 +38,6 @@ from glider import (
     PerchingProblem,
     Plan,
     close_the_loop,
-    draw_launches,
-    load_problem,
     perching_filter,
     plan,
     tracking_regulator,
@@ -143,7 +133,7 @@ def race(
         PlanningError: where the model cannot do what the problem asks.
     """
     planned = plan(model, problem, progress=lambda text: progress(f"plan: {text}"))
-    replanning = load_problem("replanning")
+    replanning = PerchingProblem.load("replanning")
     plans = []  # What MPC reports after each of its plans.
     controllers = {
         "TVLQR": tracking_regulator(model, planned),
@@ -195,7 +185,7 @@ def corrected_model(
         progress: called with a line of text as the work goes on.
     """
     problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
-    starts = draw_launches(problem, LaunchSpread(), flights, rng)
+    starts = LaunchSpread().draw(problem, flights, rng)
     planned = plan(nominal, problem, progress=progress)
     loop = closed_loop(
         truth,
@@ -207,8 +197,7 @@ def corrected_model(
     flown = simulate_flights(
         loop, starts, planned.duration + 0.1, capture_noise=rng, progress=progress
     )
-    campaign = campaign_of_flights("rehearsal", loop, flown)
-    return close_the_loop(campaign, progress=progress).model
+    return close_the_loop(flown.campaign, progress=progress).model
 
 
 def run(
@@ -238,7 +227,7 @@ def run(
         model = corrected_model(truth, TRACED, rng, progress)
     spread = LaunchSpread().scaled(width)
     rng = np.random.default_rng([1 + seed, round(width)])
-    starts = draw_launches(problem, spread, launches, rng)
+    starts = spread.draw(problem, launches, rng)
     unsure = width if estimated else None
     return race(truth, model, problem, starts, unsure=unsure, progress=progress)
 
@@ -249,7 +238,7 @@ def save_figure(path: Path, found: Comparison) -> None:
     for ax, (name, flights) in zip(
         figure.subplots(3, 1), found.flights.items(), strict=True
     ):
-        plot_perches(ax, found.plan, flights)
+        program.plot_perches(ax, found.plan, flights)
         ax.set_title(f"{name}: {flights.perched} of {len(flights)} perch", loc="left")
     figure.savefig(path, dpi=150)
 

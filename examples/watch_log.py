@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagrams import playback, program
-from glider import Campaign, close_the_loop, load_campaign, load_model, refly
+from glider import Campaign, GliderModel, close_the_loop, refly
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ def fly(
     flight, nominal = refly.find_flight(campaign, name), refly.nominal_model(campaign)
     models = {} if nominal is None else {"nominal": nominal}
     if model:
-        models["corrected"] = load_model(model)
+        models["corrected"] = GliderModel.load(model)
     else:
         models["corrected"] = close_the_loop(campaign, progress=progress).model
     return Result(flight=flight, motions=refly.refly(campaign, flight, models))
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "corrected model (default: what closing the loop finds, in a minute)"
     parser.add_argument("--model", metavar="FILE", type=Path, help=words)
     args = program.read_options(parser, arguments)
-    campaign = load_campaign(args.campaign)
+    campaign = Campaign.load(args.campaign)
     with program.working("fly again (compiles once)") as progress:
         flown = fly(campaign, args.flight, args.model, progress)
     name, time = flown.flight.name, flown.motions["measured"].time

@@ -28,7 +28,7 @@ def test_what_is_imported_is_there(block):
 @pytest.mark.slow
 def test_load_plan_fly(monkeypatch, capsys):
     """In ten lines, and with the numbers that its comments name."""
-    [block] = [block for block in BLOCKS if "load_model(" in block]
+    [block] = [block for block in BLOCKS if "GliderModel.load(" in block]
     lines = [line for line in block.splitlines() if line]
     assert len(lines) <= 10
     monkeypatch.chdir(ROOT)

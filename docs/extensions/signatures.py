@@ -14,7 +14,7 @@ from glider.report.model_figures import RESIDUALS, residual_panel
 from glider.report.plots import as_file
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.record import Record, prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.signs import signs_of, turn_campaign
@@ -92,7 +92,7 @@ def signatures() -> Iterator[Signature]:
 
 
 def _flown(truth: GliderModel) -> Campaign:
-    return simulate_campaign(truth, FLIGHTS, np.random.default_rng(0))
+    return FLIGHTS.simulate(truth, np.random.default_rng(0))
 
 
 def _records(campaign: Campaign, noise: Noise) -> list[Record]:

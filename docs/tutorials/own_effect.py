@@ -23,15 +23,15 @@
 
 # %%
 # %%writefile thread_drag.py
-from glider import EffectKind, effects, scalar
+from glider import effects
 
 
-@scalar
+@effects.scalar
 def _thread_drag(flow, coefficient):
     return -coefficient * flow.air_x, -coefficient * flow.air_z  # [N]
 
 
-THREAD_DRAG = EffectKind(
+THREAD_DRAG = effects.EffectKind(
     kind="thread_drag",
     stage="wrench",
     adds_to=("force_x", "force_z"),
@@ -59,11 +59,11 @@ import numpy as np
 sys.path.insert(0, ".")
 from thread_drag import THREAD_DRAG
 
-from glider import CampaignPlan, GliderModel, close_the_loop, simulate_campaign
+from glider import CampaignPlan, GliderModel, close_the_loop
 
 truth = GliderModel(effects=(THREAD_DRAG(coefficient=0.03),))
 plan = CampaignPlan(flights=12)
-campaign = simulate_campaign(truth, plan, np.random.default_rng(0), name="thread")
+campaign = plan.simulate(truth, np.random.default_rng(0), name="thread")
 print(len(campaign.flights), "flights of", round(campaign.flights[0].time[-1], 2), "s")
 
 # %% [markdown]

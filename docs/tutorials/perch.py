@@ -16,13 +16,12 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from diagrams import campaign_of_flights, closed_loop, program, simulate_flights
+from diagrams import closed_loop, program, simulate_flights
 from glider import (
     GliderModel,
     LaunchSpread,
     PerchingProblem,
     close_the_loop,
-    draw_launches,
     fly,
     plan,
     tracking_policy,
@@ -50,7 +49,7 @@ rng = np.random.default_rng(0)
 
 def rehearse(model):
     """Plans with a model; flies ten launches of the true glider and logs them."""
-    starts = draw_launches(problem, LaunchSpread(), 10, rng)
+    starts = LaunchSpread().draw(problem, 10, rng)
     planned = plan(model, problem)
     loop = closed_loop(
         truth,
@@ -60,11 +59,10 @@ def rehearse(model):
         motion_capture=120.0,
     )
     duration = planned.duration + 0.1  # It may pass the wire late.
-    flights = simulate_flights(loop, starts, duration, capture_noise=rng)
-    return planned, flights, campaign_of_flights("perches", loop, flights)
+    return planned, simulate_flights(loop, starts, duration, capture_noise=rng)
 
 
-_, before, campaign = rehearse(nominal)
+_, before = rehearse(nominal)
 print(before.describe())
 
 # %% [markdown]
@@ -77,7 +75,7 @@ print(before.describe())
 # The logs of the misses are a campaign like any other.
 
 # %%
-found = close_the_loop(campaign)
+found = close_the_loop(before.campaign)
 print(found.verdict, "-", found.reason)
 for effect in found.effects:
     for name, c in effect.coefficients.items():
@@ -91,7 +89,7 @@ assert [effect.kind for effect in found.effects] == ["wind"]
 # commands differ from the first moment, because the wind acts from the first moment.
 
 # %%
-planned, after, _ = rehearse(found.model)
+planned, after = rehearse(found.model)
 print("planned nominal:  ", before.describe())
 print("planned corrected:", after.describe())
 assert after.perched > before.perched
@@ -119,7 +117,7 @@ plt.show()
 # %%
 policy = tracking_policy(found.model, planned)
 for times in (1.0, 2.0):
-    launches = draw_launches(problem, LaunchSpread().scaled(times), 500, rng)
+    launches = LaunchSpread().scaled(times).draw(problem, 500, rng)
     flights = fly(truth, policy, launches)
     print(
         f"launch errors {times:.0f} times as large: {flights.perched.mean():.0%} perch"

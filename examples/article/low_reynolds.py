@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from coefficients import basis_values, residual_basis
 from glider.paths import models_path
 from glider.physics.effects.field import COEFFICIENTS, FieldData
-from glider.physics.model import GliderModel, save_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, load_parameters
 from regression import least_squares
 
@@ -116,7 +116,7 @@ def main() -> None:
     parser.add_argument("path", metavar="FILE", type=Path)
     parameters = load_parameters(models_path("vehicles", "heavy.yaml"))
     model = GliderModel(parameters=parameters, field=low_reynolds_field(parameters))
-    save_model(parser.parse_args().path, model)
+    model.save(parser.parse_args().path)
 
 
 if __name__ == "__main__":

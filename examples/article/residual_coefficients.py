@@ -24,8 +24,7 @@ from coefficient_figures import save_residual_figure
 from diagrams import program
 from diagrams.playback import GREEN, GREY, RED, Track
 from glider.campaign.logs import Campaign
-from glider.campaign.reader import load_campaign
-from glider.physics.model import GliderModel, save_model
+from glider.physics.model import GliderModel
 from glider.simulation import refly
 from residual_study import WORDS, ResidualStudy, learn_residuals
 
@@ -59,13 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.add_file(parser, "--model", "glider, 26 weights")
     args = program.read_options(parser, arguments, figure="as PNG")
     program.check_files(args.model)
-    campaign = load_campaign(args.campaign)
+    campaign = Campaign.load(args.campaign)
     with program.working("learn (compiles once)"):
         found = fly(campaign, args.seed)
     print(found.study.describe())
     program.write_json(args, {"campaign": campaign.name, **found.study.key_figures()})
     if args.model:
-        save_model(args.model, found.models[WORDS["26"]])
+        found.models[WORDS["26"]].save(args.model)
     program.write_figure(args, save_residual_figure, found.study)
     colors = {WORDS["plate"]: GREY, WORDS["26"]: RED, WORDS["126"]: GREEN}
     flown = found.motions.items()

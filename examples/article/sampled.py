@@ -13,7 +13,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.dircol import Progress, plan
 from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem, load_problem
+from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
 
 COMMAND_RATE = 50.0
@@ -114,7 +114,7 @@ def compare(
     model = GliderModel(parameters=truth.parameters) if model is None else model
     planned = plan(model, problem, progress=lambda text: say(f"plan: {text}"))
     if replanning is None:
-        replanning = load_problem(models_path("problems", "replanning.yaml"))
+        replanning = PerchingProblem.load(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(model, replanning, COMMAND_RATE)
     sequence = sequence_of(planned, cost.step, cost.steps) if warm else None
     tracking = tracking_regulator(model, planned)

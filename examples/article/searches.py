@@ -11,7 +11,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.plan import Plan
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import SequenceCost, cem, mppi
 
 Progress = Callable[[str], None]
@@ -79,7 +79,7 @@ def search_article(
 ) -> Searches:
     """Searches for the article's plan: vehicles/heavy and problems/sampling."""
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    problem = load_problem(models_path("problems", "sampling.yaml"))
+    problem = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     cost = SequenceCost(GliderModel(parameters=heavy), problem)
     return search_plans(cost, np.array(problem.launch), count, seed, progress=progress)
 

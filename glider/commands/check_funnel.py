@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
 
     from glider.files.schema import json_text
     from glider.physics.model import load_glider
-    from glider.planning.problem import PerchingProblem, load_problem
+    from glider.planning.problem import PerchingProblem
     from glider.verification.check_report import (
         check_report,
         describe_check,
@@ -148,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
 
     funnel = funnel_of(file, args.funnel)
     model = load_glider(args.model) if args.model else None
-    problem = load_problem(args.problem) if args.problem else PerchingProblem()
+    problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     confidence = None
     if level is not None:
         shape = "box" if args.box else "ellipsoid"

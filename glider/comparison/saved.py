@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 
 from glider.errors import InputError
-from glider.physics.model import load_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.sysid.report_file import read_report
 from glider.sysid.result import Report
@@ -40,6 +40,6 @@ def _given(file: Path, report: Report) -> GliderParameters | None:
     if report.vehicle or not model.exists():
         return None
     try:
-        return load_model(model).parameters
+        return GliderModel.load(model).parameters
     except InputError:  # With effects of the user's own: they compare without it.
         return None

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from glider.physics.effects import EffectKind
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.sysid.report_file import read_report
 from glider.sysid.result import Report, Result
 
@@ -58,7 +58,7 @@ def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findi
         InputError: they are not there, or of another version.
     """
     report, path = read_report(folder)
-    model = load_model(path.with_name("model.yaml"), own_effects)
+    model = GliderModel.load(path.with_name("model.yaml"), own_effects)
     return _findings(report, model, own_effects)
 
 

@@ -159,6 +159,27 @@ class GliderModel:
             full[NUM_STATES + k] = value
         return full
 
+    @classmethod
+    def load(
+        cls, path: Path | str, own_effects: Sequence[EffectKind] = ()
+    ) -> "GliderModel":
+        """Loads a model; anything unknown in the file is an InputError.
+
+        Args:
+            path: of the file.
+            own_effects: custom kinds that the file may name.
+        """
+        return _load(path, own_effects)[0]
+
+    def save(
+        self,
+        path: Path | str,
+        origin: "Origin | None" = None,
+        covariance: Covariance | None = None,
+    ) -> None:
+        """Writes a model; `load` gives it back unchanged."""
+        write_text(Path(path), model_text(self, origin, covariance))
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _EffectFile:
@@ -230,16 +251,6 @@ class _ModelFile:
         return model, covariance_of_rows(names, self.covariance.matrix)
 
 
-def save_model(
-    path: Path | str,
-    model: GliderModel,
-    origin: Origin | None = None,
-    covariance: Covariance | None = None,
-) -> None:
-    """Writes a model; `load_model` gives it back unchanged."""
-    write_text(Path(path), model_text(model, origin, covariance))
-
-
 def model_text(
     model: GliderModel,
     origin: Origin | None = None,
@@ -264,16 +275,6 @@ def model_text(
     return schema.yaml_text(data)
 
 
-def load_model(path: Path | str, own_effects: Sequence[EffectKind] = ()) -> GliderModel:
-    """Loads a model; anything unknown in the file is an InputError.
-
-    Args:
-        path: of the file.
-        own_effects: custom kinds that the file may name.
-    """
-    return _load(path, own_effects)[0]
-
-
 def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
@@ -281,7 +282,7 @@ def load_covariance(
 
     Args:
         path: of the file.
-        own_effects: as for `load_model`.
+        own_effects: as for `GliderModel.load`.
 
     Raises:
         InputError: the file holds no model, or no valid covariance.
@@ -307,13 +308,13 @@ def load_glider(path: Path | str) -> GliderModel:
     """
     if has_parameters_only(path):
         return GliderModel(parameters=load_parameters(Path(path)))
-    return load_model(path)
+    return GliderModel.load(path)
 
 
 def has_parameters_only(path: Path | str) -> bool:
     """Checks whether a file is a vehicle's, with parameters alone.
 
-    A file that cannot be read is none: `load_model` reports what is wrong with it.
+    A file that cannot be read is none: `GliderModel.load` reports what is wrong.
     """
     try:
         names = schema.parse_yaml(schema.read_text(path, "a vehicle"), str(path))
@@ -330,7 +331,7 @@ def as_model(model: GliderModel | Path | str) -> GliderModel:
         InputError: it is neither, or the file holds no model.
     """
     if isinstance(model, (str, Path)):
-        return load_model(model)
+        return GliderModel.load(model)
     if not isinstance(model, GliderModel):
         raise InputError(
             f"a glider model: found {type(model).__name__}; expected a GliderModel or "

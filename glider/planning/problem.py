@@ -108,6 +108,19 @@ class PerchingProblem:
         """Raises InputError, naming the field, where a value is out of range."""
         _check(self)
 
+    @classmethod
+    def load(cls, path: Path | str) -> "PerchingProblem":
+        """Loads a problem; a misspelt field or a bad value is an InputError.
+
+        A file gives only the fields that differ from the article's problem.
+
+        Args:
+            path: of the file, or the name of one in models/problems.
+        """
+        if not Path(path).suffix:
+            path = models_path("problems", f"{path}.yaml")
+        return schema.load_yaml(cls, path, "a perching problem")
+
 
 _STATES = ("launch", "goal", "goal_weights")
 _INTERVALS = (
@@ -154,16 +167,3 @@ def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return math.isfinite(value)
-
-
-def load_problem(path: Path | str) -> PerchingProblem:
-    """Loads a problem; a misspelt field or a value out of range is an InputError.
-
-    A file gives only the fields that differ from the article's problem.
-
-    Args:
-        path: of the file, or the name of one in models/problems.
-    """
-    if not Path(path).suffix:
-        path = models_path("problems", f"{path}.yaml")
-    return schema.load_yaml(PerchingProblem, path, "a perching problem")

@@ -44,23 +44,19 @@ class CampaignPlan:
     launch_spread: tuple[float, ...] = (0.05, 0.12, 0.06, 0.0, 0.3, 0.2, 0.3)
     """Standard deviation of the launch states."""
 
+    def simulate(
+        self, model: GliderModel, rng: np.random.Generator, name: str = "simulated"
+    ) -> Campaign:
+        """Flies and logs a campaign of a glider whose truth is `model`.
 
-def simulate_campaign(
-    model: GliderModel,
-    plan: CampaignPlan,
-    rng: np.random.Generator,
-    name: str = "simulated",
-) -> Campaign:
-    """Flies and logs a campaign of a glider whose truth is `model`.
-
-    The campaign's vehicle has the model's parameters: its effects stay undeclared.
-    """
-    flights = tuple(
-        _fly(model, plan, rng, f"flight_{i:03d}.csv") for i in range(plan.flights)
-    )
-    return campaign_of(
-        name, model.parameters, flights, plan.capture.rate, plan.command_rate
-    )
+        The campaign's vehicle has the model's parameters: its effects stay undeclared.
+        """
+        flights = [
+            _fly(model, self, rng, f"flight_{i:03d}.csv") for i in range(self.flights)
+        ]
+        return campaign_of(
+            name, model.parameters, flights, self.capture.rate, self.command_rate
+        )
 
 
 def random_commands(

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from glider.campaign.logs import Flight
+from glider.campaign.logs import Campaign, Flight
+from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
@@ -120,9 +121,31 @@ def _until(log: Flight, end: float) -> Flight:
 
 @dataclasses.dataclass(frozen=True)
 class Perches:
-    """Flights to a wire under one policy: how many perch, and how they come there."""
+    """Flights to a wire under one policy: how many perch, and how they come there.
+
+    Attributes:
+        flights: in the order of the launches.
+        logged: their logs as a campaign, or None.
+    """
 
     flights: Sequence[FlownFlight]
+    logged: Campaign | None = None
+
+    @property
+    def campaign(self) -> Campaign:
+        """Their logs, of a vehicle with the parameters of the glider that flew.
+
+        Its effects stay undeclared.
+
+        Raises:
+            InputError: there are none.
+        """
+        if self.logged is None:
+            raise InputError(
+                "flights without a campaign; expected a diagram with motion_capture "
+                "and a command_rate."
+            )
+        return self.logged
 
     @property
     def misses(self) -> list[float]:

@@ -54,6 +54,20 @@ class LaunchSpread:
             pitch=times * self.pitch,
         )
 
+    def draw(
+        self, problem: PerchingProblem, count: int, rng: np.random.Generator
+    ) -> np.ndarray:
+        """Draws perturbed launch states of a problem, (count, 7)."""
+        expect(count >= 1, "LaunchSpread.draw: 'count'", count, "at least 1")
+        errors = rng.normal(size=(count, 3)) * [self.height, self.speed, self.pitch]
+        starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
+        velocity = starts[:, VELOCITY]
+        along = velocity / np.linalg.norm(velocity[0])
+        starts[:, _Z] += errors[:, 0]
+        starts[:, VELOCITY] += errors[:, 1:2] * along
+        starts[:, _PITCH] += errors[:, 2]
+        return starts
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Case:
@@ -87,24 +101,9 @@ class Case:
     """Time flown after the plan as in `fly` [s]."""
 
 
-def draw_launches(
-    problem: PerchingProblem, spread: LaunchSpread, count: int, rng: np.random.Generator
-) -> np.ndarray:
-    """Draws launch states, shape (count, 7)."""
-    expect(count >= 1, "draw_launches: 'count'", count, "at least 1")
-    errors = rng.normal(size=(count, 3)) * [spread.height, spread.speed, spread.pitch]
-    starts = np.tile(np.array(problem.launch, dtype=float), (count, 1))
-    velocity = starts[:, VELOCITY]
-    along = velocity / np.linalg.norm(velocity[0])
-    starts[:, _Z] += errors[:, 0]
-    starts[:, VELOCITY] += errors[:, 1:2] * along
-    starts[:, _PITCH] += errors[:, 2]
-    return starts
-
-
 def fly_case(case: Case, flights: int, rng: np.random.Generator) -> Flights:
     """Draws and flies launches of a case."""
-    starts = draw_launches(case.problem, case.spread, flights, rng)
+    starts = case.spread.draw(case.problem, flights, rng)
     noise = None
     if any(case.feedback_noise):
         clock = make_clock(case.policy, case.command_rate, case.step, case.after)

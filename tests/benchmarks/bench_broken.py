@@ -27,13 +27,12 @@ import numpy as np
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign, Flight
-from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.outliers import find_outlying
 from glider.sysid.likelihood.task import make_task
 from glider.sysid.pipeline import close_the_loop
@@ -186,8 +185,8 @@ def another_glider(effects, count: int = 1, mass: float = 1.0) -> Break:
         plain = GliderParameters()
         parameters = dataclasses.replace(plain, mass=mass * plain.mass)
         model = GliderModel(parameters=parameters, effects=effects)
-        drawn = simulate_campaign(
-            model, CampaignPlan(flights=max(count, 2)), np.random.default_rng(7)
+        drawn = CampaignPlan(flights=max(count, 2)).simulate(
+            model, np.random.default_rng(7)
         )
         flights = list(campaign.flights)
         for k in range(count):
@@ -456,7 +455,7 @@ def check(campaign: Campaign, broken: Break) -> Answer:
             folder = Path(place) / "campaign"
             save_campaign(folder, broken.campaign(campaign))
             broken.folder(folder)
-            inspection = inspect(load_campaign(folder))
+            inspection = inspect(Campaign.load(folder))
         whole, masks = inspection.campaign, inspection.masks
         vehicle = make_vehicle(whole)
         turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
@@ -523,7 +522,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
-    whole = load_campaign(campaign_path(args.campaign))
+    whole = Campaign.load(campaign_path(args.campaign))
     campaign = dataclasses.replace(whole, flights=whole.flights[: args.flights])
     ways = kinds()
     if not args.checks:

@@ -17,7 +17,7 @@ from glider.control import tvlqr_drake
 from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import policy_of, tracking_gains, tracking_regulator
 from glider.simulation.fly import AFTER, fly
-from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from glider.simulation.monte_carlo import LaunchSpread
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 
@@ -60,7 +60,7 @@ def main():
     print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
 
     policy, rng = tracking_policy(NOMINAL, plan), np.random.default_rng(0)
-    starts = draw_launches(PROBLEM, LaunchSpread(), 10_000, rng)
+    starts = LaunchSpread().draw(PROBLEM, 10_000, rng)
     print("\n10,000 flights, on one core")
     for name, options in (
         ("at once", {}),

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from glider.paths import models_path
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from ilqr import ARTICLE, IlqrSettings, goal_problem, ilqr
 
@@ -33,7 +33,7 @@ def main():
     heavy = GliderModel(
         parameters=load_parameters(models_path("vehicles", "heavy.yaml"))
     )
-    field = load_model(models_path("truths", "low_reynolds.yaml"))
+    field = GliderModel.load(models_path("truths", "low_reynolds.yaml"))
     regular, settings = goal_problem(), IlqrSettings()
     cases = [
         ("regular, servo's limits", heavy, regular, settings),

@@ -14,7 +14,7 @@ from glider.control.mppi import SETTINGS, replanning_cost
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import (
     CemSettings,
     MppiSettings,
@@ -40,7 +40,7 @@ def seconds(function, rounds=5):
 def main():
     print(f"load {os.getloadavg()[0]:.2f} (1 minute)")
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    article = load_problem(models_path("problems", "sampling.yaml"))
+    article = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     launch, rng = np.array(article.launch), np.random.default_rng(0)
     cost = SequenceCost(GliderModel(parameters=heavy), article)
     print(f"{flights_per_second(cost, launch):,.0f} flights of 75 Euler steps a second")
@@ -57,7 +57,7 @@ def main():
             f"{method.__name__:5s} 100 iterations of 30: {1e3 * few:5.1f} ms; "
             f"an iteration of 10,000: {1e3 * one:5.1f} ms"
         )
-    replanning = load_problem(models_path("problems", "replanning.yaml"))
+    replanning = PerchingProblem.load(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(GliderModel(), replanning)
     mean = np.zeros(cost.steps)
     found = 1e3 * seconds(

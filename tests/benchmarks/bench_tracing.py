@@ -17,7 +17,7 @@ import numpy as np
 from glider.campaign.motion_capture import MotionCapture
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.pipeline import close_the_loop
 from tests.benchmarks import tables
 from tests.benchmarks.table_rows import TABLES
@@ -57,7 +57,7 @@ def alarms(count: int = 20) -> None:
                 position=0.0004 * level, pitch=0.0025 * level, elevator=0.005 * level
             ),
         )
-        result = close_the_loop(simulate_campaign(GliderModel(), plan, rng), seed=seed)
+        result = close_the_loop(plan.simulate(GliderModel(), rng), seed=seed)
         false += result.verdict != "no_effect"
         kinds = [e.kind for e in result.effects]
         print(f"  {flights:2d} flights, noise x {level}: {result.verdict} {kinds}")

@@ -3,10 +3,10 @@
 import numpy as np
 
 from examples import perch_corrected
-from glider.campaign.reader import load_campaign
+from glider.campaign.logs import Campaign
 from glider.campaign.samples import sample_names
 from glider.paths import models_path
-from glider.physics.model import load_model
+from glider.physics.model import GliderModel
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 from tests.benchmarks.tables import Table
@@ -32,7 +32,7 @@ def sample_row(name: str) -> list[str]:
     result = close_the_loop(name)
     limit = "-"
     if name in TRUTHS:
-        limit = millimeters(limit_of(load_campaign(name), TRUTHS[name], result))
+        limit = millimeters(limit_of(Campaign.load(name), TRUTHS[name], result))
     nominal, corrected = (
         millimeters(result.errors[model].position_rms_m)
         for model in ("nominal", "corrected")
@@ -43,7 +43,7 @@ def sample_row(name: str) -> list[str]:
 
 def perch_row(name: str) -> list[str]:
     """Perches of a glider before and after its logs are traced; seed 0."""
-    truth = load_model(models_path("truths", f"{name}.yaml"))
+    truth = GliderModel.load(models_path("truths", f"{name}.yaml"))
     flown = perch_corrected.fly(truth, launches=100, seed=0)
     cells = [f"`{name}`", effects_of(flown.found)]
     for rehearsal in (flown.before, flown.after):

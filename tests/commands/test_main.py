@@ -42,9 +42,9 @@ def test_it_runs_and_writes_everything(done):
 
 
 def test_the_model_loads(done):
-    from glider.physics.model import load_model
+    from glider.physics.model import GliderModel
 
-    model = load_model(done[1] / "model.yaml")
+    model = GliderModel.load(done[1] / "model.yaml")
     assert [e.kind.kind for e in model.effects] == ["attached_lift"]
 
 

@@ -11,8 +11,8 @@ from glider.compiled.replay import roll_out
 from glider.compiled.user_effects import check_user_effects
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
-from glider.physics.model import GliderModel, load_model, save_model
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.physics.model import GliderModel
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.fit.prediction import RolloutModel, find_launch
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.linear_flight import linearize
@@ -39,7 +39,7 @@ def planted(kind, **plan):
     sizes = {c.name: c.scale for c in kind.coefficients if not c.is_shape}
     effects = tuple(e(**sizes) if e is kind else e() for e in ALL)
     model = GliderModel(effects=effects)
-    campaign = simulate_campaign(model, CampaignPlan(**plan), np.random.default_rng(3))
+    campaign = CampaignPlan(**plan).simulate(model, np.random.default_rng(3))
     return model, campaign
 
 
@@ -77,10 +77,10 @@ def test_the_report_shows_its_words(closed, capsys):
 
 def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
     kind, result = closed
-    save_model(tmp_path / "model.yaml", result.model)
+    result.model.save(tmp_path / "model.yaml")
     with pytest.raises(InputError, match=f"'{kind.kind}'.*own_effects"):
-        load_model(tmp_path / "model.yaml")
-    model = load_model(tmp_path / "model.yaml", own_effects=ALL)
+        GliderModel.load(tmp_path / "model.yaml")
+    model = GliderModel.load(tmp_path / "model.yaml", own_effects=ALL)
     assert model == result.model
     plant = GliderPlant(model=model)
     assert plant.num_continuous_states() == 7 + len(kind.states)

@@ -15,11 +15,11 @@ from glider.paths import models_path
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.planning.guess import straight_line
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.structured import make_program, solve_structured
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
 
-REPLANNING = load_problem(models_path("problems", "replanning.yaml"))
+REPLANNING = PerchingProblem.load(models_path("problems", "replanning.yaml"))
 LAUNCH = np.array(REPLANNING.launch)
 
 

@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from examples import close_the_loop
-from glider.campaign.reader import load_campaign
+from glider.campaign.logs import Campaign
 from glider.campaign.writer import save_campaign
-from glider.physics.model import load_model
+from glider.physics.model import GliderModel
 from tests.helpers.campaigns import campaign_path
 from tests.helpers.examples import run_main
 
@@ -15,7 +15,7 @@ from tests.helpers.examples import run_main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A few flights of the sample campaign."""
-    campaign = load_campaign(campaign_path("attached_lift"))
+    campaign = Campaign.load(campaign_path("attached_lift"))
     few = dataclasses.replace(campaign, flights=campaign.flights[:10])
     path = tmp_path_factory.mktemp("few") / "attached_lift"
     save_campaign(path, few)
@@ -42,4 +42,4 @@ def test_the_result_is_reported(found, folder, tmp_path):
     assert "attached_lift: effect_found" in output.words
     assert "slope = " in output.words
     assert output.asked.call_args.args[0] == folder
-    assert load_model(model) == found.model
+    assert GliderModel.load(model) == found.model

@@ -9,10 +9,10 @@ from diagrams.program import load_truth
 from examples import perch_corrected
 from examples.perch_corrected import Correction, Rehearsal, name_effects, rehearse
 from glider.physics.effects import PITCH_DAMPING, WIND
-from glider.physics.model import GliderModel, save_model
+from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
-from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from glider.simulation.monte_carlo import LaunchSpread
 from tests.helpers.examples import run_main
 from tests.helpers.physics import FIELD
 
@@ -61,17 +61,17 @@ def test_it_is_drawn_and_animated(output):
 
 def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
     problem, nominal = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
-    starts = draw_launches(problem, LaunchSpread(), 3, np.random.default_rng(0))
+    starts = LaunchSpread().draw(problem, 3, np.random.default_rng(0))
     first, again = (
         rehearse(nominal, nominal, problem, starts, np.random.default_rng(1))
         for _ in range(2)
     )
     assert first.flights.misses == again.flights.misses
     assert first.flights.perched == 3
-    assert [f.name for f in first.campaign.flights] == [
+    assert [f.name for f in first.flights.campaign.flights] == [
         f"flight_{k:03d}.csv" for k in range(3)
     ]
-    for flight, log in zip(first.flights, first.campaign.flights, strict=True):
+    for flight, log in zip(first.flights, first.flights.campaign.flights, strict=True):
         path = np.array(
             [np.interp(log.time, flight.times, column) for column in flight.states.T]
         )
@@ -90,13 +90,13 @@ def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
 )
 def test_what_is_true_is_reported(tmp_path, truth, expected):
     """Of files with several effects or none."""
-    save_model(tmp_path / "truth.yaml", truth)
+    truth.save(tmp_path / "truth.yaml")
     assert name_effects(load_truth(str(tmp_path / "truth.yaml"))) == expected
 
 
 def test_a_correction_tells_its_truth_and_its_effects():
     """Nothing is flown here."""
-    flown = Rehearsal(plan=None, flights=Perches([]), campaign=None)
+    flown = Rehearsal(plan=None, flights=Perches([]))
     found = SimpleNamespace(effects=(SimpleNamespace(kind="wind"),))
     truth = load_truth("head_wind")
     correction = Correction(truth=truth, before=flown, found=found, after=flown)

@@ -10,7 +10,7 @@ from diagrams.program import load_truth, run
 from examples import perching_funnel
 from examples.perching_funnel import FunnelTrials, study_funnel
 from glider.paths import models_path
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES
 from glider.verification.trials.estimated import study_estimates
@@ -145,7 +145,7 @@ def test_the_hook_and_a_feedback_are_asked_for(found, tmp_path):
     output = run_main(perching_funnel, found, tmp_path, *asked)
     trials = output.asked.call_args.args[1]
     file = models_path("problems", "perching_hook.yaml")
-    assert (trials.problem, trials.hook) == (load_problem(file), True)
+    assert (trials.problem, trials.hook) == (PerchingProblem.load(file), True)
     assert trials.settings.elevator_gain == 40.0
     assert trials.settings.launch_sizes == LAUNCH_SIZES
 

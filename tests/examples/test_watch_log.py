@@ -4,8 +4,7 @@ import pytest
 
 from diagrams.program import run
 from examples import watch_log
-from glider.campaign.reader import load_campaign
-from glider.physics.model import save_model
+from glider.campaign.logs import Campaign
 from tests.helpers.examples import run_main
 from tests.simulation.test_refly import CORRECTED
 
@@ -15,13 +14,13 @@ CAMPAIGN = "attached_lift"
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "model.yaml"
-    save_model(path, CORRECTED)
+    CORRECTED.save(path)
     return path
 
 
 @pytest.fixture(scope="module")
 def flown(model):
-    return watch_log.fly(load_campaign(CAMPAIGN), "flight_003", model)
+    return watch_log.fly(Campaign.load(CAMPAIGN), "flight_003", model)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from glider.experiments.findings import Findings
 from glider.experiments.proposal import Proposal, propose, read_task
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 
@@ -23,7 +23,7 @@ Posterior = tuple[Campaign, Task, Noise, tuple[Explanation, ...]]
 def late_posterior() -> Posterior:
     """Returns campaign, task, noise and explanations."""
     rng = np.random.default_rng(1)
-    campaign = simulate_campaign(LATE, CampaignPlan(flights=4), rng)
+    campaign = CampaignPlan(flights=4).simulate(LATE, rng)
     findings = Findings(
         model=LATE,
         kinds=("servo_lag",),

@@ -5,7 +5,7 @@ import numpy as np
 from glider.campaign.logs import Campaign
 from glider.physics.effects import KINDS, Effect
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.task import Task
 from tests.helpers.known_truth import begin, task_of
@@ -14,7 +14,7 @@ from tests.helpers.known_truth import begin, task_of
 def fly(*effects, seed: int = 0, **plan) -> Campaign:
     """Returns a campaign of a glider with undeclared effects, in still air."""
     model = GliderModel(effects=effects)
-    return simulate_campaign(model, CampaignPlan(**plan), np.random.default_rng(seed))
+    return CampaignPlan(**plan).simulate(model, np.random.default_rng(seed))
 
 
 def fit_kinds(campaign: Campaign, *kinds: str, masks=None) -> tuple[Task, FitResult]:

@@ -9,14 +9,7 @@ from glider.errors import InputError
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, LIBRARY, NO_FIELD, PROFILE_DRAG, WIND
 from glider.physics.effects.field import FieldData, make_field
-from glider.physics.model import (
-    GliderModel,
-    Origin,
-    as_model,
-    load_covariance,
-    load_model,
-    save_model,
-)
+from glider.physics.model import GliderModel, Origin, as_model, load_covariance
 from glider.physics.parameters import GliderParameters
 from tests.helpers.physics import FIELD, at_work
 
@@ -33,10 +26,10 @@ from tests.helpers.physics import FIELD, at_work
 )
 def test_a_model_comes_back_from_its_file_unchanged(tmp_path, model):
     path = tmp_path / "model.yaml"
-    save_model(path, model)
-    assert load_model(path) == model
+    model.save(path)
+    assert GliderModel.load(path) == model
     first = path.read_text()
-    save_model(path, load_model(path))
+    GliderModel.load(path).save(path)
     assert path.read_text() == first
 
 
@@ -45,12 +38,12 @@ def test_how_well_a_model_is_known_comes_back_from_its_file(tmp_path):
     model = GliderModel(effects=(WIND(x=-0.6, z=0.1),))
     matrix = np.array([[1.2e-7, 1e-8 / 3.0], [1e-8 / 3.0, 4e-9]])
     known = Covariance(names=("wind.x", "mass"), matrix=matrix)
-    save_model(path, model, covariance=known)
-    assert load_model(path) == model
+    model.save(path, covariance=known)
+    assert GliderModel.load(path) == model
     again = load_covariance(path)
     assert again.names == known.names
     np.testing.assert_array_equal(again.matrix, matrix)
-    save_model(path, model)
+    model.save(path)
     assert load_covariance(path) is None
     assert "covariance" not in path.read_text()
 
@@ -77,7 +70,7 @@ def test_a_file_says_only_what_it_changes(tmp_path):
         "  - {kind: wind, coefficients: {x: -0.6}}\n"
         "  - {kind: dynamic_stall}\n"
     )
-    model = load_model(path)
+    model = GliderModel.load(path)
     assert model.parameters == GliderParameters(mass=0.09)
     assert [e.to_dict() for e in model.effects] == [
         {"x": -0.6, "z": 0.0},
@@ -155,7 +148,7 @@ def test_what_is_wrong_is_named(tmp_path, text, words):
     path = tmp_path / "model.yaml"
     path.write_text(text + "\n")
     with pytest.raises(InputError) as error:
-        load_model(path)
+        GliderModel.load(path)
     assert words in str(error.value)
     assert "model.yaml" in str(error.value)
     assert "\n" not in str(error.value)
@@ -163,12 +156,12 @@ def test_what_is_wrong_is_named(tmp_path, text, words):
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"absent\.yaml: .*: No such file"):
-        load_model(tmp_path / "absent.yaml")
+        GliderModel.load(tmp_path / "absent.yaml")
 
 
 def test_a_path_stands_for_the_model_in_its_file(tmp_path):
     model, path = GliderModel(effects=(WIND(x=-0.5),)), tmp_path / "model.yaml"
-    save_model(path, model)
+    model.save(path)
     assert as_model(model) is model
     assert as_model(path) == model
     assert as_model(str(path)) == model
@@ -208,8 +201,8 @@ def test_a_field_that_is_no_number_is_refused(name):
 def test_an_unknown_servo_is_not_invented(tmp_path):
     """Its limits are null in the file, and None when it is read again."""
     parameters = GliderParameters(elevator_limits=None, elevator_rate_limit=None)
-    save_model(tmp_path / "model.yaml", GliderModel(parameters=parameters))
-    model = load_model(tmp_path / "model.yaml")
+    GliderModel(parameters=parameters).save(tmp_path / "model.yaml")
+    model = GliderModel.load(tmp_path / "model.yaml")
     assert model.parameters == parameters
     with pytest.raises(InputError, match="has no servo limits"):
         _ = model.parameters.servo
@@ -218,6 +211,6 @@ def test_an_unknown_servo_is_not_invented(tmp_path):
 def test_where_a_model_comes_from_does_not_change_it(tmp_path):
     path, model = tmp_path / "model.yaml", GliderModel(effects=(WIND(x=-0.6, z=0.1),))
     origin = Origin(source="throws", date="2026-01-01", standard_errors={"wind.x": 0.1})
-    save_model(path, model, origin)
+    model.save(path, origin)
     assert "standard_errors" in path.read_text()
-    assert load_model(path) == model
+    assert GliderModel.load(path) == model

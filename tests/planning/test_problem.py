@@ -4,18 +4,18 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.planning.problem import PerchingProblem, load_problem
+from glider.planning.problem import PerchingProblem
 
 
 def test_the_shipped_problem_is_the_default_one():
-    shipped = load_problem(models_path("problems", "perching.yaml"))
+    shipped = PerchingProblem.load(models_path("problems", "perching.yaml"))
     assert shipped == PerchingProblem()
 
 
 def test_a_file_gives_only_what_differs(tmp_path):
     path = tmp_path / "near.yaml"
     path.write_text("launch: [-2.0, 0.0, 0.0, 0.0, 6.0, 0.0, 0.0]\n")
-    problem = load_problem(path)
+    problem = PerchingProblem.load(path)
     assert problem.launch[0] == -2.0
     assert problem.rate_cost == 100.0
 
@@ -45,7 +45,7 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, words):
     path = tmp_path / "odd.yaml"
     path.write_text(text + "\n")
     with pytest.raises(InputError) as caught:
-        load_problem(path)
+        PerchingProblem.load(path)
     for word in ("odd.yaml", *words):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -53,4 +53,4 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, words):
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.yaml"):
-        load_problem(tmp_path / "nowhere.yaml")
+        PerchingProblem.load(tmp_path / "nowhere.yaml")

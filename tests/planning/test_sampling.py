@@ -19,7 +19,7 @@ from glider.paths import models_path
 from glider.physics.effects import GROUND_EFFECT, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import PerchingProblem, load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import (
     CemSettings,
     MppiSettings,
@@ -32,8 +32,8 @@ from glider.planning.sampling import (
 )
 from tests.helpers.flights import QUICK
 
-ARTICLE = load_problem(models_path("problems", "sampling.yaml"))
-REPLANNING = load_problem(models_path("problems", "replanning.yaml"))
+ARTICLE = PerchingProblem.load(models_path("problems", "sampling.yaml"))
+REPLANNING = PerchingProblem.load(models_path("problems", "replanning.yaml"))
 LAUNCH = np.array(ARTICLE.launch)
 HEAVY = GliderModel(parameters=load_parameters(models_path("vehicles", "heavy.yaml")))
 

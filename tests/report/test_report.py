@@ -21,7 +21,7 @@ from glider.errors import InputError
 from glider.files.schema import json_text, to_builtins
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
-from glider.physics.model import load_covariance, load_model
+from glider.physics.model import GliderModel, load_covariance
 from glider.report.as_page import STATIC
 from glider.report.figures_of_result import make_figures
 from glider.report.folder import write_report
@@ -344,7 +344,7 @@ def test_folder_holds_the_report_and_keeps_what_was_there(written):
     ours = {"report.json", "report.html", "model.yaml", "figures"}
     assert names == ours | {"notes.txt"}
     assert (folder / "notes.txt").read_text() == "mine"
-    assert load_model(folder / "model.yaml") == variant.model
+    assert GliderModel.load(folder / "model.yaml") == variant.model
 
 
 def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):

@@ -6,14 +6,11 @@ import pytest
 from glider.physics.servo import limited_rate
 from glider.simulation.flown_flights import hooked
 from glider.simulation.fly import fly
-from glider.simulation.monte_carlo import LaunchSpread, draw_launches
+from glider.simulation.monte_carlo import LaunchSpread
 from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, QUICK, draw_noise, policy
 
-STARTS = draw_launches(
-    PROBLEM,
-    LaunchSpread(height=0.3, speed=0.5, pitch=0.15),
-    4,
-    np.random.default_rng(0),
+STARTS = LaunchSpread(height=0.3, speed=0.5, pitch=0.15).draw(
+    PROBLEM, 4, np.random.default_rng(0)
 )
 
 

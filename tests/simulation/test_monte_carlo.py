@@ -19,14 +19,7 @@ from glider.planning.problem import PerchingProblem
 from glider.simulation import monte_carlo
 from glider.simulation.fly import fly, full_starts, make_clock
 from glider.simulation.miss import closest_pass
-from glider.simulation.monte_carlo import (
-    CHUNK,
-    Case,
-    LaunchSpread,
-    draw_launches,
-    fly_case,
-    sweep,
-)
+from glider.simulation.monte_carlo import CHUNK, Case, LaunchSpread, fly_case, sweep
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,
@@ -42,7 +35,7 @@ FAR = LaunchSpread(height=0.3, speed=0.5, pitch=0.15)
 
 
 def launches(count, spread=FAR, seed=0):
-    return draw_launches(PROBLEM, spread, count, np.random.default_rng(seed))
+    return spread.draw(PROBLEM, count, np.random.default_rng(seed))
 
 
 # ------------------------------------------------------ the compiled closed loop

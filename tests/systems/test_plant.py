@@ -26,7 +26,7 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.physics.effects.field import FieldData
-from glider.physics.model import GliderModel, load_model, save_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Theta
 from glider.physics.state import STATE_NAMES
 from glider.systems.plant import GliderPlant
@@ -58,7 +58,7 @@ def set_up(plant, x, u, wind=None):
 @pytest.mark.parametrize("kind", [str, Path])
 def test_the_path_of_a_model_stands_for_it(tmp_path, kind):
     model, path = GliderModel(effects=(WIND(x=-0.5),)), tmp_path / "model.yaml"
-    save_model(path, model)
+    model.save(path)
     plant = GliderPlant(kind(path))
     assert plant.model == model
     assert plant.ToAutoDiffXd().model == model
@@ -403,8 +403,8 @@ def test_it_lives_in_a_diagram_of_any_scalar():
 
 def test_a_model_from_a_file_flies_the_same(tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(path, ALL_AT_WORK)
-    again, plant = GliderPlant(load_model(path)), GliderPlant(ALL_AT_WORK)
+    ALL_AT_WORK.save(path)
+    again, plant = GliderPlant(GliderModel.load(path)), GliderPlant(ALL_AT_WORK)
     x = plant.model.initial_state(random_states(1)[0])
     np.testing.assert_array_equal(
         rates(again, set_up(again, x, [2.0])), rates(plant, set_up(plant, x, [2.0]))

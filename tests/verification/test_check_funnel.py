@@ -9,7 +9,7 @@ import pytest
 from glider.__main__ import main
 from glider.paths import models_path
 from glider.physics.covariance import Covariance
-from glider.physics.model import GliderModel, load_covariance, load_model, save_model
+from glider.physics.model import GliderModel, load_covariance
 from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.proof import check, exact_check, flight_proof
 from glider.verification.proof.flight_proof import prove_flights
@@ -112,7 +112,7 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
     covariance = load_covariance(model)
     hardly = Covariance(names=covariance.names, matrix=9e4 * covariance.matrix)
     worse = tmp_path / "worse.yaml"
-    save_model(worse, load_model(model), covariance=hardly)
+    GliderModel.load(model).save(worse, covariance=hardly)
     assert main([*command, "--model", str(worse)]) == 1
     words = capsys.readouterr().out
     assert "The funnel was made for a smaller set than these" in words
@@ -145,7 +145,7 @@ def test_the_command_line_flies_the_gliders_that_the_data_allow(tmp_path, capsys
 )
 def test_what_makes_no_set_is_said_in_a_sentence(arguments, words, tmp_path, capsys):
     model = tmp_path / "model.yaml"
-    save_model(model, GliderModel())
+    GliderModel().save(model)
     vehicle = str(models_path("vehicles", "perching.yaml"))
     files = {"MODEL": str(model), "VEHICLE": vehicle}
     alone = str(models_path("funnels", "drawn.npz"))

@@ -7,7 +7,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.paths import models_path
-from glider.planning.problem import Hook, PerchingProblem, load_problem
+from glider.planning.problem import Hook, PerchingProblem
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import hook_goal
 from glider.verification.proof.purpose import hook_faults
@@ -64,7 +64,7 @@ def test_there_is_none_where_the_hook_does_not_take_the_end(state, value, words)
 
 
 def test_the_problem_of_the_hook_ends_in_the_middle_of_its_pitches():
-    problem = load_problem(models_path("problems", "perching_hook.yaml"))
+    problem = PerchingProblem.load(models_path("problems", "perching_hook.yaml"))
     assert sum(problem.final_pitch_limits) == pytest.approx(
         sum(problem.hook.pitch_limits)
     )

@@ -47,6 +47,7 @@ from glider.physics.effects.wrench import (
     PROFILE_DRAG,
     THRUST,
 )
+from glider.physics.formulas import scalar
 
 LIBRARY: tuple[EffectKind, ...] = (
     SERVO_LAG,

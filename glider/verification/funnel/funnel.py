@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from glider.errors import InputError
 from glider.physics.covariance import check_names, covariance_of_rows
-from glider.physics.model import GliderModel, load_model, model_text
+from glider.physics.model import GliderModel, model_text
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal, nominal_path
@@ -213,7 +213,7 @@ def _read_model(text: str, source: Path | str) -> GliderModel:
         path = Path(folder) / "model.yaml"
         path.write_text(text, encoding="utf-8")
         try:
-            return load_model(path)
+            return GliderModel.load(path)
         except InputError as error:
             reason = str(error).removeprefix(f"{path}: ")
             raise InputError(f"{source}: not a funnel: its glider: {reason}") from None

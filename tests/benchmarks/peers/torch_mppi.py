@@ -12,7 +12,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.point_dynamics import Dynamics
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi, mppi_step
 from ilqr import goal_cost
 from tests.benchmarks.peers.pairs import Pair
@@ -27,7 +27,7 @@ def pairs() -> tuple[Pair, ...]:
 
     torch.set_num_threads(1)
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    problem = load_problem(models_path("problems", "sampling.yaml"))
+    problem = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     model, launch = GliderModel(parameters=heavy), np.array(problem.launch)
     cost, dynamics = SequenceCost(model, problem), Dynamics(model)
     start, settings = (

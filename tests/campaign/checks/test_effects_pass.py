@@ -8,7 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 
 STRONG = [
     ("wind", {"x": -3.0}),
@@ -46,7 +46,7 @@ STRONG = [
 def fly(effects, seed=1, flights=8):
     model = GliderModel(effects=effects)
     rng = np.random.default_rng(seed)
-    return simulate_campaign(model, CampaignPlan(flights=flights), rng)
+    return CampaignPlan(flights=flights).simulate(model, rng)
 
 
 @pytest.mark.parametrize(("kind", "values"), STRONG)
@@ -80,8 +80,8 @@ def test_logs_without_noise_pass():
     plan = CampaignPlan(flights=8)
     quiet = dataclasses.replace(plan.capture, position=0.0, pitch=0.0, elevator=0.0)
     model = GliderModel()
-    campaign = simulate_campaign(
-        model, dataclasses.replace(plan, capture=quiet), np.random.default_rng(2)
+    campaign = dataclasses.replace(plan, capture=quiet).simulate(
+        model, np.random.default_rng(2)
     )
     found = inspect(campaign)
     assert found.excluded == ()

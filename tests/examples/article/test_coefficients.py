@@ -11,12 +11,12 @@ from coefficients import (
     corrected_coefficients,
     residual_basis,
 )
+from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
-from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.record import prepare
 from glider.sysid.replay.residual import make_table
 from glider.sysid.replay.smoothing import measure_noise
@@ -86,7 +86,7 @@ def test_a_residual_that_was_flown_is_found_again():
     weights["c_drag"] = rng.uniform(0.0, 0.1, 26).tolist()
     true = dataclasses.replace(residual_basis(), weights=weights)
     plan = CampaignPlan(flights=10, capture=FINE_CAPTURE)
-    study = learn_residuals(simulate_campaign(GliderModel(field=true), plan, rng))
+    study = learn_residuals(plan.simulate(GliderModel(field=true), rng))
     learned = study.models["26"].field
     expected, found = (
         corrected_coefficients(study.held_out, field) for field in (true, learned)
@@ -105,7 +105,7 @@ def test_a_glider_that_tumbles_meets_the_angles_that_the_plant_knows():
         launch=(-3.5, 0.1, -2.6, 0.0, 7.0, 0.0, -30.0),
         capture=FINE_CAPTURE,
     )
-    campaign = simulate_campaign(GliderModel(), plan, np.random.default_rng(0))
+    campaign = plan.simulate(GliderModel(), np.random.default_rng(0))
     noise, theta = measure_noise(campaign), make_vehicle(campaign).theta
     records = prepare(campaign.flights, campaign, noise)
     turning = make_table(records, theta, [0.0, 0.0]).variables["alpha"]
@@ -122,7 +122,7 @@ def test_speeds_must_increase():
 
 
 def test_a_vehicle_without_a_nominal_model_is_refused():
-    campaign = load_campaign(campaign_path("attached_lift"), flights=["flight_000"])
+    campaign = Campaign.load(campaign_path("attached_lift"), flights=["flight_000"])
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
     with pytest.raises(InputError, match="need all parameters"):
         learn_residuals(dataclasses.replace(campaign, vehicle=vehicle))

@@ -10,7 +10,7 @@ from flight_weights import solve_weights, weight_equations
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects.field import COEFFICIENTS
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.simulation.miss import closest_pass
 from ilqr import goal_cost, ilqr
@@ -172,7 +172,7 @@ def test_what_the_weights_cannot_be_learned_for_is_refused(planned):
 
 
 def test_the_shipped_truth_is_what_its_module_fits():
-    truth = load_model(models_path("truths", "low_reynolds.yaml"))
+    truth = GliderModel.load(models_path("truths", "low_reynolds.yaml"))
     assert truth.parameters == HEAVY.parameters
     field = low_reynolds_field(HEAVY.parameters)
     assert truth.field.centers == field.centers

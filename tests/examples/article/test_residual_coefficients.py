@@ -8,10 +8,10 @@ import pytest
 import residual_coefficients
 from coefficients import basis_values
 from diagrams.program import run
-from glider.campaign.reader import load_campaign
+from glider.campaign.logs import Campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.effects.field import COEFFICIENTS
-from glider.physics.model import GliderModel, load_model
+from glider.physics.model import GliderModel
 from glider.systems.plant import GliderPlant
 from tests.examples.article.test_coefficients import coefficients_of
 from tests.helpers.campaigns import campaign_path
@@ -21,7 +21,7 @@ from tests.helpers.examples import run_main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A dozen flights of the sample campaign."""
-    campaign = load_campaign(campaign_path("attached_lift"))
+    campaign = Campaign.load(campaign_path("attached_lift"))
     few = dataclasses.replace(campaign, flights=campaign.flights[:12])
     path = tmp_path_factory.mktemp("few") / "attached_lift"
     save_campaign(path, few)
@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return residual_coefficients.fly(load_campaign(folder))
+    return residual_coefficients.fly(Campaign.load(folder))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_the_residual_pays_on_held_out_flights(found):
 
 
 def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, output, folder):
-    campaign = load_campaign(folder)
+    campaign = Campaign.load(folder)
     fitted, held_out = len(found.study.fitted.plate), len(found.study.held_out.plate)
     assert fitted + held_out == sum(len(f.time) - 6 for f in campaign.flights)
     assert fitted > held_out
@@ -73,7 +73,7 @@ def test_a_flight_left_out_is_flown_again_by_each_model(found):
 
 
 def test_the_model_written_flies_with_its_residual(found, output, folder):
-    model = load_model(folder.parent / "glider.yaml")
+    model = GliderModel.load(folder.parent / "glider.yaml")
     assert model == found.models["26 weights"]
     assert model.field is not None and model.field.kind == "rbf_residual"
     for name in COEFFICIENTS:
@@ -123,7 +123,7 @@ def test_it_is_drawn_and_animated(output, found):
 
 
 def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):
-    campaign = load_campaign(folder)
+    campaign = Campaign.load(folder)
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
     save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
     arguments = [str(tmp_path / "c"), "--headless"]

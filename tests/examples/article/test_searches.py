@@ -6,7 +6,7 @@ import pytest
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.problem import load_problem
+from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import SequenceCost, cem, mppi
 from searches import search_plans, spread
 
@@ -16,13 +16,15 @@ SHOWN = (1, 5)
 @pytest.fixture(scope="module")
 def cost():
     heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    article = load_problem(models_path("problems", "sampling.yaml"))
+    article = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     return SequenceCost(GliderModel(parameters=heavy), article)
 
 
 @pytest.fixture(scope="module")
 def launch(cost):
-    return np.array(load_problem(models_path("problems", "sampling.yaml")).launch)
+    return np.array(
+        PerchingProblem.load(models_path("problems", "sampling.yaml")).launch
+    )
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
     fit_model,
@@ -95,9 +95,8 @@ def test_standard_errors_hold_what_a_form_hides():
     for _ in range(12):
         weights = 0.2 * rng.standard_normal(task.curves.count)
         glider = GliderModel(effects=(DRAG,), field=task.curves.data(weights))
-        campaign = simulate_campaign(  # Thrown alike: at the same angles of attack.
-            glider, CampaignPlan(flights=5), np.random.default_rng(0)
-        )
+        # The same launches: at the same angles of attack.
+        campaign = CampaignPlan(flights=5).simulate(glider, np.random.default_rng(0))
         own, noise = task_of(campaign)
         model = fit_model(own, begin(own, noise, ["profile_drag"]))
         sampling.append(drag_error(own, model, uncertainty_of(own, model)))

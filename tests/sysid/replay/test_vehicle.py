@@ -9,7 +9,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
@@ -19,7 +19,7 @@ DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 @pytest.fixture(scope="module")
 def campaign():
     plan = CampaignPlan(flights=8)
-    return simulate_campaign(DRAG, plan, np.random.default_rng(5))
+    return plan.simulate(DRAG, np.random.default_rng(5))
 
 
 def without(campaign, *names):
@@ -80,7 +80,7 @@ def test_drag_is_found_without_a_servo(monkeypatch, elevator, missing):
         "glider.simulation.campaigns.random_commands", lambda count, *_: np.zeros(count)
     )
     plan = CampaignPlan(flights=8)
-    flown = simulate_campaign(DRAG, plan, np.random.default_rng(6))
+    flown = plan.simulate(DRAG, np.random.default_rng(6))
     result = close_the_loop(without(without_servo(flown, elevator), *missing))
     assert [e.kind for e in result.effects] == ["profile_drag"]
     found = result.effects[0].coefficients["cd0"]
@@ -119,7 +119,7 @@ def test_three_flights_are_enough_for_a_strong_effect(campaign):
 def test_a_log_may_begin_with_the_elevator_anywhere():
     """Cut the start off every flight: the elevator then starts where it was."""
     plan = CampaignPlan(flights=10)
-    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(5))
+    flown = plan.simulate(GliderModel(), np.random.default_rng(5))
 
     def late(flight):
         return dataclasses.replace(
@@ -143,7 +143,7 @@ def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
     )
     truth = GliderModel(effects=(KINDS["elevator_trim"](angle=-0.2),))
     plan = CampaignPlan(flights=10)
-    flown = simulate_campaign(truth, plan, np.random.default_rng(6))
+    flown = plan.simulate(truth, np.random.default_rng(6))
     result = close_the_loop(without_servo(flown, elevator))
     assert result.verdict == "no_effect"
     assert result.air.std_m_s < 0.02
@@ -154,14 +154,14 @@ def test_an_elevator_that_stands_off_zero_is_no_effect(monkeypatch, elevator):
 
 def test_a_computed_elevator_column_has_no_noise_and_does_no_harm():
     plan = CampaignPlan(flights=8, capture=MotionCapture(elevator=0.0))
-    flown = simulate_campaign(GliderModel(), plan, np.random.default_rng(7))
+    flown = plan.simulate(GliderModel(), np.random.default_rng(7))
     assert close_the_loop(flown).verdict == "no_effect"
 
 
 def test_real_errors_are_never_called_no_effect():
     truth = GliderModel(effects=(KINDS["command_delay"](delay=0.03),))
     plan = CampaignPlan(flights=8)
-    flown = simulate_campaign(truth, plan, np.random.default_rng(8))
+    flown = plan.simulate(truth, np.random.default_rng(8))
     verdict = close_the_loop(flown, effects=["angle_sign"]).verdict
     assert verdict in ("unexplained", "not_trusted")
 

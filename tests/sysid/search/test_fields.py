@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
-from glider.simulation.campaigns import CampaignPlan, simulate_campaign
+from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import find_peaks
 from glider.sysid.search import tracing
@@ -27,7 +27,7 @@ VENT = FieldData(
 def plate_over(field, seed, flights):
     """Flights through a field, and the plate fitted to them."""
     model, rng = GliderModel(field=field), np.random.default_rng(seed)
-    task, noise = task_of(simulate_campaign(model, CampaignPlan(flights=flights), rng))
+    task, noise = task_of(CampaignPlan(flights=flights).simulate(model, rng))
     return task, fit_model(task, begin(task, noise))
 
 
