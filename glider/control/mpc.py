@@ -38,28 +38,25 @@ TOLERANCE = 1e-4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReplanResult:
-    """State of the controller: its last plan, and statistics of planning."""
+    """State of the controller: its last plan, and statistics of planning.
+
+    Attributes:
+        flight: the plan that was made last; one that failed is none.
+        begin: when its time began [s].
+        plans: how many were tried.
+        failures: how many of them failed.
+        failed: whether the last did.
+        seconds: time that the last took [s].
+        slowest: time that the slowest took [s].
+    """
 
     flight: CollocatedFlight
-    """The plan that was made last; one that failed is none."""
-
     begin: float
-    """When its time began [s]."""
-
     plans: int = 0
-    """How many were tried."""
-
     failures: int = 0
-    """How many of them failed."""
-
     failed: bool = False
-    """Whether the last did."""
-
     seconds: float = 0.0
-    """Time that the last took [s]."""
-
     slowest: float = 0.0
-    """Time that the slowest took [s]."""
 
     def command(self, time: float, period: float) -> float:
         """Returns the plan's mean command over a period, zero after its end."""

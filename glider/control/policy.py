@@ -20,16 +20,16 @@ class TrackingWeights:
 
     minimize   ∫ (x̃ᵀ diag(state) x̃ + rate ũ²) dt + x̃(T)ᵀ diag(final) x̃(T)
     with x̃, ũ the departures from the plan. The effects' own states weigh nothing.
+
+    Attributes:
+        state: weights of the states, in the order of STATE_NAMES.
+        rate: weight of the elevator-rate command.
+        final: weights of the states at the plan's end, in the order of STATE_NAMES.
     """
 
     state: tuple[float, ...] = (10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0)
-    """Weights of the states, in the order of STATE_NAMES."""
-
     rate: float = 0.1
-    """Weight of the elevator-rate command."""
-
     final: tuple[float, ...] = (400.0, 400.0, 1 / 9, 1 / 9, 1.0, 1.0, 1 / 9)
-    """Weights of the states at the plan's end, in the order of STATE_NAMES."""
 
     def __post_init__(self):
         """Raises InputError where Riccati's equation would have no solution."""
@@ -53,29 +53,26 @@ class TrackingPolicy:
     """u = u₀ - K (x - x₀) - k₀ about a plan, and its cost-to-go.
 
     Holds numbers only, so that a copy can go to another process.
+
+    Attributes:
+        plan: plan, x₀ and u₀.
+        times: (M + 1,) from 0 to the end of the plan [s].
+        gains: (M + 1, n) K at the times.
+        corrections: (M + 1,) k₀ at the times [rad/s]; what the plan lacks to be a
+            flight.
+        cost: (M + 1, n, n) S of the cost-to-go x̃ᵀ S x̃ + 2 x̃ᵀ s + (a number).
+        cost_slope: (M + 1, n) s.
+        is_linear: whether K and k₀ are straight lines between the times, as a funnel
+            has them; else they are cubic splines.
     """
 
     plan: Plan
-    """Plan, x₀ and u₀."""
-
     times: np.ndarray
-    """(M + 1,) from 0 to the end of the plan [s]."""
-
     gains: np.ndarray
-    """(M + 1, n) K at the times."""
-
     corrections: np.ndarray
-    """(M + 1,) k₀ at the times [rad/s]; what the plan lacks to be a flight."""
-
     cost: np.ndarray
-    """(M + 1, n, n) S of the cost-to-go x̃ᵀ S x̃ + 2 x̃ᵀ s + (a number)."""
-
     cost_slope: np.ndarray
-    """(M + 1, n) s."""
-
     is_linear: bool = False
-    """Whether K and k₀ are straight lines between the times, as a funnel has them; else
-    they are cubic splines."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -117,10 +114,12 @@ class HeldPolicy:
 
     The rigid body's states are fed back; the effects' own, which are not measured, are
     taken to be as planned. After the plan the elevator stands still.
+
+    Attributes:
+        plan: the plan; without gains its commands are given as they are.
     """
 
     plan: Plan
-    """The plan; without gains its commands are given as they are."""
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -20,46 +20,37 @@ class ThrowLimits:
     """Limits of a throw; an empty pair, or a NaN, is as flown flights kept it.
 
     A file gives only those that differ from what was flown.
+
+    Attributes:
+        launch_height: least and largest z at release [m].
+        launch_speed: least and largest speed there [m/s].
+        launch_climb: least and largest angle of the velocity above the horizon there
+            [rad].
+        launch_pitch: least and largest pitch there, nose down positive [rad].
+        x: least and largest x over the flight [m].
+        z: least (the floor) and largest z over the flight [m].
+        pitch: least and largest pitch over the flight [rad].
+        speed: largest speed over the flight [m/s].
+        elevator: least and largest angle of the elevator [rad].
+        elevator_rate: largest commanded rate of the elevator [rad/s].
+        missed_height: launch error of the height [m]: twice its standard deviation.
+        missed_speed: the same of the speed [m/s].
+        missed_pitch: the same of the pitch [rad].
     """
 
     launch_height: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest z at release [m]."""
-
     launch_speed: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest speed there [m/s]."""
-
     launch_climb: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest angle of the velocity above the horizon there [rad]."""
-
     launch_pitch: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest pitch there, nose down positive [rad]."""
-
     x: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest x over the flight [m]."""
-
     z: list[float] = dataclasses.field(default_factory=list)
-    """Least (the floor) and largest z over the flight [m]."""
-
     pitch: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest pitch over the flight [rad]."""
-
     speed: float = math.nan
-    """Largest speed over the flight [m/s]."""
-
     elevator: list[float] = dataclasses.field(default_factory=list)
-    """Least and largest angle of the elevator [rad]."""
-
     elevator_rate: float = math.nan
-    """Largest commanded rate of the elevator [rad/s]."""
-
     missed_height: float = 0.03
-    """Launch error of the height [m]: twice its standard deviation."""
-
     missed_speed: float = 0.2
-    """The same of the speed [m/s]."""
-
     missed_pitch: float = 0.05
-    """The same of the pitch [rad]."""
 
     def __post_init__(self) -> None:
         """Raises InputError where a limit cannot be."""

@@ -19,18 +19,19 @@ class Hook:
     """Limits within which a glider that passes a wire is held by it.
 
     Their sources are in models/problems/perching.yaml.
+
+    Attributes:
+        reach: distance of the center of mass from the wire within which the hook is
+            [m].
+        speed_limit: largest speed that it stops the glider from [m/s].
+        pitch_limits: pitch between which its mouth meets the wire [rad].
     """
 
     reach: float = 0.05
-    """Distance of the center of mass from the wire within which the hook is [m]."""
-
     speed_limit: float = 2.8
-    """Largest speed that it stops the glider from [m/s]."""
-
     pitch_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-1.17, -0.35]
     )
-    """Pitch between which its mouth meets the wire [rad]."""
 
     def takes(self, miss: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
         """Whether it holds gliders that pass the wire, (...).
@@ -56,53 +57,46 @@ class PerchingProblem:
 
     The defaults are the article's problem. Signs as in `glider.physics.state`: a pitch
     of -π/4 is nose up.
+
+    Attributes:
+        launch: state at release, in the order of STATE_NAMES [m, rad, m/s, rad/s].
+        wire: place where the center of mass must end, (x, z) [m].
+        x_limits: bounds of x over the whole flight [m].
+        z_limits: bounds of z over the whole flight [m].
+        pitch_limits: bounds of the pitch over the whole flight [rad].
+        final_pitch_limits: bounds of the pitch at the wire [rad].
+        final_speed_limit: bound of |ẋ| and of |ż| at the wire [m/s].
+        rate_cost: weight of the elevator's squared rate [1/(rad²/s)].
+        goal: state that the final cost draws to.
+        goal_weights: diagonal of the final cost's weight.
+        duration_limits: bounds of the step between knots, times the number of knots
+            [s].
+        hook: hook at the glider: no part of the plan, it determines which flights
+            perch.
     """
 
     launch: list[float] = dataclasses.field(
         default_factory=lambda: [-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
     )
-    """State at release, in the order of STATE_NAMES [m, rad, m/s, rad/s]."""
-
     wire: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
-    """Place where the center of mass must end, (x, z) [m]."""
-
     x_limits: list[float] = dataclasses.field(default_factory=lambda: [-3.5, 1.0])
-    """Bounds of x over the whole flight [m]."""
-
     z_limits: list[float] = dataclasses.field(default_factory=lambda: [-1.0, 1.0])
-    """Bounds of z over the whole flight [m]."""
-
     pitch_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-math.pi / 2, math.pi / 2]
     )
-    """Bounds of the pitch over the whole flight [rad]."""
-
     final_pitch_limits: list[float] = dataclasses.field(
         default_factory=lambda: [-1.0, -math.pi / 6]
     )
-    """Bounds of the pitch at the wire [rad]."""
-
     final_speed_limit: float = 2.0
-    """Bound of |ẋ| and of |ż| at the wire [m/s]."""
-
     rate_cost: float = 100.0
-    """Weight of the elevator's squared rate [1/(rad²/s)]."""
-
     goal: list[float] = dataclasses.field(
         default_factory=lambda: [0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0]
     )
-    """State that the final cost draws to."""
-
     goal_weights: list[float] = dataclasses.field(
         default_factory=lambda: [10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0]
     )
-    """Diagonal of the final cost's weight."""
-
     duration_limits: list[float] = dataclasses.field(default_factory=lambda: [0.5, 2.0])
-    """Bounds of the step between knots, times the number of knots [s]."""
-
     hook: Hook = dataclasses.field(default_factory=Hook)
-    """Hook at the glider: no part of the plan, it determines which flights perch."""
 
     def __post_init__(self):
         """Raises InputError, naming the field, where a value is out of range."""

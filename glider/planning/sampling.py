@@ -27,19 +27,20 @@ WORST = 1e300
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CemSettings:
-    """Settings of the cross-entropy method; the defaults are the article's."""
+    """Settings of the cross-entropy method; the defaults are the article's.
+
+    Attributes:
+        samples: sequences in an iteration.
+        elites: the cheapest of them, which mean and variance are taken from.
+        variance: variance of each command at the start [rad²/s²].
+        variance_floor: least variance of each command [rad²/s²], so that the search
+            goes on.
+    """
 
     samples: int = 30
-    """Sequences in an iteration."""
-
     elites: int = 10
-    """The cheapest of them, which mean and variance are taken from."""
-
     variance: float = 0.1
-    """Variance of each command at the start [rad²/s²]."""
-
     variance_floor: float = 0.01
-    """Least variance of each command [rad²/s²], so that the search goes on."""
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
@@ -50,23 +51,23 @@ class CemSettings:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MppiSettings:
-    """Settings of model-predictive path-integral control, by default the article's."""
+    """Settings of model-predictive path-integral control, by default the article's.
+
+    Attributes:
+        samples: sequences in an iteration.
+        temperature: λ, in units of the cost: at a small one the best sequence takes
+            all, at a large one all have equal weight.
+        deviation: σ of each command [rad/s].
+        likelihood_ratio: whether the cost holds λ log dQ/dP of the drawn sequence, Q
+            being the distribution that it is drawn from and P the one about zero
+            commands. The canonical algorithm does, and thereby minimizes a state cost
+            plus λ/(2σ²) Σ u²; the article's does not.
+    """
 
     samples: int = 30
-    """Sequences in an iteration."""
-
     temperature: float = 10.0
-    """λ, in units of the cost: at a small one the best sequence takes all, at a
-    large one all have equal weight."""
-
     deviation: float = math.sqrt(0.1)
-    """σ of each command [rad/s]."""
-
     likelihood_ratio: bool = False
-    """Whether the cost holds λ log dQ/dP of the drawn sequence, Q being the
-    distribution that it is drawn from and P the one about zero commands. The
-    canonical algorithm does, and thereby minimizes a state cost plus
-    λ/(2σ²) Σ u²; the article's does not."""
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""

@@ -37,28 +37,25 @@ COARSE_TOLERANCE = 1e-2
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CollocatedFlight:
-    """A flight on N knots at equal distances, and its multipliers."""
+    """A flight on N knots at equal distances, and its multipliers.
+
+    Attributes:
+        name: name of what it is, as a guess.
+        optimum: knots, duration of a segment and multipliers.
+        num_states: number of states n.
+        cost: cost that was minimized.
+        status: status that the solver ended in, with its iterations and error.
+        solved: whether the tolerance is met.
+        seconds: time that the solver took [s].
+    """
 
     name: str
-    """Name of what it is, as a guess."""
-
     optimum: Optimum
-    """Knots, duration of a segment and multipliers."""
-
     num_states: int
-    """Number of states n."""
-
     cost: float
-    """Cost that was minimized."""
-
     status: str
-    """Status that the solver ended in, with its iterations and error."""
-
     solved: bool
-    """Whether the tolerance is met."""
-
     seconds: float
-    """Time that the solver took [s]."""
 
     @property
     def knots(self) -> np.ndarray:
