@@ -14,10 +14,10 @@ from matplotlib.text import Text
 
 from diagrams import program
 from glider.compiled.user_effects import check_user_effects
-from glider.control.policy import HeldPolicy
 from glider.physics.model import GliderModel
 from glider.report.plots.as_file import draw
 from glider.simulation.fly import fly
+from held_policy import HeldPolicy
 from ilqr import goal_problem
 from tests.test_floors import FLOORS
 

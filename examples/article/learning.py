@@ -17,7 +17,6 @@ from coefficients import RIDGE, residual_basis, with_weights
 from flight_weights import solve_weights, weight_equations
 from glider.campaign.logs import Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
-from glider.control.policy import HeldPolicy
 from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
@@ -27,6 +26,7 @@ from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Flights, FlownFlight
 from glider.simulation.fly import fly
 from glider.sysid.pipeline import close_the_loop
+from held_policy import HeldPolicy
 from ilqr import ARTICLE, DivergedError, IlqrSettings, goal_cost, goal_problem, ilqr
 
 SPEEDS = (6.5, 7.5)

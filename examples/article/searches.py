@@ -12,7 +12,8 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import SequenceCost, cem, mppi
+from glider.planning.sampling import SequenceCost
+from sampling_planners import cem, mppi
 
 Progress = Callable[[str], None]
 

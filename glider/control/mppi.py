@@ -42,7 +42,6 @@ class MppiController(LeafSystem):
         sequence: (N,) to start from; None for zero [rad/s].
         settings: of the algorithm.
         seed: of the random numbers.
-        iterations: in an update.
     """
 
     def __init__(
@@ -51,7 +50,6 @@ class MppiController(LeafSystem):
         sequence: np.ndarray | None = None,
         settings: MppiSettings = SETTINGS,
         seed: int = 0,
-        iterations: int = 1,
     ) -> None:
         """Declares the ports, the state and its periodic update."""
         super().__init__()
@@ -60,8 +58,7 @@ class MppiController(LeafSystem):
         what = "MppiController: the shape of 'sequence'"
         expect(shape == (cost.steps,), what, shape, needed)
         self.set_name("mppi")
-        self._cost, self._settings = cost, settings
-        self._seed, self._iterations = seed, iterations
+        self._cost, self._settings, self._seed = cost, settings, seed
         self._state = self.DeclareVectorInputPort("state", cost.num_states)
         # The first update shifts as well.
         self.DeclareDiscreteState(np.concatenate([[0.0], sequence[:-1], [0.0]]))
@@ -98,8 +95,7 @@ class MppiController(LeafSystem):
         held = context.get_discrete_state_vector().CopyToVector()
         mean, updates = shifted(held[:-1]), int(held[-1])
         rng = np.random.default_rng([self._seed, updates])
-        for _ in range(self._iterations):
-            mean, _, _ = mppi_step(self._cost, start, mean, rng, self._settings)
+        mean, _, _ = mppi_step(self._cost, start, mean, rng, self._settings)
         discrete_state.set_value(np.append(mean, updates + 1.0))
 
     def _calc_rate(self, context: Context, output: Any) -> None:

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_splin
 from glider.errors import expect
 from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
-from glider.physics.state import NUM_STATES, STATE_NAMES
+from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 
 
@@ -106,51 +106,6 @@ class TrackingPolicy:
         correction = curve(self.times, self.corrections)(at)
         nominal, _, inputs = sample_plan(self.plan, at)
         return inputs - correction + np.sum(gain * nominal, axis=1), gain
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class HeldPolicy:
-    """The feedback of a plan with held commands, u_k = inputs[k] + gains[k] x̃_k.
-
-    The rigid body's states are fed back; the effects' own, which are not measured, are
-    taken to be as planned. After the plan the elevator stands still.
-
-    Attributes:
-        plan: the plan; without gains its commands are given as they are.
-    """
-
-    plan: Plan
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states that are fed back."""
-        return STATE_NAMES
-
-    @property
-    def duration(self) -> float:
-        """Duration of the plan [s]."""
-        return self.plan.duration
-
-    @property
-    def command_rate(self) -> float:
-        """Rate of the commands [Hz]."""
-        return 1.0 / float(self.plan.times[1])
-
-    def count(self, step: float) -> int:
-        """Number of equal steps, none longer, that the plan divides into."""
-        return aligned_count(self.plan, step)
-
-    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns u = offset - gain x at times (J,): (J,) [rad/s] and (J, 7)."""
-        offset, gain = np.zeros(len(times)), np.zeros((len(times), NUM_STATES))
-        knot = latest_command(self.plan.times, times)
-        flown = np.flatnonzero(knot < len(self.plan.inputs))
-        knot = knot[flown]
-        if self.plan.gains is not None:
-            gain[flown] = -self.plan.gains[knot, :NUM_STATES]
-        nominal = self.plan.states[knot, :NUM_STATES]
-        offset[flown] = self.plan.inputs[knot] + np.sum(gain[flown] * nominal, axis=1)
-        return offset, gain
 
 
 def check_plan(model: GliderModel, plan: Plan) -> None:

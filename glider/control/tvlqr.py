@@ -26,7 +26,7 @@ def tracking_policy(
     weights: TrackingWeights | None = None,
     step: float = STEP,
 ) -> TrackingPolicy:
-    """Computes a tracking feedback as `glider.control.tvlqr_drake.tracking_gains` does.
+    """Computes the tracking feedback of `glider.control.tvlqr_drake` in milliseconds.
 
     Jacobians along the plan by complex steps, then one Runge-Kutta pass of the
     Riccati equations on a fixed grid (`compiled.riccati`).

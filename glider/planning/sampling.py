@@ -1,52 +1,19 @@
-"""Planning without gradients: the cross-entropy method and MPPI.
-
-Both draw command sequences, fly each through the compiled dynamics and move the mean
-sequence (and for the cross-entropy method a variance) towards those that cost little.
-The random generator is passed in.
-"""
+"""Sampled command sequences: what they cost, and the update of MPPI."""
 
 import dataclasses
 import math
-import time
-from collections.abc import Callable
 
 import numpy as np
 
 from glider.compiled.sequence_costs import LOOPS, FlightCost
 from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.servo import NO_LIMITS, rate_bounds
-from glider.physics.state import ELEVATOR
+from glider.physics.servo import NO_LIMITS
 from glider.physics.stiffness import count_laps
-from glider.planning.plan import Plan, held_plan
 from glider.planning.problem import PerchingProblem
 
 WORST = 1e300
 """Cost of a flight whose numbers overflow."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class CemSettings:
-    """Settings of the cross-entropy method; the defaults are the article's.
-
-    Attributes:
-        samples: sequences in an iteration.
-        elites: the cheapest of them, which mean and variance are taken from.
-        variance: variance of each command at the start [rad²/s²].
-        variance_floor: least variance of each command [rad²/s²], so that the search
-            goes on.
-    """
-
-    samples: int = 30
-    elites: int = 10
-    variance: float = 0.1
-    variance_floor: float = 0.01
-
-    def __post_init__(self):
-        """Raises InputError where a setting cannot be."""
-        _check_positive(self)
-        good = 2 <= self.elites <= self.samples
-        expect(good, "CemSettings: 'elites'", self.elites, f"2 to {self.samples}")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +38,7 @@ class MppiSettings:
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
-        _check_positive(self)
+        check_positive(self)
 
     @property
     def penalty(self) -> float:
@@ -79,16 +46,13 @@ class MppiSettings:
         return self.temperature / self.deviation**2 if self.likelihood_ratio else 0.0
 
 
-def _check_positive(settings: CemSettings | MppiSettings) -> None:
-    for name, value in dataclasses.asdict(settings).items():
+def check_positive(settings: object) -> None:
+    """Raises InputError unless all numbers of a dataclass of settings are positive."""
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
         good = isinstance(value, bool) or (math.isfinite(value) and value > 0)
-        what = f"{type(settings).__name__}: '{name}'"
+        what = f"{type(settings).__name__}: '{field.name}'"
         expect(good, what, value, "a positive number")
-
-
-Watch = Callable[[int, np.ndarray], None]
-"""Callback of the number of an iteration, from 1, and the sequences (B, N) drawn in it
-[rad/s]."""
 
 
 class SequenceCost:
@@ -101,6 +65,7 @@ class SequenceCost:
         step: [s].
         steps: their number N.
         num_states: n, with the effects' own states.
+        servo: whose limits the commands keep.
     """
 
     def __init__(
@@ -138,7 +103,7 @@ class SequenceCost:
         self.step, self.steps = step, steps
         self.num_states = model.num_states
         self.model, self._order = model, order
-        self._servo = model.parameters.servo if within_limits else NO_LIMITS
+        self.servo = model.parameters.servo if within_limits else NO_LIMITS
         self._cost = FlightCost(
             goal=np.array(problem.goal, dtype=float),
             weights=np.array(problem.goal_weights, dtype=float),
@@ -167,15 +132,6 @@ class SequenceCost:
         """Returns the states of the flights, shape (B, N + 1, n)."""
         return self._fly(start, commands, None, 0.0, True)[1]
 
-    def within_limits(self, start: np.ndarray, commands: np.ndarray) -> np.ndarray:
-        """Returns a sequence (N,) as the glider gets it, servo limits kept [rad/s]."""
-        given, elevator = np.empty(len(commands)), start[ELEVATOR]
-        for k, command in enumerate(commands):
-            low, high = rate_bounds(elevator, self._servo, self.step)
-            given[k] = min(max(command, low), high)
-            elevator += given[k] * self.step
-        return given
-
     def _fly(
         self,
         start: np.ndarray,
@@ -201,28 +157,13 @@ class SequenceCost:
             self.step,
             self._order,
             count_laps(model, self.step, self._order),
-            self._servo,
+            self.servo,
             self._cost,
             model.numbers,
             to_go,
             states,
         )
         return to_go, states
-
-
-def cem_update(
-    commands: np.ndarray, costs: np.ndarray, settings: CemSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns mean and variance of the elites, each of shape (N,).
-
-    Args:
-        commands: (B, N) [rad/s].
-        costs: (B,); what is not a number counts as the largest.
-        settings: how many elites, and the floor of the variance.
-    """
-    elites = commands[np.argsort(costs)[: settings.elites]]  # NaN comes last.
-    variance = np.var(elites, axis=0, ddof=1)
-    return np.mean(elites, axis=0), np.maximum(variance, settings.variance_floor)
 
 
 def mppi_update(
@@ -242,101 +183,6 @@ def mppi_update(
     # The least cost cancels in the quotient; without it all may underflow.
     weights = np.exp((np.min(to_go, axis=0) - to_go) / temperature)
     return mean + np.sum(weights * noise, axis=0) / np.sum(weights, axis=0)
-
-
-def cem(
-    cost: SequenceCost,
-    start: np.ndarray,
-    rng: np.random.Generator,
-    *,
-    settings: CemSettings | None = None,
-    iterations: int = 100,
-    mean: np.ndarray | None = None,
-    watch: Watch | None = None,
-) -> Plan:
-    """Plans by the cross-entropy method.
-
-    Args:
-        cost: of a sequence.
-        start: (n,) state at launch.
-        rng: draws the sequences.
-        settings: None for the article's.
-        iterations: their number.
-        mean: (N,) to start from; None for zero [rad/s].
-        watch: called with what is drawn.
-
-    Returns:
-        a plan with held commands, the last mean. Its costs are those of the mean before
-        the first and after each iteration.
-    """
-    settings = CemSettings() if settings is None else settings
-    variance = np.full(cost.steps, settings.variance)
-
-    def improve(mean):
-        nonlocal variance
-        noise = rng.standard_normal((settings.samples, cost.steps))
-        commands = np.vstack([mean, mean + np.sqrt(variance) * noise])
-        total = cost.to_go(start, commands)[:, 0]
-        mean, variance = cem_update(commands[1:], total[1:], settings)
-        return mean, commands, total
-
-    return _search(cost, start, improve, 0.0, iterations, mean, watch)
-
-
-def mppi(
-    cost: SequenceCost,
-    start: np.ndarray,
-    rng: np.random.Generator,
-    *,
-    settings: MppiSettings | None = None,
-    iterations: int = 100,
-    mean: np.ndarray | None = None,
-    watch: Watch | None = None,
-) -> Plan:
-    """Plans by path integrals; arguments as in `cem`.
-
-    With the likelihood ratio the costs of the result hold λ/(2σ²) Σ u², which is
-    then part of what is minimized.
-    """
-    settings = MppiSettings() if settings is None else settings
-
-    def improve(mean):
-        return mppi_step(cost, start, mean, rng, settings)
-
-    return _search(cost, start, improve, settings.penalty, iterations, mean, watch)
-
-
-def _search(
-    cost: SequenceCost,
-    start: np.ndarray,
-    improve: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
-    penalty: float,
-    iterations: int,
-    mean: np.ndarray | None,
-    watch: Watch | None,
-) -> Plan:
-    """Iterates `improve`, which returns what `mppi_step` does."""
-    mean = np.zeros(cost.steps) if mean is None else np.array(mean, dtype=float)
-    needed = f"({cost.steps},)"
-    expect(mean.shape == (cost.steps,), "the shape of the mean", mean.shape, needed)
-    expect(iterations >= 1, "the number of iterations", iterations, "at least 1")
-    begin, costs = time.perf_counter(), np.empty(iterations + 1)
-    for k in range(iterations):
-        mean, commands, total = improve(mean)
-        costs[k] = total[0]
-        if watch:
-            watch(k + 1, commands[1:])
-    costs[-1] = cost.to_go(start, mean[None], mean, penalty)[0, 0]
-    seconds = time.perf_counter() - begin
-    return held_plan(
-        cost.model,
-        cost.step,
-        cost.fly(start, mean[None])[0],
-        cost.within_limits(start, mean),
-        cost=float(costs[-1]),
-        costs=tuple(costs.tolist()),
-        search_seconds=seconds,
-    )
 
 
 def mppi_step(

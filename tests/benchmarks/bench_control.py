@@ -13,12 +13,12 @@ from pydrake.systems.controllers import FiniteHorizonLinearQuadraticRegulator
 
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
-from glider.control import tvlqr_drake
 from glider.control.tvlqr import tracking_policy
-from glider.control.tvlqr_drake import policy_of, tracking_gains, tracking_regulator
+from glider.control.tvlqr_drake import regulator_arguments, tracking_regulator
 from glider.simulation.fly import AFTER, fly
 from glider.simulation.monte_carlo import LaunchSpread
 from glider.systems.plant import GliderPlant
+from tests.helpers.drake_gains import policy_of, tracking_gains
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 
 
@@ -36,7 +36,7 @@ def best_seconds(function, rounds=5):
 def plain_gains(plan):
     """Computes gains as `tracking_gains` does, on the plant as it comes."""
     plant = GliderPlant(NOMINAL, fast=False)
-    given = tvlqr_drake._arguments(NOMINAL, plan, None)
+    given = regulator_arguments(NOMINAL, plan)
     given |= {"system": plant, "context": plant.CreateDefaultContext()}
     return FiniteHorizonLinearQuadraticRegulator(**given)
 

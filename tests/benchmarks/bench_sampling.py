@@ -15,14 +15,8 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import (
-    CemSettings,
-    MppiSettings,
-    SequenceCost,
-    cem,
-    mppi,
-    mppi_step,
-)
+from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
+from sampling_planners import CemSettings, cem, mppi
 from searches import flights_per_second
 
 

@@ -8,11 +8,12 @@ import pytest
 
 from glider.compiled.rollouts import fly_tapes
 from glider.control.mppi import sequence_of
-from glider.control.policy import HeldPolicy, sample_plan
+from glider.control.policy import sample_plan
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.planning.plan import held_plan
 from glider.simulation.fly import fly
+from held_policy import HeldPolicy
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
 
 STEP = 0.02

@@ -5,11 +5,11 @@ import functools
 import numpy as np
 
 from glider.control.tvlqr import tracking_policy
-from glider.control.tvlqr_drake import policy_of, tracking_gains
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.problem import Hook, PerchingProblem
+from tests.helpers.drake_gains import policy_of, tracking_gains
 
 PROBLEM = PerchingProblem()
 NO_HOOK = PerchingProblem(hook=Hook(reach=1e-9))

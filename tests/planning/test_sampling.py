@@ -20,16 +20,8 @@ from glider.physics.effects import GROUND_EFFECT, SERVO_LAG
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import (
-    CemSettings,
-    MppiSettings,
-    SequenceCost,
-    cem,
-    cem_update,
-    mppi,
-    mppi_step,
-    mppi_update,
-)
+from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step, mppi_update
+from sampling_planners import CemSettings, cem, cem_update, mppi
 from tests.helpers.flights import QUICK
 
 ARTICLE = PerchingProblem.load(models_path("problems", "sampling.yaml"))

@@ -13,8 +13,9 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import MppiSettings, SequenceCost, mppi, mppi_step
+from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 from ilqr import goal_cost
+from sampling_planners import mppi
 from tests.benchmarks.peers.pairs import Pair
 
 ITERATIONS = 100

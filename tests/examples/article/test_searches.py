@@ -7,7 +7,8 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import SequenceCost, cem, mppi
+from glider.planning.sampling import SequenceCost
+from sampling_planners import cem, mppi
 from searches import search_plans, spread
 
 SHOWN = (1, 5)
