@@ -3,6 +3,8 @@
 Here a model is one vector theta, parameters and coefficients, as a fit changes it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from glider.compiled.constants import DIFFERENCE
@@ -13,47 +15,65 @@ from glider.physics.effects import NO_FIELD, EffectKind, Field
 from glider.physics.parameters import Parameters, Theta
 
 
-def log_step(t, x, step, elevator, rate, wind_x, wind_z, pitch, theta, work):
-    """Advances x by one Runge-Kutta step with the elevator's path prescribed.
+class LogPath(NamedTuple):
+    """What a log prescribes in the K intervals between its times; see `log_path`.
+
+    Attributes:
+        times: (K + 1,) [s].
+        elevator: (K, 3) the elevator's path at start, middle and end [rad].
+        rate: (K,) its mean rate [rad/s].
+        wind: (K, 2) velocity of the air [m/s].
+        bank: (K,) factor of the wing's area, see `glider.sysid.replay.record`.
+        pitch: (K, 3, 2) pitch and its rate at start, middle and end; (K, 0, 2) where
+            they are flown.
+    """
+
+    times: np.ndarray
+    elevator: np.ndarray
+    rate: np.ndarray
+    wind: np.ndarray
+    bank: np.ndarray
+    pitch: np.ndarray
+
+
+def log_step(path, k, x, theta, work):
+    """Advances x by one interval of a log with the elevator's path prescribed.
 
     Here x[3] is the elevator's constant offset from that path. The step is that of
     `runge_kutta.advance`, which takes a fifth more time here: its data are counted as
     references in each of the many short calls.
 
     Args:
-        t: [s].
+        path: the LogPath.
+        k: counts the intervals.
         x: (n,), written.
-        step: [s].
-        elevator: (3,) its path at the start, the middle and the end [rad].
-        rate: its mean rate over the step [rad/s].
-        wind_x: velocity of the air over the step [m/s].
-        wind_z: the same.
-        pitch: (3, 2) pitch and its rate there, prescribed too; (0, 2) where they are
-            flown.
-        theta: the glider's numbers.
+        theta: the glider's numbers, level; the wing's area is banked here.
         work: (2, n) scratch.
     """
     total, y = work[0], work[1]
     total[:] = 0.0
     put(x, y)
+    t, step = path.times[k], path.times[k + 1] - path.times[k]
+    is_turned = path.pitch.shape[1] > 0
     for stage in range(4):
         node = (stage + 1) // 2
         weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
         ahead = 0.5 * step if stage < 2 else step
-        y[3] = x[3] + elevator[node]
-        if pitch.shape[0] > 0:
-            y[2] = pitch[node, 0]
-            y[6] = pitch[node, 1]
-        d = derivatives(t + 0.5 * step * node, y, rate, wind_x, wind_z, theta)
+        y[3] = x[3] + path.elevator[k, node]
+        if is_turned:
+            y[2] = path.pitch[k, node, 0]
+            y[6] = path.pitch[k, node, 1]
+        now, wind_x, wind_z = t + 0.5 * step * node, path.wind[k, 0], path.wind[k, 1]
+        d = derivatives(now, y, path.rate[k], wind_x, wind_z, theta)
         for i in range(x.shape[0]):
             total[i] += weight * d[i]
             y[i] = x[i] + ahead * d[i]
     total[3] = 0.0
     for i in range(x.shape[0]):
         x[i] += step * total[i]
-    if pitch.shape[0] > 0:
-        x[2] = pitch[2, 0]
-        x[6] = pitch[2, 1]
+    if is_turned:
+        x[2] = path.pitch[k, 2, 0]
+        x[6] = path.pitch[k, 2, 1]
 
 
 def banked(theta, factor):
@@ -73,76 +93,32 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.field)
 
 
-def log_rollout(
-    times, start, pitch, elevator, rate, wind, bank, numbers, field, states
-):
-    """Flies from one start along a log's times, elevator prescribed.
-
-    Args:
-        times: (K + 1,).
-        start: (n,).
-        pitch: (K, 3, 2) as in `log_step`; or (K, 0, 2).
-        elevator: (K, 3) as in `log_step`.
-        rate: (K,).
-        wind: (K, 2) velocity of the air [m/s].
-        bank: (K,) factor of the wing's area.
-        numbers: parameters (9,) and coefficients, one after the other.
-        field: the residual Field.
-        states: (K + 1, n), written.
-    """
+def log_rollout(path, start, numbers, field, states):
+    """Flies along a log from one start (n,); states (K + 1, n) are written."""
     theta = theta_of(numbers, field)
     x = start.copy()
-    work = np.empty((2, x.shape[0]), x.dtype)
+    work = np.empty((2, x.shape[0]))
     put(x, states[0])
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
-        log_step(
-            times[k],
-            x,
-            step,
-            elevator[k],
-            rate[k],
-            wind[k, 0],
-            wind[k, 1],
-            pitch[k],
-            banked(theta, bank[k]),
-            work,
-        )
+    for k in range(path.rate.shape[0]):
+        log_step(path, k, x, banked(theta, path.bank[k]), work)
         put(x, states[k + 1])
 
 
-def log_extras(times, nodes, elevator, rate, numbers, field):
+def log_extras(path, nodes, numbers, field):
     """Flies the effects' own states along given nodes; nodes[1:, 7:] is written."""
     theta = theta_of(numbers, field)
-    free_pitch = np.empty((0, 2))
     n = nodes.shape[1]
-    x = np.empty_like(nodes[0])
-    work = np.empty((2, n), nodes.dtype)
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
+    x = np.empty(n)
+    work = np.empty((2, n))
+    for k in range(path.rate.shape[0]):
         put(nodes[k], x)
-        log_step(
-            times[k], x, step, elevator[k], rate[k], 0.0, 0.0, free_pitch, theta, work
-        )
+        log_step(path, k, x, banked(theta, path.bank[k]), work)
         for i in range(7, n):
             nodes[k + 1, i] = x[i]
 
 
 def log_slopes(
-    times,
-    nodes,
-    elevator,
-    rate,
-    wind,
-    bank,
-    numbers,
-    moved,
-    sizes,
-    field,
-    ends,
-    by_x,
-    by_term,
-    by_theta,
+    path, nodes, numbers, moved, sizes, field, ends, by_x, by_term, by_theta
 ):
     """Flies each interval of a log from its own node, with slopes.
 
@@ -150,12 +126,8 @@ def log_slopes(
     cost of a complex step, and spare the user its compilation.
 
     Args:
-        times: (K + 1,).
+        path: the LogPath.
         nodes: (K + 1, n) states at the times.
-        elevator: (K, 3).
-        rate: (K,).
-        wind: (K, 2) velocity of the air [m/s].
-        bank: (K,) factor of the wing's area.
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
         sizes: (m,) how far they are moved.
@@ -167,13 +139,11 @@ def log_slopes(
     """
     n, width = nodes.shape[1], by_x.shape[2]
     theta = theta_of(numbers, field)
-    free_pitch = np.empty((0, 2))
-    x = np.empty_like(nodes[0])
-    work = np.empty((2, n), x.dtype)
+    x = np.empty(n)
+    work = np.empty((2, n))
     last = field.weights.shape[0] - 1
     columns = 1 + width + by_term.shape[2] + moved.shape[0]
-    for k in range(times.shape[0] - 1):
-        step = times[k + 1] - times[k]
+    for k in range(path.rate.shape[0]):
         for j in range(columns):
             put(nodes[k], x)
             size, own = DIFFERENCE, theta
@@ -185,18 +155,7 @@ def log_slopes(
                 own = theta_of(moved[in_theta], field)
             elif in_term >= 0:
                 field.weights[last, in_term] = size
-            log_step(
-                times[k],
-                x,
-                step,
-                elevator[k],
-                rate[k],
-                wind[k, 0],
-                wind[k, 1],
-                free_pitch,
-                banked(own, bank[k]),
-                work,
-            )
+            log_step(path, k, x, banked(own, path.bank[k]), work)
             if in_theta < 0 and in_term >= 0:
                 field.weights[last, in_term] = 0.0
             for i in range(n):
@@ -210,69 +169,43 @@ def log_slopes(
                     by_x[k, i, j - 1] = (x[i] - ends[k, i]) / size
 
 
-def log_measure(nodes, numbers, free, scale, field, pose, by_x, by_theta):
-    """Writes the pose that the sensors show of each node, with derivatives.
+def log_measure(nodes, numbers, field, pose, by_x):
+    """Writes the pose (K, 3) that the sensors show of nodes (K, n), and its slopes.
 
-    Args:
-        nodes: (K, n) states.
-        numbers: parameters and coefficients.
-        free: (m,) indices into them.
-        scale: typical sizes of them.
-        field: the residual Field; no sensor looks at it.
-        pose: (K, 3), written.
-        by_x: (K, 3, n), written.
-        by_theta: (K, 3, m), written.
+    No sensor looks at the field; by_x is (K, 3, n).
     """
-    n = nodes.shape[1]
     theta = theta_of(numbers, field)
-    moved = numbers.copy()
-    x = np.empty_like(nodes[0])
+    x = np.empty(nodes.shape[1])
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
-        y = measure(x, theta)
-        for i in range(3):
-            pose[k, i] = y[i]
-        for j in range(n):
+        put(measure(x, theta), pose[k])
+        for j in range(x.shape[0]):
             x[j] += DIFFERENCE
             y = measure(x, theta)
             x[j] = nodes[k, j]
             for i in range(3):
                 by_x[k, i, j] = (y[i] - pose[k, i]) / DIFFERENCE
-        for j in range(free.shape[0]):
-            size = DIFFERENCE * scale[free[j]]
-            moved[free[j]] += size
-            y = measure(x, theta_of(moved, field))
-            moved[free[j]] = numbers[free[j]]
-            for i in range(3):
-                by_theta[k, i, j] = (y[i] - pose[k, i]) / size
 
 
 def log_flow(times, nodes, elevator, rate, numbers, field, values):
     """Writes flow and acceleration at each node of a log.
 
     Args:
-        elevator: (K,) at the nodes.
-        rate: (K,) at the nodes.
+        times, elevator, rate: (K,) at the nodes.
+        nodes: (K, n).
+        numbers, field: as in `log_slopes`.
         values: (K, 9), written: V, sin α, cos α, velocity through the air (x, z),
             accelerations (ẍ, z̈, θ̈), elevator.
     """
     theta = theta_of(numbers, field)
-    x = np.empty_like(nodes[0])
+    x = np.empty(nodes.shape[1])
     for k in range(nodes.shape[0]):
         put(nodes[k], x)
         x[3] += elevator[k]
-        u = rate[k] + 0.0 * x[0]
-        flow, terms = meet_air(times[k], x, u, 0.0, 0.0, theta)
+        flow, terms = meet_air(times[k], x, rate[k], 0.0, 0.0, theta)
         a = accelerations(flow, terms, x, theta.c)
-        values[k, 0] = flow.speed
-        values[k, 1] = flow.sin_alpha
-        values[k, 2] = flow.cos_alpha
-        values[k, 3] = flow.air_x
-        values[k, 4] = flow.air_z
-        values[k, 5] = a[0]
-        values[k, 6] = a[1]
-        values[k, 7] = a[2]
-        values[k, 8] = x[3]
+        seen = (flow.speed, flow.sin_alpha, flow.cos_alpha, flow.air_x, flow.air_z)
+        put((*seen, a[0], a[1], a[2], x[3]), values[k])
 
 
 LOOPS = Family(
@@ -281,135 +214,62 @@ LOOPS = Family(
 )
 
 Kinds = tuple[EffectKind, ...]
-"""The effects that the compiled dynamics hold, whose coefficients a theta has."""
+"""The effects that the compiled dynamics hold, whose coefficients a theta has.
+
+In all functions below, `numbers` are parameters (9,) and coefficients, one after the
+other, and `field` is the residual field.
+"""
+
+
+def log_path(
+    times: np.ndarray,
+    elevator: np.ndarray,
+    rate: np.ndarray,
+    wind: np.ndarray | None = None,
+    bank: np.ndarray | None = None,
+    pitch: np.ndarray | None = None,
+) -> LogPath:
+    """Returns a log's path: in still air, level and flown in pitch where not given."""
+    count = len(rate)
+    return LogPath(
+        times=times,
+        elevator=elevator,
+        rate=rate,
+        wind=np.zeros((count, 2)) if wind is None else wind,
+        bank=np.ones(count) if bank is None else bank,
+        pitch=np.empty((count, 0, 2)) if pitch is None else pitch,
+    )
 
 
 def roll_out(
-    kinds: Kinds,
-    times: np.ndarray,
-    start: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    wind: np.ndarray,
-    bank: np.ndarray,
-    numbers: np.ndarray,
-    field: Field,
+    kinds: Kinds, path: LogPath, start: np.ndarray, numbers: np.ndarray, field: Field
 ) -> np.ndarray:
-    """Returns the states (K + 1, n) of a flight along a log's times.
-
-    Args:
-        kinds: the effects.
-        times: (K + 1,) [s].
-        start: (n,).
-        elevator: (K, 3) its path at the start, middle and end of each step [rad].
-        rate: (K,) its mean rates [rad/s].
-        wind: (K, 2) velocity of the air [m/s].
-        bank: (K,) factor of the wing's area, see `glider.sysid.replay.record`.
-        numbers: parameters (9,) and coefficients, one after the other.
-        field: the residual field.
-    """
-    free = np.empty((len(rate), 0, 2))
-    return translate(
-        kinds, times, start, free, elevator, rate, wind, bank, numbers, field
-    )
-
-
-def translate(
-    kinds: Kinds,
-    times: np.ndarray,
-    start: np.ndarray,
-    pitch: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    wind: np.ndarray,
-    bank: np.ndarray,
-    numbers: np.ndarray,
-    field: Field,
-) -> np.ndarray:
-    """Returns states as `roll_out` does, with the pitch prescribed.
-
-    `pitch` (K, 3, 2) is pitch and pitch rate at start, middle and end of each step.
-    """
-    states = np.empty((len(times), len(start)))
-    LOOPS.over(kinds, True).log_rollout(
-        times, start, pitch, elevator, rate, wind, bank, numbers, field, states
-    )
+    """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
+    states = np.empty((len(path.times), len(start)))
+    LOOPS.over(kinds, True).log_rollout(path, start, numbers, field, states)
     return states
 
 
-def advance_nodes(
-    kinds: Kinds,
-    times: np.ndarray,
-    nodes: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    wind: np.ndarray,
-    bank: np.ndarray,
-    numbers: np.ndarray,
-    field: Field,
-) -> np.ndarray:
-    """Returns the ends (K, n) of a log's intervals, each flown from its own node.
-
-    `nodes` is (K + 1, n); the other arguments as in `roll_out`.
-    """
-    ends = np.empty_like(nodes[1:])
-    nothing, free = np.empty((*ends.shape, 0)), np.zeros(0)
-    LOOPS.over(kinds, True).log_slopes(
-        times,
-        nodes,
-        elevator,
-        rate,
-        wind,
-        bank,
-        numbers,
-        np.empty((0, len(numbers))),
-        free,
-        field,
-        ends,
-        nothing,
-        nothing,
-        nothing,
-    )
-    return ends
-
-
 def with_extras(
-    kinds: Kinds,
-    times: np.ndarray,
-    nodes: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    numbers: np.ndarray,
-    field: Field,
+    kinds: Kinds, path: LogPath, nodes: np.ndarray, numbers: np.ndarray, field: Field
 ) -> np.ndarray:
     """Returns nodes (K + 1, n) with the effects' own states flown along them.
 
-    They begin as in the first node; the other arguments as in `roll_out`.
+    They begin as in the first node.
     """
     full = nodes.copy()
-    LOOPS.over(kinds, True).log_extras(times, full, elevator, rate, numbers, field)
+    LOOPS.over(kinds, True).log_extras(path, full, numbers, field)
     return full
 
 
 def measure_nodes(
-    kinds: Kinds,
-    nodes: np.ndarray,
-    numbers: np.ndarray,
-    free: np.ndarray,
-    scale: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Computes the measured poses of states (K, n), with derivatives.
-
-    The poses (K, 3), their derivatives by the state (K, 3, n) and by the free numbers
-    (K, 3, m).
-    """
+    kinds: Kinds, nodes: np.ndarray, numbers: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Computes the measured poses (K, 3) of states (K, n), and ∂/∂x (K, 3, n)."""
     rows, n = nodes.shape
     pose, by_x = np.empty((rows, 3)), np.empty((rows, 3, n))
-    by_theta = np.empty((rows, 3, len(free)))
-    LOOPS.over(kinds, True).log_measure(
-        nodes, numbers, free, scale, NO_FIELD, pose, by_x, by_theta
-    )
-    return pose, by_x, by_theta
+    LOOPS.over(kinds, True).log_measure(nodes, numbers, NO_FIELD, pose, by_x)
+    return pose, by_x
 
 
 def flow_at(
@@ -426,63 +286,50 @@ def flow_at(
     `elevator` (K,) [rad] and `rate` (K,) [rad/s] are at the times.
     """
     values = np.empty((len(nodes), 9))
-    LOOPS.over(kinds, True).log_flow(
-        times, nodes, elevator, rate, numbers, field, values
-    )
+    loop = LOOPS.over(kinds, True).log_flow
+    loop(times, nodes, elevator, rate, numbers, field, values)
     return values
+
+
+def advance_nodes(
+    kinds: Kinds, path: LogPath, nodes: np.ndarray, numbers: np.ndarray, field: Field
+) -> np.ndarray:
+    """Returns the ends (K, n) of intervals, each flown from its node (K + 1, n)."""
+    ends, sizes = np.empty_like(nodes[1:]), np.empty(0)
+    moved, nothing = np.empty((0, len(numbers))), np.empty((*ends.shape, 0))
+    loop = LOOPS.over(kinds, True).log_slopes
+    loop(path, nodes, numbers, moved, sizes, field, ends, nothing, nothing, nothing)
+    return ends
 
 
 def slopes_along(
     kinds: Kinds,
-    times: np.ndarray,
+    path: LogPath,
     nodes: np.ndarray,
-    elevator: np.ndarray,
-    rate: np.ndarray,
-    wind: np.ndarray,
-    bank: np.ndarray,
     numbers: np.ndarray,
     moved: np.ndarray,
     sizes: np.ndarray,
     field: Field,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Flies each interval of a log from its own node, with slopes.
+    """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
-    Args:
-        kinds, times, nodes, elevator, rate, numbers: as in `advance_nodes`.
-        wind: (K, 2) velocity of the air in each interval [m/s].
-        bank: (K,) factor of the wing's area there.
-        moved: (m, len(numbers)) the numbers, moved along each of m directions.
-        sizes: (m,) how far they are moved.
-        field: the residual field.
+    `moved` (m, len(numbers)) are the numbers, moved along each of m directions by
+    `sizes` (m,).
 
     Returns:
         the ends (K, n), and their slopes by the node (K, n, n), by a constant of each
         of FIELD_TERMS (K, n, 6) and along the directions (K, n, m).
     """
-    intervals, n, terms = len(nodes) - 1, nodes.shape[1], field.weights.shape[1]
+    shape, terms = nodes[1:].shape, field.weights.shape[1]
     nothing = np.zeros((1, field.centers.shape[1]))
     with_constant = Field(
         np.vstack([field.centers, nothing]),
         np.vstack([field.inverse_widths, nothing]),
         np.vstack([field.weights, np.zeros((1, terms))]),
     )
-    ends, by_x = np.empty((intervals, n)), np.empty((intervals, n, n))
-    by_term = np.empty((intervals, n, terms))
-    by_theta = np.empty((intervals, n, len(sizes)))
-    LOOPS.over(kinds, True).log_slopes(
-        times,
-        nodes,
-        elevator,
-        rate,
-        wind,
-        bank,
-        numbers,
-        moved,
-        sizes,
-        with_constant,
-        ends,
-        by_x,
-        by_term,
-        by_theta,
-    )
-    return ends, by_x, by_term, by_theta
+    ends, by_x = np.empty(shape), np.empty((*shape, shape[1]))
+    by_term, by_theta = np.empty((*shape, terms)), np.empty((*shape, len(sizes)))
+    found = ends, by_x, by_term, by_theta
+    loop = LOOPS.over(kinds, True).log_slopes
+    loop(path, nodes, numbers, moved, sizes, with_constant, *found)
+    return found

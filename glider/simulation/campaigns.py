@@ -10,7 +10,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.replay import roll_out
+from glider.compiled.replay import log_path, roll_out
 from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
@@ -196,14 +196,5 @@ def fly_path(
     start[OFFSET] = elevator[0, 0]
     start[7:] = layout.steady_states(times[0], start, rate[0], theta)
     start[OFFSET] = 0.0
-    return roll_out(
-        layout.compiled_kinds,
-        times,
-        start,
-        elevator,
-        rate,
-        np.zeros((len(rate), 2)),
-        np.ones(len(rate)),
-        layout.dynamics(theta),
-        field,
-    )
+    path, dynamics = log_path(times, elevator, rate), layout.dynamics(theta)
+    return roll_out(layout.compiled_kinds, path, start, dynamics, field)

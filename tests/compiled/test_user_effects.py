@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.compiled.replay import roll_out
+from glider.compiled.replay import log_path, roll_out
 from glider.compiled.user_effects import check_user_effects
 from glider.errors import InputError
 from glider.physics.effects import KINDS, Replay
@@ -113,19 +113,9 @@ def test_flights_are_those_of_the_plant():
     )
     start = find_launch(known, record, len(record.time)).state
     start[7:] = 0.0
-    elevator, rate = pose_signals(record, theta)
-    still, level = np.zeros((len(rate), 2)), np.ones(len(rate))
-    flown = roll_out(
-        LAYOUT.compiled_kinds,
-        record.time,
-        start,
-        elevator,
-        rate,
-        still,
-        level,
-        LAYOUT.dynamics(theta),
-        model.residual_field,
-    )
+    path = log_path(record.time, *pose_signals(record, theta))
+    kinds, dynamics = LAYOUT.compiled_kinds, LAYOUT.dynamics(theta)
+    flown = roll_out(kinds, path, start, dynamics, model.residual_field)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)

@@ -8,7 +8,7 @@ import pytest
 
 from glider.campaign.logs import Campaign
 from glider.campaign.writer import save_campaign
-from glider.compiled.replay import roll_out
+from glider.compiled.replay import log_path, roll_out
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.model import GliderModel
 from glider.sysid.replay.signals import replayed_path, sensed
@@ -79,17 +79,9 @@ def flown_by_library(effects, start, commands):
         )
         x[7:] = layout.steady_states(0.0, x, rate[0], theta)
         x[OFFSET] = 0.0
-        states = roll_out(
-            layout.compiled_kinds,
-            fine,
-            x,
-            np.stack([here[:-1], middle, here[1:]], axis=1),
-            rate,
-            np.zeros((len(rate), 2)),
-            np.ones(len(rate)),
-            layout.dynamics(theta),
-            NO_FIELD,
-        )
+        along = log_path(fine, np.stack([here[:-1], middle, here[1:]], axis=1), rate)
+        kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+        states = roll_out(kinds, along, x, dynamics, NO_FIELD)
         poses.append(sensed(layout, states, theta))
     return np.stack(poses, axis=1)
 

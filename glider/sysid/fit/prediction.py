@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.compiled.filter_error import PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.compiled.replay import roll_out, translate
+from glider.compiled.replay import log_path, roll_out
 from glider.physics.effects import Field
 from glider.sysid.likelihood.linear_flight import Constants, linearize
 from glider.sysid.likelihood.scales import (
@@ -123,16 +123,10 @@ def predict(model: RolloutModel, record: Record, whole: bool = False) -> Predict
     layout = record.layout
     elevator, rate = pose_signals(record, model.theta)
     theta, shift = trimmed(record, model.theta, launch.constants.trim)
-    signals = (
-        elevator + shift,
-        rate,
-        np.asarray(launch.constants.wind) + record.side_wind,
-        record.bank,
-        layout.dynamics(theta),
-        model.field,
-    )
-    kinds = layout.compiled_kinds
-    states = roll_out(kinds, record.time, launch.state, *signals)
+    wind = np.asarray(launch.constants.wind) + record.side_wind
+    path = log_path(record.time, elevator + shift, rate, wind, record.bank)
+    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+    states = roll_out(kinds, path, launch.state, dynamics, model.field)
     zero = np.array([0.0, 0.0, launch.constants.pitch_zero])
 
     nodes = true_nodes(record, model.theta, model.field)
@@ -140,13 +134,14 @@ def predict(model: RolloutModel, record: Record, whole: bool = False) -> Predict
     turned[:, 0] -= launch.constants.pitch_zero
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
+    guided = path._replace(pitch=pitch)
     start = nodes[0].copy()
     start[OFFSET] = launch.state[OFFSET]
 
     def places(change: np.ndarray) -> np.ndarray:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
-        moved = translate(kinds, record.time, state, pitch, *signals)
+        moved = roll_out(kinds, guided, state, dynamics, model.field)
         return sensed(layout, moved, model.theta)[:, :2]
 
     change, step = np.zeros(4), 1e-5

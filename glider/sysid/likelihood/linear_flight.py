@@ -6,7 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.filter_error import OWN_STATES, PROCESSES
-from glider.compiled.replay import advance_nodes, measure_nodes, slopes_along
+from glider.compiled.replay import (
+    LogPath,
+    advance_nodes,
+    log_path,
+    measure_nodes,
+    slopes_along,
+)
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, Field
 from glider.sysid.likelihood.directions import Direction
 from glider.sysid.replay.record import Record
@@ -152,28 +158,22 @@ def linearize(
     def own_dynamics(theta: np.ndarray) -> np.ndarray:
         return layout.dynamics(trimmed(record, theta, constants.trim)[0])
 
-    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    def path_of(theta: np.ndarray) -> LogPath:
         elevator, rate = pose_signals(record, theta)
-        path = elevator + trimmed(record, theta, constants.trim)[1]
-        along = path, rate, wind, record.bank
-        return advance_nodes(
-            kinds, record.time, nodes, *along, own_dynamics(theta), field
-        )
+        shift = trimmed(record, theta, constants.trim)[1]
+        return log_path(record.time, elevator + shift, rate, wind, record.bank)
+
+    def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        return advance_nodes(kinds, path_of(theta), nodes, own_dynamics(theta), field)
 
     dynamics = own_dynamics(theta)
     nodes = true_nodes(record, theta, field)
-    elevator, rate = pose_signals(record, theta)
-    elevator = elevator + trimmed(record, theta, constants.trim)[1]
     plain = [d for d in directions if _is_plain(record, d)]
     moved = np.array([own_dynamics(d.moved) for d in plain])
     ends, by_x, by_term, by_plain = slopes_along(
         kinds,
-        record.time,
+        path_of(theta),
         nodes,
-        elevator,
-        rate,
-        wind,
-        record.bank,
         dynamics,
         moved.reshape(len(plain), len(dynamics)),
         np.array([d.size for d in plain]),
@@ -195,8 +195,7 @@ def linearize(
             moved_ends = ends_from(base_nodes, direction.moved)
             inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
     inputs[:, :, -1] = ends - nodes[1:]
-    nothing = np.zeros(0, dtype=np.int64)
-    pose, pose_by_x, _ = measure_nodes(kinds, nodes, dynamics, nothing, layout.scale)
+    pose, pose_by_x = measure_nodes(kinds, nodes, dynamics)
     own = np.zeros((n + OWN_STATES, len(directions) + 1))
     own[n + PROCESSES :, -1] = -constants.values
     return LinearFlight(

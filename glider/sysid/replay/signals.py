@@ -3,7 +3,7 @@
 import numpy as np
 
 from glider.compiled.actuators import turn_elevator
-from glider.compiled.replay import measure_nodes, with_extras
+from glider.compiled.replay import log_path, measure_nodes, with_extras
 from glider.physics.actuator_replay import elevator_path
 from glider.physics.effects import NO_FIELD, SERVO_LAG, Field, Replay
 from glider.physics.parameters import NUM_PARAMETERS
@@ -129,8 +129,7 @@ def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
-    nothing, kinds = np.zeros(0, dtype=np.int64), layout.compiled_kinds
-    return measure_nodes(kinds, nodes, layout.dynamics(theta), nothing, layout.scale)[0]
+    return measure_nodes(layout.compiled_kinds, nodes, layout.dynamics(theta))[0]
 
 
 def true_nodes(
@@ -149,14 +148,9 @@ def true_nodes(
             path = logged_elevator(record, theta)
             nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
     nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
-    return with_extras(
-        layout.compiled_kinds,
-        record.time,
-        nodes,
-        *pose_signals(record, theta),
-        layout.dynamics(theta),
-        field,
-    )
+    along = log_path(record.time, *pose_signals(record, theta))
+    dynamics = layout.dynamics(theta)
+    return with_extras(layout.compiled_kinds, along, nodes, dynamics, field)
 
 
 def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:

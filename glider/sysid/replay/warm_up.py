@@ -13,16 +13,12 @@ def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
     filter_error.filter_flight(*filter_error.no_flight())
     kinds, n = layout.compiled_kinds, layout.num_states
     theta = layout.dynamics(layout.default_theta(GliderParameters()))
-    times, free = np.array([0.0, 0.01, 0.02]), np.zeros(0, dtype=np.int64)
+    times = np.array([0.0, 0.01, 0.02])
     nodes = np.zeros((3, n))
     nodes[:, 4] = 7.0
-    path, rate, pitch = np.zeros((2, 3)), np.zeros(2), np.zeros((2, 3, 2))
-    wind, bank = np.zeros((2, 2)), np.ones(2)
-    along = path, rate, wind, bank
-    model = theta, NO_FIELD
-    moved, sizes = theta[None][:0].copy(), np.zeros(0)
-    replay.with_extras(kinds, times, nodes, path, rate, *model)
-    replay.slopes_along(kinds, times, nodes, *along, theta, moved, sizes, NO_FIELD)
-    replay.measure_nodes(kinds, nodes, theta, free, layout.scale)
-    replay.translate(kinds, times, nodes[0], pitch, *along, *model)
+    path = replay.log_path(times, np.zeros((2, 3)), np.zeros(2))
+    replay.with_extras(kinds, path, nodes, theta, NO_FIELD)
+    replay.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
+    replay.measure_nodes(kinds, nodes, theta)
+    replay.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
     replay.flow_at(kinds, times, nodes, np.zeros(3), np.zeros(3), theta, NO_FIELD)
