@@ -18,15 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams import closed_loop, open_loop, playback, program, simulate_flights
-from glider import (
-    GliderModel,
-    LaunchSpread,
-    Perches,
-    PerchingProblem,
-    Plan,
-    plan,
-    tracking_regulator,
-)
+from glider import GliderModel, Perches, PerchingProblem, Plan, plan, tracking_regulator
 
 AFTER = 0.1
 """Time that a flight goes on after the plan's end [s]: it may pass the wire late."""
@@ -88,7 +80,7 @@ def fly(
         progress: called with a line of text as the work goes on.
     """
     model, problem, rng = GliderModel(), PerchingProblem(), np.random.default_rng(seed)
-    starts = LaunchSpread().draw(problem, launches, rng)
+    starts = problem.draw_launches(launches, rng)
 
     # The problem holds launch, wire, limits and weights; the plan holds states,
     # elevator rates and times at its knots.

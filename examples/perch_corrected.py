@@ -21,7 +21,6 @@ from rich.console import Console
 from diagrams import closed_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
-    LaunchSpread,
     Perches,
     PerchingProblem,
     Plan,
@@ -157,7 +156,7 @@ def fly(
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
 
     def fly_with(model: GliderModel) -> Rehearsal:
-        starts = LaunchSpread().draw(problem, launches, rng)
+        starts = problem.draw_launches(launches, rng)
         return rehearse(truth, model, problem, starts, rng, progress)
 
     before = fly_with(GliderModel(parameters=truth.parameters))

@@ -39,7 +39,6 @@ from diagrams import closed_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
     InputError,
-    LaunchSpread,
     PerchingProblem,
     Result,
     close_the_loop,
@@ -343,7 +342,7 @@ def trace_flights(
         progress: called with a line of text as the work goes on.
     """
     problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
-    starts = LaunchSpread().draw(problem, flights, rng)
+    starts = problem.draw_launches(flights, rng)
     planned = plan(nominal, problem, progress=progress)
     loop = closed_loop(
         truth,

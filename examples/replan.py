@@ -31,7 +31,6 @@ from matplotlib.figure import Figure
 from diagrams import closed_loop, estimated_loop, playback, program, simulate_flights
 from glider import (
     GliderModel,
-    LaunchSpread,
     ModelPredictiveController,
     MppiController,
     Perches,
@@ -185,7 +184,7 @@ def corrected_model(
         progress: called with a line of text as the work goes on.
     """
     problem, nominal = PerchingProblem(), GliderModel(parameters=truth.parameters)
-    starts = LaunchSpread().draw(problem, flights, rng)
+    starts = problem.draw_launches(flights, rng)
     planned = plan(nominal, problem, progress=progress)
     loop = closed_loop(
         truth,
@@ -225,9 +224,8 @@ def run(
     if corrected:
         rng = np.random.default_rng(seed)
         model = corrected_model(truth, TRACED, rng, progress)
-    spread = LaunchSpread().scaled(width)
     rng = np.random.default_rng([1 + seed, round(width)])
-    starts = spread.draw(problem, launches, rng)
+    starts = problem.draw_launches(launches, rng, scale=width)
     unsure = width if estimated else None
     return race(truth, model, problem, starts, unsure=unsure, progress=progress)
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diagrams import playback, program
-from glider import Campaign, GliderModel, close_the_loop, refly
+from glider import Campaign, GliderModel, close_the_loop, load_campaign, refly
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "corrected model (default: what closing the loop finds, in a minute)"
     parser.add_argument("--model", metavar="FILE", type=Path, help=words)
     args = program.read_options(parser, arguments)
-    campaign = Campaign.load(args.campaign)
+    campaign = load_campaign(args.campaign)
     with program.working("fly again (compiles once)") as progress:
         flown = fly(campaign, args.flight, args.model, progress)
     name, time = flown.flight.name, flown.motions["measured"].time

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import glider.throws as throws
     from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
+    from glider.campaign.reader import load_campaign
     from glider.control.mpc import ModelPredictiveController
     from glider.control.mppi import MppiController
     from glider.control.tvlqr import tracking_policy
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from glider.simulation.campaigns import CampaignPlan
     from glider.simulation.flown_flights import Perches
     from glider.simulation.fly import fly
-    from glider.simulation.monte_carlo import LaunchSpread
     from glider.sysid.pipeline import close_the_loop
     from glider.sysid.result import Result
     from glider.systems.plant import GliderPlant

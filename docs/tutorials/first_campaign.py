@@ -24,9 +24,9 @@ import numpy as np
 from IPython.display import Image
 from rich.console import Console
 
-from glider import Campaign, close_the_loop, print_summary, write_report
+from glider import close_the_loop, load_campaign, print_summary, write_report
 
-campaign = Campaign.load("attached_lift")
+campaign = load_campaign("attached_lift")
 print(len(campaign.flights), "flights at", campaign.pose_rate, "Hz")
 print(campaign.vehicle)
 

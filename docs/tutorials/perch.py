@@ -19,7 +19,6 @@ import numpy as np
 from diagrams import closed_loop, program, simulate_flights
 from glider import (
     GliderModel,
-    LaunchSpread,
     PerchingProblem,
     close_the_loop,
     fly,
@@ -49,7 +48,7 @@ rng = np.random.default_rng(0)
 
 def rehearse(model):
     """Plans with a model; flies ten launches of the true glider and logs them."""
-    starts = LaunchSpread().draw(problem, 10, rng)
+    starts = problem.draw_launches(10, rng)
     planned = plan(model, problem)
     loop = closed_loop(
         truth,
@@ -117,7 +116,7 @@ plt.show()
 # %%
 policy = tracking_policy(found.model, planned)
 for times in (1.0, 2.0):
-    launches = LaunchSpread().scaled(times).draw(problem, 500, rng)
+    launches = problem.draw_launches(500, rng, scale=times)
     flights = fly(truth, policy, launches)
     print(
         f"launch errors {times:.0f} times as large: {flights.perched.mean():.0%} perch"

@@ -52,7 +52,6 @@ from glider.estimation.perching import watch_perches
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
-from glider.simulation.monte_carlo import LaunchSpread
 
 PERCHES = 200
 """Number of perches that NEES and NIS of the filter that perches are taken over."""
@@ -192,7 +191,7 @@ def fly(
     rng = np.random.default_rng(seed)
     policy = tracking_policy(model, plan(model, problem, progress=progress))
     drifting, constant = watch_twice(policy, rng, progress)
-    starts = LaunchSpread().draw(problem, launches, rng)
+    starts = problem.draw_launches(launches, rng)
     return FilterReport(
         plan=policy.plan,
         drifting=drifting,

@@ -24,6 +24,7 @@ from coefficient_figures import save_residual_figure
 from diagrams import program
 from diagrams.playback import GREEN, GREY, RED, Track
 from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel
 from glider.simulation import refly
 from residual_study import WORDS, ResidualStudy, learn_residuals
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.add_file(parser, "--model", "glider, 26 weights")
     args = program.read_options(parser, arguments, figure="as PNG")
     program.check_files(args.model)
-    campaign = Campaign.load(args.campaign)
+    campaign = load_campaign(args.campaign)
     with program.working("learn (compiles once)"):
         found = fly(campaign, args.seed)
     print(found.study.describe())

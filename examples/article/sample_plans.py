@@ -21,7 +21,6 @@ import numpy as np
 from diagrams import playback, program
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.simulation.monte_carlo import LaunchSpread
 from sampled import Comparison, compare
 from sampling_figures import save_searches_figure
 from searches import Searches, search_article
@@ -44,7 +43,7 @@ def fly(
 ) -> Result:
     """Searches from many seeds; then flies a plan, and replans in flight."""
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
-    starts = LaunchSpread().draw(problem, launches, rng)
+    starts = problem.draw_launches(launches, rng)
     found = search_article(searches, seed, progress)
     flown = compare(truth, problem, starts, seed=seed, progress=progress)
     return Result(searches=found, flown=flown)

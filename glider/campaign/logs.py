@@ -58,33 +58,6 @@ class Campaign:
     command_rate: float | None  # [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  # Sorted by name.
 
-    @classmethod
-    def load(
-        cls,
-        path: Path | str,
-        *,
-        flights: Sequence[str] | None = None,
-        grades: Sequence[str] | None = None,
-    ) -> "Campaign":
-        """Loads a campaign; only the chosen flights are read and checked.
-
-        Pitch is unwrapped where it jumps by more than π between two rows. Files in
-        other units, axes and columns are converted to SI as campaign.yaml specifies,
-        and their signs are checked.
-
-        Args:
-            path: the folder, or its .zip, or the name of a sample.
-            flights: file names, with or without ".csv"; None for all.
-            grades: those of the folder's index.csv (columns file, grade) to keep;
-                None for all.
-
-        Raises:
-            InputError: the campaign cannot be used.
-        """
-        from glider.campaign.reader import read_campaign  # It makes a Campaign.
-
-        return read_campaign(path, flights, grades)
-
     @property
     def gravity(self) -> float:
         """Acceleration of gravity, the usual one if it is not given [m/s²]."""

@@ -17,10 +17,27 @@ from glider.campaign.settings import read_settings
 from glider.errors import InputError, show
 
 
-def read_campaign(
-    path: Path | str, flights: Sequence[str] | None, grades: Sequence[str] | None
+def load_campaign(
+    path: Path | str,
+    *,
+    flights: Sequence[str] | None = None,
+    grades: Sequence[str] | None = None,
 ) -> Campaign:
-    """Loads a campaign as `Campaign.load` describes."""
+    """Loads a campaign; only the chosen flights are read and checked.
+
+    Pitch is unwrapped where it jumps by more than π between two rows. Files in other
+    units, axes and columns are converted to SI as campaign.yaml specifies, and their
+    signs are checked.
+
+    Args:
+        path: the folder, or its .zip, or the name of a sample.
+        flights: file names, with or without ".csv"; None for all.
+        grades: those of the folder's index.csv (columns file, grade) to keep;
+            None for all.
+
+    Raises:
+        InputError: the campaign cannot be used.
+    """
     path = campaign_folder(path)
     file = path / "campaign.yaml"
     if not file.is_file():

@@ -29,7 +29,7 @@ class Sample:
     """A campaign that ships with the package.
 
     Attributes:
-        name: that `Campaign.load` and the command line take.
+        name: that `load_campaign` and the command line take.
         holds: what its logs hold that a flat plate in still air lacks.
         flights: number of them.
     """

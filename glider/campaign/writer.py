@@ -23,7 +23,7 @@ from glider.files.writing import replace_file, replace_files
 def save_campaign(
     path: Path | str, campaign: Campaign, more: Mapping[str, str] | None = None
 ) -> None:
-    """Writes a folder that `Campaign.load` reads, all of it or nothing.
+    """Writes a folder that load_campaign reads, all of it or nothing.
 
     Args:
         path: of the folder.

@@ -114,10 +114,10 @@ def run(args: argparse.Namespace) -> int:
         if args.report:
             findings = load_findings(args.report)
         else:
-            from glider.campaign.logs import Campaign
+            from glider.campaign.reader import load_campaign
             from glider.sysid.pipeline import close_the_loop
 
-            campaign = Campaign.load(campaign)
+            campaign = load_campaign(campaign)
             check_servo(campaign)  # Before it is traced: that takes its time.
             findings = findings_of(close_the_loop(campaign, progress=follow))
         proposal = next_throw(

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.experiments.end_scatter import end_scatter
 from glider.experiments.explanations import Explanation, explain
@@ -132,7 +133,7 @@ def next_throw(
         raise InputError(f"{launches} launches; expected at least 1.")
     known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
-        campaign = Campaign.load(
+        campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
         )
     if findings.campaign not in (None, campaign.name):

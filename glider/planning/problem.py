@@ -11,7 +11,7 @@ from glider.files import schema
 from glider.paths import models_path
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 
-_PITCH = STATE_NAMES.index("pitch")
+_HEIGHT, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -101,6 +101,44 @@ class PerchingProblem:
     def __post_init__(self):
         """Raises InputError, naming the field, where a value is out of range."""
         _check(self)
+
+    def draw_launches(
+        self,
+        count: int,
+        rng: np.random.Generator,
+        *,
+        height: float = 0.04,
+        speed: float = 0.1,
+        pitch: float = 0.02,
+        scale: float = 1.0,
+    ) -> np.ndarray:
+        """Draws launch states with normally distributed errors, (count, 7).
+
+        Args:
+            count: number of launches.
+            rng: of the errors.
+            height: standard deviation of the height [m].
+            speed: that of the speed along the launch velocity [m/s].
+            pitch: that of the pitch [rad].
+            scale: factor on all three.
+        """
+        expect(count >= 1, "draw_launches: 'count'", count, "at least 1")
+        deviations = {"height": height, "speed": speed, "pitch": pitch, "scale": scale}
+        for name, value in deviations.items():
+            good = _is_number(value) and value >= 0.0
+            expect(good, f"draw_launches: '{name}'", value, "a number not negative")
+        errors = rng.normal(size=(count, 3)) * [
+            scale * height,
+            scale * speed,
+            scale * pitch,
+        ]
+        starts = np.tile(np.array(self.launch, dtype=float), (count, 1))
+        velocity = starts[:, VELOCITY]
+        along = velocity / np.linalg.norm(velocity[0])
+        starts[:, _HEIGHT] += errors[:, 0]
+        starts[:, VELOCITY] += errors[:, 1:2] * along
+        starts[:, _PITCH] += errors[:, 2]
+        return starts
 
     @classmethod
     def load(cls, path: Path | str) -> "PerchingProblem":

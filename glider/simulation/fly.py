@@ -2,9 +2,11 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+import joblib
 import numpy as np
 
 from glider.compiled.closed_loop import Feedback, fly_feedback
@@ -22,6 +24,9 @@ STEP = 0.002
 AFTER = 0.1
 """Time that a flight goes on after the plan's end [s]: a glider that comes late
 passes the wire later. The plan ends at 0.9 m/s forward and 2 m/s down."""
+
+CHUNK = 2500
+"""Number of flights in one task of a sweep. Another number means other random draws."""
 
 
 class Policy(Protocol):
@@ -190,3 +195,40 @@ def full_starts(model: GliderModel, starts: np.ndarray) -> np.ndarray:
     good = starts.ndim == 2 and len(starts) and np.all(np.isfinite(starts))
     expect(good, "the launches", starts, f"(B, {NUM_STATES}) finite numbers")
     return np.ascontiguousarray(model.initial_state(starts.T).T)
+
+
+def sweep(
+    fly_some: Callable[[int, np.random.Generator], Flights], flights: int, seed: int
+) -> Flights:
+    """Flies very many launches in chunks that joblib's workers share.
+
+    The caller chooses the workers, up to a cluster. With Dask (the extra `cluster`):
+
+        def fly_some(count, rng):
+            return fly(model, policy, problem.draw_launches(count, rng))
+
+        with Client(address), joblib.parallel_config(backend="dask"):
+            found = sweep(fly_some, flights=100_000, seed=0)
+
+    The result depends on the seed alone, not on the workers.
+
+    Args:
+        fly_some: draws and flies a number of launches.
+        flights: number of launches.
+        seed: of what is drawn.
+
+    Returns:
+        All flights, without paths.
+    """
+    expect(flights >= 1, "sweep: 'flights'", flights, "at least 1")
+    counts = [min(CHUNK, flights - first) for first in range(0, flights, CHUNK)]
+    rngs = np.random.default_rng(seed).spawn(len(counts))
+    fly_chunk = joblib.delayed(fly_some)
+    chunks = joblib.Parallel()(map(fly_chunk, counts, rngs))
+    return Flights(
+        times=chunks[0].times,
+        miss=np.concatenate([chunk.miss for chunk in chunks]),
+        arrivals=np.concatenate([chunk.arrivals for chunk in chunks]),
+        problem=chunks[0].problem,
+        ends=np.concatenate([chunk.ends for chunk in chunks]),
+    )

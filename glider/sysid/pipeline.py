@@ -15,6 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 
@@ -65,7 +66,7 @@ def close_the_loop(
     progress("read")
     begin = time.perf_counter()
     if not isinstance(campaign, Campaign):
-        campaign = Campaign.load(Path(campaign), flights=flights, grades=grades)
+        campaign = load_campaign(Path(campaign), flights=flights, grades=grades)
     from glider.campaign.checks.inspection import inspect
 
     with threadpool_limits(limits=1, user_api="blas"):  # Its matrices are small.

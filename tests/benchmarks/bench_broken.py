@@ -27,6 +27,7 @@ import numpy as np
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
@@ -455,7 +456,7 @@ def check(campaign: Campaign, broken: Break) -> Answer:
             folder = Path(place) / "campaign"
             save_campaign(folder, broken.campaign(campaign))
             broken.folder(folder)
-            inspection = inspect(Campaign.load(folder))
+            inspection = inspect(load_campaign(folder))
         whole, masks = inspection.campaign, inspection.masks
         vehicle = make_vehicle(whole)
         turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
@@ -522,7 +523,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     args = parser.parse_args(arguments)
     warnings.simplefilter("ignore")
-    whole = Campaign.load(campaign_path(args.campaign))
+    whole = load_campaign(campaign_path(args.campaign))
     campaign = dataclasses.replace(whole, flights=whole.flights[: args.flights])
     ways = kinds()
     if not args.checks:

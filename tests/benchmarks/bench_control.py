@@ -16,7 +16,6 @@ from diagrams.simulate import simulate_flights
 from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import regulator_arguments, tracking_regulator
 from glider.simulation.fly import AFTER, fly
-from glider.simulation.monte_carlo import LaunchSpread
 from glider.systems.plant import GliderPlant
 from tests.helpers.drake_gains import policy_of, tracking_gains
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
@@ -60,7 +59,7 @@ def main():
     print(f"  largest difference of the two gains, of the largest: {difference:.1e}")
 
     policy, rng = tracking_policy(NOMINAL, plan), np.random.default_rng(0)
-    starts = LaunchSpread().draw(PROBLEM, 10_000, rng)
+    starts = PROBLEM.draw_launches(10_000, rng)
     print("\n10,000 flights, on one core")
     for name, options in (
         ("at once", {}),

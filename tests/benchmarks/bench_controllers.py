@@ -18,7 +18,6 @@ from diagrams.program import load_truth
 from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, race
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.simulation.monte_carlo import LaunchSpread
 
 TRUTHS = (
     "head_wind",
@@ -62,7 +61,7 @@ def main(
             took = []
             for times in WIDTHS:
                 rng = np.random.default_rng([1, times])
-                starts = LaunchSpread().scaled(times).draw(problem, launches, rng)
+                starts = problem.draw_launches(launches, rng, scale=times)
                 unsure = times if estimated else None
                 raced = race(truth, model, problem, starts, unsure=unsure)
                 took.append(raced.seconds)

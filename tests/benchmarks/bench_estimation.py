@@ -20,7 +20,6 @@ from glider.estimation.perching import (
     perching_ekf,
 )
 from glider.estimation.running import predict_mean, run_ekf
-from glider.simulation.monte_carlo import LaunchSpread
 from tests.benchmarks.bench_control import best_seconds
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 
@@ -57,7 +56,7 @@ def main():
         seconds = best_seconds(lambda c=call: [c() for _ in range(200)], 10) / 200
         print(f"  {name:26s} {1e6 * seconds:6.2f} us")
 
-    starts = LaunchSpread().draw(PROBLEM, 50, rng)
+    starts = PROBLEM.draw_launches(50, rng)
     flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)
     print("\n50 launches of the article's plan, 1 mm of noise, TVLQR")
     for name, flights in (("state", flown.on_state), ("estimate", flown.on_estimate)):

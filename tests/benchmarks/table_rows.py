@@ -3,7 +3,7 @@
 import numpy as np
 
 from examples import perch_corrected
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.samples import sample_names
 from glider.paths import models_path
 from glider.physics.model import GliderModel
@@ -32,7 +32,7 @@ def sample_row(name: str) -> list[str]:
     result = close_the_loop(name)
     limit = "-"
     if name in TRUTHS:
-        limit = millimeters(limit_of(Campaign.load(name), TRUTHS[name], result))
+        limit = millimeters(limit_of(load_campaign(name), TRUTHS[name], result))
     nominal, corrected = (
         millimeters(result.errors[model].position_rms_m)
         for model in ("nominal", "corrected")

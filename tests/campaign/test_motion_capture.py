@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.campaign.logs import Campaign, campaign_of
+from glider.campaign.logs import campaign_of
 from glider.campaign.motion_capture import MotionCapture
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, MARKER_OFFSET, POSE_LATENCY, SERVO_LAG
@@ -56,7 +57,7 @@ def test_the_defaults_are_those_of_the_practice_campaigns():
     capture = MotionCapture()
     np.testing.assert_array_equal(capture.std, [0.0004, 0.0004, 0.0025, 0.005])
     for name in PRACTICE:
-        campaign = Campaign.load(campaign_path(name))
+        campaign = load_campaign(campaign_path(name))
         assert campaign.pose_rate == capture.rate
         noise = measure_noise(campaign)
         assert noise.position == pytest.approx(capture.position, rel=0.05)
@@ -186,7 +187,7 @@ def test_a_log_is_a_flight_of_a_campaign(tmp_path):
     log = film(MotionCapture())
     parameters = GliderModel().parameters
     save_campaign(tmp_path, campaign_of("filmed", parameters, [log], 120.0, 50.0))
-    [loaded] = Campaign.load(tmp_path).flights
+    [loaded] = load_campaign(tmp_path).flights
     assert loaded.name == log.name
     for name in ("time", "pose", "elevator", "command"):
         np.testing.assert_allclose(getattr(loaded, name), getattr(log, name), atol=1e-6)

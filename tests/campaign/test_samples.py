@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from glider.__main__ import main
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.samples import campaign_folder, list_samples, sample_names
 from glider.errors import InputError
 from glider.paths import models_path
@@ -60,8 +60,8 @@ def test_a_sample_goes_by_name_by_path_and_by_the_path_of_its_folder(fresh_cache
     assert fresh_cache in folder.parents
     assert campaign_folder(archive) == folder
     assert campaign_folder(archive.with_suffix("")) == folder
-    assert Campaign.load("four_at_once").name == "four_at_once"
-    assert len(Campaign.load(archive).flights) == 25
+    assert load_campaign("four_at_once").name == "four_at_once"
+    assert len(load_campaign(archive).flights) == 25
     assert [p.name for p in folder.parent.iterdir()] == ["four_at_once"]
 
 
@@ -69,7 +69,7 @@ def test_a_folder_comes_before_a_sample_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "head_wind").mkdir()
     with pytest.raises(InputError, match=r"head_wind: no campaign\.yaml"):
-        Campaign.load("head_wind")
+        load_campaign("head_wind")
 
 
 def test_what_is_no_campaign_names_the_samples(tmp_path):
@@ -129,7 +129,7 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     assert not fresh_cache.exists()
     out = tmp_path / "mine"
     assert main(["samples", "four_at_once", "--out", str(out)]) == 0
-    assert len(Campaign.load(out).flights) == 25
+    assert len(load_campaign(out).flights) == 25
     capsys.readouterr()
     assert main(["samples", "four_at_once", "--out", str(out)]) == 2
     assert "exists" in capsys.readouterr().err
@@ -140,7 +140,7 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
 @pytest.mark.slow
 def test_results_of_a_sample_are_printed(capsys, monkeypatch):
     """With its first flights; the loop is closed on all of them elsewhere."""
-    whole = Campaign.load("head_wind")
+    whole = load_campaign("head_wind")
     few = dataclasses.replace(whole, flights=whole.flights[:10])
     monkeypatch.setattr(pipeline, "close_the_loop", lambda name: close_the_loop(few))
     assert main(["samples", "head_wind", "--tables"]) == 0

@@ -19,6 +19,7 @@ from diagrams.simulate import draw_capture, reset, simulate_flights
 from diagrams.wiring import LONGEST, tape_rows
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
@@ -28,7 +29,6 @@ from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import AFTER, fly
 from glider.simulation.miss import closest_pass
-from glider.simulation.monte_carlo import LaunchSpread
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (
@@ -53,7 +53,7 @@ def regulator(lagging=False):
 
 
 def launches(count):
-    return LaunchSpread().draw(PROBLEM, count, np.random.default_rng(3))
+    return PROBLEM.draw_launches(count, np.random.default_rng(3))
 
 
 @pytest.fixture(scope="module")
@@ -381,7 +381,7 @@ def test_motion_capture_logs_a_flight_of_a_campaign(sampled, tmp_path):
         flights=tuple(flight.log for flight in noisy),
     )
     save_campaign(tmp_path, campaign)
-    loaded = Campaign.load(tmp_path).flights
+    loaded = load_campaign(tmp_path).flights
     assert [flight.name for flight in loaded] == ["flight_000.csv", "flight_001.csv"]
     for k in range(2):
         truth, log = quiet[k], loaded[k]

@@ -42,7 +42,6 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
-from glider.simulation.monte_carlo import LaunchSpread
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states
 
@@ -456,7 +455,7 @@ def test_a_quick_servo_is_estimated_as_none():
 def test_feedback_of_the_estimate_perches():
     """Half a centimetre of the wire, as with the true state, at 1 mm of noise."""
     rng = np.random.default_rng(0)
-    starts = LaunchSpread().draw(PROBLEM, 3, rng)
+    starts = PROBLEM.draw_launches(3, rng)
     flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)
     assert max(flight.miss for flight in flown.on_estimate) < 0.005
     assert max(flight.miss for flight in flown.on_state) < 0.005

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from examples import close_the_loop
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.model import GliderModel
 from tests.helpers.campaigns import campaign_path
@@ -15,7 +15,7 @@ from tests.helpers.examples import run_main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A few flights of the sample campaign."""
-    campaign = Campaign.load(campaign_path("attached_lift"))
+    campaign = load_campaign(campaign_path("attached_lift"))
     few = dataclasses.replace(campaign, flights=campaign.flights[:10])
     path = tmp_path_factory.mktemp("few") / "attached_lift"
     save_campaign(path, few)

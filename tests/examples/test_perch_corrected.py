@@ -12,7 +12,6 @@ from glider.physics.effects import PITCH_DAMPING, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Perches
-from glider.simulation.monte_carlo import LaunchSpread
 from tests.helpers.examples import run_main
 from tests.helpers.physics import FIELD
 
@@ -61,7 +60,7 @@ def test_it_is_drawn_and_animated(output):
 
 def test_a_rehearsal_is_repeatable_and_its_logs_are_of_the_flights():
     problem, nominal = PerchingProblem(wire=[-0.2, -0.1]), GliderModel()
-    starts = LaunchSpread().draw(problem, 3, np.random.default_rng(0))
+    starts = problem.draw_launches(3, np.random.default_rng(0))
     first, again = (
         rehearse(nominal, nominal, problem, starts, np.random.default_rng(1))
         for _ in range(2)

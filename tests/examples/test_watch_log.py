@@ -4,7 +4,7 @@ import pytest
 
 from diagrams.program import run
 from examples import watch_log
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from tests.helpers.examples import run_main
 from tests.simulation.test_refly import CORRECTED
 
@@ -20,7 +20,7 @@ def model(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def flown(model):
-    return watch_log.fly(Campaign.load(CAMPAIGN), "flight_003", model)
+    return watch_log.fly(load_campaign(CAMPAIGN), "flight_003", model)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.replay import log_path, roll_out
 from glider.physics.effects import KINDS, NO_FIELD
@@ -160,7 +160,7 @@ def test_what_is_drawn_can_be_saved_and_read(draw, tmp_path):
     for seed in range(2):
         campaign, _ = draw(seed, 3)
         save_campaign(tmp_path / campaign.name, campaign)
-        read = Campaign.load(tmp_path / campaign.name)
+        read = load_campaign(tmp_path / campaign.name)
         assert read.vehicle == campaign.vehicle
         for one, other in zip(read.flights, campaign.flights, strict=True):
             np.testing.assert_allclose(one.time, other.time, atol=1e-6)

@@ -6,11 +6,10 @@ import pytest
 from glider.physics.servo import limited_rate
 from glider.simulation.flown_flights import hooked
 from glider.simulation.fly import fly
-from glider.simulation.monte_carlo import LaunchSpread
 from tests.helpers.flights import NO_HOOK, NOMINAL, PROBLEM, QUICK, draw_noise, policy
 
-STARTS = LaunchSpread(height=0.3, speed=0.5, pitch=0.15).draw(
-    PROBLEM, 4, np.random.default_rng(0)
+STARTS = PROBLEM.draw_launches(
+    4, np.random.default_rng(0), height=0.3, speed=0.5, pitch=0.15
 )
 
 

@@ -16,10 +16,8 @@ from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.simulation import monte_carlo
-from glider.simulation.fly import fly, full_starts, make_clock
+from glider.simulation.fly import CHUNK, fly, full_starts, make_clock, sweep
 from glider.simulation.miss import closest_pass
-from glider.simulation.monte_carlo import CHUNK, Case, LaunchSpread, fly_case, sweep
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,
@@ -31,11 +29,11 @@ from tests.helpers.flights import (
     policy,
 )
 
-FAR = LaunchSpread(height=0.3, speed=0.5, pitch=0.15)
+FAR = {"height": 0.3, "speed": 0.5, "pitch": 0.15}
 
 
 def launches(count, spread=FAR, seed=0):
-    return spread.draw(PROBLEM, count, np.random.default_rng(seed))
+    return PROBLEM.draw_launches(count, np.random.default_rng(seed), **spread)
 
 
 # ------------------------------------------------------ the compiled closed loop
@@ -53,7 +51,7 @@ def launches(count, spread=FAR, seed=0):
 )
 def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     """End states and misses to 1e-5, with the nominal model's servo at its limits."""
-    starts = launches(2, FAR if truth is NOMINAL else LaunchSpread(), seed=4)
+    starts = launches(2, FAR if truth is NOMINAL else {}, seed=4)
     clock = make_clock(drake_policy(), rate, step=0.0005)
     noise = draw_noise(len(starts), clock.commands) if noisy else None
     ours = fly(
@@ -121,7 +119,7 @@ def test_finer_steps_change_little():
 
 def test_feedback_is_what_perches():
     """The article's launches perch; farther ones do not always."""
-    near = fly(NOMINAL, policy(), launches(500, LaunchSpread()))
+    near = fly(NOMINAL, policy(), launches(500, {}))
     far = fly(NOMINAL, policy(), launches(500))
     assert np.mean(near.perched) > 0.99
     assert 0.5 < np.mean(far.perched) < 0.99
@@ -143,7 +141,7 @@ def test_effects_with_states_start_at_rest():
 
 
 def test_a_short_flight_does_not_reach_the_wire():
-    flights = fly(NOMINAL, policy(), launches(1, LaunchSpread()), after=0.0)
+    flights = fly(NOMINAL, policy(), launches(1, {}), after=0.0)
     assert flights.times[-1] == pytest.approx(plan_of().duration)
 
 
@@ -151,7 +149,7 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
     lagging = tracking_policy(LAGGING, plan_of(lagging=True))
     with pytest.raises(InputError, match=r"diagrams.closed_loop's observer"):
         fly(NOMINAL, lagging, launches(2))
-    assert fly(LAGGING, lagging, launches(2, LaunchSpread())).perched.all()
+    assert fly(LAGGING, lagging, launches(2, {})).perched.all()
 
 
 @pytest.mark.parametrize(
@@ -213,13 +211,13 @@ def test_between_long_steps_the_path_is_curved():
 
 
 def test_launches_spread_as_they_should():
-    spread = LaunchSpread(height=0.1, speed=0.3, pitch=0.02)
+    spread = {"height": 0.1, "speed": 0.3, "pitch": 0.02}
     starts = launches(20_000, spread) - PROBLEM.launch
     np.testing.assert_allclose(starts.mean(axis=0), 0.0, atol=0.01)
     expected = [0.0, 0.1, 0.02, 0.0, 0.3, 0.0, 0.0]
     np.testing.assert_allclose(starts.std(axis=0), expected, rtol=0.03)
     np.testing.assert_array_equal(launches(5, seed=3), launches(5, seed=3))
-    nothing = launches(2, LaunchSpread(height=0.0, speed=0.0, pitch=0.0))
+    nothing = launches(2, FAR | {"scale": 0.0})
     np.testing.assert_array_equal(nothing, [PROBLEM.launch] * 2)
 
 
@@ -232,37 +230,30 @@ def test_no_launches_are_refused(count):
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
 def test_a_spread_that_cannot_be_is_refused(value):
     with pytest.raises(InputError, match="'height'"):
-        LaunchSpread(height=value)
+        launches(1, {"height": value})
 
 
 # ----------------------------------------------------------------------- sweeps
 
 
-def cases():
-    noise = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
-    given = {"model": NOMINAL, "policy": policy(), "problem": PROBLEM}
-    return [
-        Case(name="near", **given),
-        Case(name="far", spread=FAR, **given),
-        Case(name="noisy", command_rate=50.0, feedback_noise=noise, **given),
-    ]
+def fly_near(count, rng):
+    return fly(NOMINAL, policy(), PROBLEM.draw_launches(count, rng))
 
 
-def assert_same(some, others):
-    for one, other in zip(some, others, strict=True):
-        np.testing.assert_array_equal(one.miss, other.miss)
-        np.testing.assert_array_equal(one.ends, other.ends)
+def assert_same(one, other):
+    np.testing.assert_array_equal(one.miss, other.miss)
+    np.testing.assert_array_equal(one.arrivals, other.arrivals)
+    np.testing.assert_array_equal(one.ends, other.ends)
 
 
 def test_a_sweep_does_not_depend_on_its_workers():
     flights = CHUNK + 100
-    alone = sweep(cases(), flights, seed=1)
-    assert [len(case.miss) for case in alone] == [flights] * 3
+    alone = sweep(fly_near, flights, seed=1)
+    assert len(alone) == len(alone.perched) == flights
     with joblib.parallel_config(backend="threading", n_jobs=2):
-        assert_same(alone, sweep(cases(), flights, seed=1))
-    assert len(np.unique(alone[0].miss)) == flights
-    other = sweep(cases()[:1], flights, seed=2)
-    assert not np.any(other[0].miss == alone[0].miss)
+        assert_same(alone, sweep(fly_near, flights, seed=1))
+    assert len(np.unique(alone.miss)) == flights
+    assert not np.any(sweep(fly_near, flights, seed=2).miss == alone.miss)
 
 
 def test_a_sweep_runs_on_dask():
@@ -275,49 +266,30 @@ def test_a_sweep_runs_on_dask():
             processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
         )
         with client, joblib.parallel_config(backend="dask"):
-            found = sweep(cases(), 200, seed=1)
-    assert_same(found, sweep(cases(), 200, seed=1))
+            found = sweep(fly_near, 200, seed=1)
+    assert_same(found, sweep(fly_near, 200, seed=1))
 
 
-def test_a_case_can_go_to_another_process():
+def test_a_policy_can_go_to_another_process():
     plan_of().state_trajectory  # noqa: B018  Cached, and on Drake 1.51 no traveller.
-    [case] = [case for case in cases() if case.name == "noisy"]
-    again = pickle.loads(pickle.dumps(case))
-    flights = [fly_case(c, 10, np.random.default_rng(1)) for c in (case, again)]
-    assert_same(flights[:1], flights[1:])
+    again = pickle.loads(pickle.dumps((NOMINAL, policy(), PROBLEM)))
+    starts = launches(10)
+    first = fly(NOMINAL, policy(), starts, problem=PROBLEM)
+    assert_same(first, fly(again[0], again[1], starts, problem=again[2]))
 
 
-def test_cases_meet_the_same_launches():
-    near = cases()[0]
-    assert_same(*([found] for found in sweep([near, near], 50, seed=0)))
-
-
-def test_noise_makes_a_case_worse():
-    near, _, noisy = sweep(cases(), 300, seed=0)
-    assert np.mean(noisy.miss) > 1.5 * np.mean(near.miss)
-
-
-def test_each_state_gets_its_own_noise(monkeypatch):
-    given = []
-    monkeypatch.setattr(monte_carlo, "fly", lambda *_, noise, **__: given.append(noise))
-    [case] = [case for case in cases() if case.name == "noisy"]
-    fly_case(case, 200, np.random.default_rng(0))
-    deviations = given[0].std(axis=(0, 1))
-    np.testing.assert_allclose(deviations, case.feedback_noise, rtol=0.05)
-
-
-def test_noise_without_a_command_rate_is_refused():
-    case = Case(
-        name="noisy",
-        model=NOMINAL,
-        policy=policy(),
-        problem=PROBLEM,
-        feedback_noise=(0.1,) * 7,
+def test_noise_makes_flights_worse():
+    starts, clock = launches(300, {}), make_clock(policy(), 50.0)
+    deviations = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(300, clock.commands, 7)) * deviations
+    quiet, noisy = (
+        fly(NOMINAL, policy(), starts, command_rate=50.0, noise=given)
+        for given in (None, noise)
     )
-    with pytest.raises(InputError, match="'noisy': the command rate is None"):
-        sweep([case], 10, seed=0)
+    assert np.mean(noisy.miss) > 1.5 * np.mean(quiet.miss)
 
 
 def test_a_sweep_without_flights_is_refused():
     with pytest.raises(InputError, match="'flights' is 0"):
-        sweep(cases(), 0, seed=0)
+        sweep(fly_near, 0, seed=0)

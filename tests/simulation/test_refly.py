@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
@@ -33,7 +33,7 @@ CORRECTED = GliderModel(
 @pytest.fixture(scope="module")
 def campaign():
     names = [f"flight_{i:03d}" for i in range(8)]
-    return Campaign.load(campaign_path("attached_lift"), flights=names)
+    return load_campaign(campaign_path("attached_lift"), flights=names)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
@@ -21,7 +21,7 @@ RNG = np.random.default_rng(0)
 @pytest.fixture(scope="module")
 def campaign():
     """Twelve flights in still air."""
-    whole = Campaign.load(campaign_path("still_air"))
+    whole = load_campaign(campaign_path("still_air"))
     return dataclasses.replace(whole, flights=whole.flights[:12])
 
 
@@ -44,7 +44,7 @@ def rows_set_aside(campaign, edit):
 
 @pytest.mark.parametrize("name", PRACTICE + BLIND)
 def test_a_good_campaign_is_left_as_it_is(name):
-    campaign = Campaign.load(campaign_path(name))
+    campaign = load_campaign(campaign_path(name))
     found = inspect(campaign)
     assert found.excluded == ()
     assert found.warnings == ()
@@ -292,7 +292,7 @@ def test_a_flight_elsewhere_is_no_fault(campaign):
 @pytest.mark.parametrize("name", PRACTICE + BLIND)
 def test_one_flight_alone_is_not_refused(name):
     """It does not determine gravity, so its axes are not judged."""
-    campaign = Campaign.load(campaign_path(name))
+    campaign = load_campaign(campaign_path(name))
     for flight in campaign.flights[:3]:
         found = inspect(dataclasses.replace(campaign, flights=(flight,)))
         assert (found.excluded, found.warnings) == ((), ())

@@ -8,7 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import ALL
 from glider.campaign.checks.planarity import planarity
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from tests.campaign.checks.breaking import change, scale
@@ -30,7 +30,7 @@ def tilt(roll=0.0, yaw=0.0, course=0.0):
 
 @pytest.fixture(scope="module")
 def campaign():
-    whole = Campaign.load(campaign_path("still_air"))
+    whole = load_campaign(campaign_path("still_air"))
     return dataclasses.replace(whole, flights=whole.flights[:4])
 
 
@@ -94,7 +94,7 @@ def test_a_throw_that_begins_out_of_the_plane_is_set_aside(campaign):
 def test_attitude_comes_back_from_a_folder(campaign, tmp_path):
     tilted = change(campaign, tilt(0.1, -3.5, 0.2))
     save_campaign(tmp_path / "c", tilted)
-    again = Campaign.load(tmp_path / "c")
+    again = load_campaign(tmp_path / "c")
     for flight, right in zip(again.flights, tilted.flights, strict=True):
         np.testing.assert_allclose(flight.attitude, right.attitude, atol=1e-8)
 
@@ -110,14 +110,14 @@ def test_a_bad_attitude_is_refused(campaign, tmp_path, cell, sentence):
     lines[4] = lines[4].replace("0.125", cell)
     file.write_text("\n".join(lines))
     with pytest.raises(InputError, match=sentence):
-        Campaign.load(tmp_path / "c")
+        load_campaign(tmp_path / "c")
 
 
 def test_y_without_angles_is_ignored(campaign, tmp_path):
     save_campaign(tmp_path / "c", change(campaign, tilt(0.1)))
     for file in (tmp_path / "c").glob("flight_*.csv"):
         file.write_text(file.read_text().replace("roll", "wobble"))
-    assert Campaign.load(tmp_path / "c").flights[0].attitude is None
+    assert load_campaign(tmp_path / "c").flights[0].attitude is None
 
 
 def test_a_turned_frame_turns_the_attitude(campaign):

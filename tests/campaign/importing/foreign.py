@@ -14,6 +14,7 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from glider.campaign.logs import Campaign, Flight
+from glider.campaign.reader import load_campaign
 from tests.helpers.campaigns import campaign_path
 
 FLIGHTS = 4
@@ -22,7 +23,7 @@ AHEAD = 40.0  # How far the servo's clock is ahead, where it has one of its own 
 
 def flights(name: str = "still_air", count: int = FLIGHTS) -> Campaign:
     """Returns the first flights of a recorded campaign."""
-    campaign = Campaign.load(campaign_path(name))
+    campaign = load_campaign(campaign_path(name))
     return dataclasses.replace(campaign, flights=campaign.flights[:count])
 
 

@@ -11,8 +11,8 @@ from coefficients import (
     corrected_coefficients,
     residual_basis,
 )
-from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
+from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
@@ -122,7 +122,7 @@ def test_speeds_must_increase():
 
 
 def test_a_vehicle_without_a_nominal_model_is_refused():
-    campaign = Campaign.load(campaign_path("attached_lift"), flights=["flight_000"])
+    campaign = load_campaign(campaign_path("attached_lift"), flights=["flight_000"])
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
     with pytest.raises(InputError, match="need all parameters"):
         learn_residuals(dataclasses.replace(campaign, vehicle=vehicle))

@@ -8,7 +8,7 @@ import pytest
 import residual_coefficients
 from coefficients import basis_values
 from diagrams.program import run
-from glider.campaign.logs import Campaign
+from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
@@ -21,7 +21,7 @@ from tests.helpers.examples import run_main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A dozen flights of the sample campaign."""
-    campaign = Campaign.load(campaign_path("attached_lift"))
+    campaign = load_campaign(campaign_path("attached_lift"))
     few = dataclasses.replace(campaign, flights=campaign.flights[:12])
     path = tmp_path_factory.mktemp("few") / "attached_lift"
     save_campaign(path, few)
@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return residual_coefficients.fly(Campaign.load(folder))
+    return residual_coefficients.fly(load_campaign(folder))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_the_residual_pays_on_held_out_flights(found):
 
 
 def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, output, folder):
-    campaign = Campaign.load(folder)
+    campaign = load_campaign(folder)
     fitted, held_out = len(found.study.fitted.plate), len(found.study.held_out.plate)
     assert fitted + held_out == sum(len(f.time) - 6 for f in campaign.flights)
     assert fitted > held_out
@@ -123,7 +123,7 @@ def test_it_is_drawn_and_animated(output, found):
 
 
 def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):
-    campaign = Campaign.load(folder)
+    campaign = load_campaign(folder)
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
     save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
     arguments = [str(tmp_path / "c"), "--headless"]
