@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 
 from diagrams import program
 from glider.compiled.user_effects import check_user_effects
@@ -182,11 +181,10 @@ def test_the_figure_of_the_recipe_is_drawn():
     pose = np.array([[-3.5, 0.1, 0.0], [-3.4, 0.2, 0.0]])
     flight = types.SimpleNamespace(time=np.array([0.0, 0.1]), measured=pose)
     specified = names["held_out_height"](types.SimpleNamespace(held_out=[flight]))
-    picture = draw(specified)
-    texts = {text.get_text() for text in picture.findobj(Text)}
+    texts = {text.text for text in draw(specified).texts}
     assert {"height", "time [s]", "z [m]", "measured"} <= texts
-    [ax] = picture.axes
-    assert any(list(line.get_ydata()) == [0.1, 0.2] for line in ax.get_lines())
+    [line] = specified.panels[0].marks
+    assert list(line.y) == [0.1, 0.2]
     assert names["held_out_height"](types.SimpleNamespace(held_out=[])) is None
 
 

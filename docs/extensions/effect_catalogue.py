@@ -11,7 +11,6 @@ import pkgutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib
 from signatures import Signature, draw, signatures, sizes_of
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
@@ -19,7 +18,7 @@ from sphinx.pycode import ModuleAnalyzer
 from glider.physics import effects
 from glider.physics.effects import LIBRARY, STAGES, Coefficient, EffectKind
 from glider.report.model_figures import RESIDUALS
-from glider.report.plots.style import STYLE, VARIABLES
+from glider.report.plots.style import VARIABLES
 
 WORDS = {
     "actuator": "How the servo follows a commanded rate.",
@@ -164,8 +163,7 @@ def write_catalogue(app: Sphinx) -> None:
     found: dict[str, list[Signature]] = {stage: [] for stage in stages()}
     for signature in signatures():
         kind = signature.effect.kind
-        with matplotlib.rc_context(STYLE):
-            draw(signature).savefig(pictures / f"{kind.kind}.png")
+        (pictures / f"{kind.kind}.png").write_bytes(draw(signature))
         found[kind.stage].append(signature)
     (folder / "index.md").write_text(index_page(texts), encoding="utf-8")
     for stage, own in found.items():

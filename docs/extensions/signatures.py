@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.figure import Figure as Picture
 
 from glider.campaign.checks.masks import no_masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
-from glider.report.plots import as_file
+from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.campaigns import CampaignPlan
@@ -104,8 +103,8 @@ def _table(records: list[Record], model: GliderModel) -> ResidualTable:
     return make_table(records, theta_of(model), [0.0] * len(records))
 
 
-def draw(signature: Signature) -> Picture:
-    """Draws the three residuals over the variable that they vary with most."""
+def draw(signature: Signature) -> bytes:
+    """Draws the three residuals over the variable that they vary with most, as PNG."""
     tables = {"nominal": signature.without, "corrected": signature.known}
     figure = Figure(
         keys={key: LABELS[key] for key in tables},
@@ -114,4 +113,4 @@ def draw(signature: Signature) -> Picture:
             for column in range(len(RESIDUALS))
         ],
     )
-    return as_file.draw(figure, width=9.0)
+    return to_png(figure, dpi=100, width=648.0)

@@ -8,8 +8,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from axes import few_ticks, legend_beside, limit
 from basis_study import BasisStudy, scores_of
-from glider.report.plots.axes import few_ticks, legend_beside, limit
 from glider.report.plots.style import COLORS, GREEN, ORANGE, RED, STYLE
 
 _SHADES = (RED, ORANGE, COLORS["corrected"], GREEN)

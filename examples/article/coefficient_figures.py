@@ -8,8 +8,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from axes import few_ticks, limit
 from coefficients import corrected_coefficients
-from glider.report.plots.axes import few_ticks, limit
 from glider.report.plots.binning import binned_quantiles, thin
 from glider.report.plots.style import COLORS, STYLE, VARIABLES
 from residual_study import WORDS, ResidualStudy

@@ -9,7 +9,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider.report.plots.axes import legend_beside, log_scale, ticks
+from axes import legend_beside, log_scale, ticks
 from glider.report.plots.style import BLUE, GREEN, ORANGE, STYLE
 
 COLORS = (BLUE, ORANGE, GREEN)

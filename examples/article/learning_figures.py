@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from axes import few_ticks, legend_beside, limit
 from glider.planning.problem import Hook
-from glider.report.plots.axes import few_ticks, legend_beside, limit
 from glider.report.plots.style import COLORS, RED, STYLE
 
 WEIGHTS = RED
@@ -64,7 +64,7 @@ def plot_progress(
 
 
 def _log_scale(ax: Axes) -> None:
-    """Scales like `report.plots.axes.log_scale`, with ticks at 2 and 5 as well."""
+    """Scales like `axes.log_scale`, with ticks at 2 and 5 as well."""
     ax.set_yscale("log")
     ax.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     for set_formatter in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):

@@ -22,7 +22,6 @@ from glider.experiments.proposal import MOST_THROWS, Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.report.numbers import format_estimate, format_length
-from glider.report.plots.axes import few_ticks, legend
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
@@ -245,8 +244,9 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         if several:
             _draw_differences(axes[2], p)
         for ax in axes:
-            few_ticks(ax)
-        legend(figure, axes[0])
+            ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
+        labels = axes[0].get_legend_handles_labels()[1]
+        figure.legend(loc="outside upper center", ncols=len(labels))
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()

@@ -2,17 +2,17 @@
 
 import dataclasses
 import io
+import re
 from itertools import combinations
 
-import matplotlib
-import matplotlib.image
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from PIL import Image
 
 from glider.report.error_table import columns_of
 from glider.report.figures_of_result import FIGURES
-from glider.report.plots.as_file import draw, to_png
+from glider.report.plots.as_file import draw, font, to_png
 from glider.report.plots.figure import (
     Axis,
     Band,
@@ -24,7 +24,7 @@ from glider.report.plots.figure import (
     Panel,
     Points,
 )
-from glider.report.plots.style import COLORS, STYLE
+from glider.report.plots.style import COLORS
 from tests.report.results import VARIANTS, make_errors, make_result
 from tests.report.test_findings import ALL_MODELS
 
@@ -33,12 +33,12 @@ X = np.array([0.0, 1.0, 2.0])
 
 def picture_of(*marks, dpi=50, **axes):
     figure = Figure(panels=[Panel(title="a", marks=marks, **axes)], columns=1)
-    return matplotlib.image.imread(io.BytesIO(to_png(figure, dpi)))[:, :, :3]
+    return np.asarray(Image.open(io.BytesIO(to_png(figure, dpi)))) / 255.0
 
 
 def seen(picture, key):
     """Share of a picture that has about the colour of a key."""
-    color = np.array(matplotlib.colors.to_rgb(COLORS[key]))
+    color = np.array(to_rgb(COLORS[key]))
     return np.mean(np.all(np.abs(picture - color) < 0.05, axis=2))
 
 
@@ -81,15 +81,37 @@ def test_what_lies_behind_is_seen(mark):
     assert np.mean(difference > 0.02) > 1e-3
 
 
-def test_names_of_files_are_no_formulas():
-    """Matplotlib takes what stands between dollars for one."""
-    names = ("flight_$x$ $C_q$.csv", "$C_L$, nominal", r"a\b$ 1 $")
-    for name in names:
-        figure = Figure(keys={"own": name}, panels=[Panel(title=name, marks=[])])
-        picture = draw(figure)
-        (title,) = [t for t in picture.axes[0].texts if "$" in t.get_text()]
-        assert title.get_text().replace(r"\$", "$") == name
-        to_png(figure, dpi=30)
+def boxes_of(picture):
+    """Boxes (x0, y0, x1, y1) of a picture's texts, in points from the upper left."""
+    boxes = []
+    for text in picture.texts:
+        shown = re.sub(r"\$C_(\w)\$", r"C\1", text.text)
+        size = text.size * picture.scale
+        anchor = "mm" if text.is_upright else text.anchor
+        box = np.array(font(size).getbbox(shown, anchor=anchor)) / picture.scale
+        if text.is_upright:
+            box = box[[1, 0, 3, 2]] + [-box[1], 0.0, -box[1], 0.0]
+        place = np.array([text.x, picture.height - text.y])
+        boxes.append((text, box + np.tile(place, 2)))
+    return [(text, box) for text, box in boxes if text.text]
+
+
+@pytest.mark.parametrize("name", ["flight_$x$.csv", r"a\b$ 1 $", "<b>&amp;"])
+def test_names_of_files_are_no_formulas(name):
+    """They are drawn letter by letter, in the legend and above a panel."""
+    figure = Figure(keys={"own": name}, panels=[Panel(title=name, marks=[])])
+    assert [t.text for t in draw(figure).texts].count(name) == 2
+    dots = dataclasses.replace(figure, panels=[Panel(title="." * 9, marks=[])])
+    assert to_png(figure, dpi=30) != to_png(dots, dpi=30)
+
+
+def test_a_symbol_has_a_subscript():
+    def width_of(title):
+        picture = Figure(panels=[Panel(title=title, marks=[])])
+        pixels = np.asarray(Image.open(io.BytesIO(to_png(picture))))
+        return np.ptp(np.argwhere(pixels[:30] < 128)[:, 1])
+
+    assert width_of("C") < width_of("$C_n$") < width_of("Cn") < width_of("$C_n")
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -102,29 +124,23 @@ def test_names_of_files_are_no_formulas():
     ids=("all", "few"),
 )
 def test_legend_titles_and_labels_are_inside_and_apart(name, result):
-    with matplotlib.rc_context(STYLE):
-        picture = draw(FIGURES[name](result))
-        FigureCanvasAgg(picture).draw()
-        boxes = [legend.get_window_extent() for legend in picture.legends]
-        for ax in picture.axes:
-            around = ax.get_tightbbox()
-            boxes.append(around)
-            assert around.y1 <= min(box.y0 for box in boxes[: len(picture.legends)]) + 1
-    assert boxes
-    for box in boxes:
-        assert box.x0 >= -1.0
-        assert box.x1 <= picture.bbox.x1 + 1.0
-        assert box.y0 >= -1.0
+    picture = draw(FIGURES[name](result))
+    keys = set(FIGURES[name](result).keys.values())
+    boxes = boxes_of(picture)
+    legend = [box for text, box in boxes if text.text in keys and text.size == 9.0]
+    assert len(legend) == len(keys)
+    for text, (x0, y0, x1, y1) in boxes:
+        assert x0 >= -1.0
+        assert x1 <= picture.width + 1.0
+        assert y1 <= picture.height + 1.0
+        if not any(np.array_equal((x0, y0, x1, y1), box) for box in legend):
+            assert y0 >= max(box[3] for box in legend) - 1.0, text.text
 
 
 @pytest.mark.parametrize("result", [make_result(), ALL_MODELS], ids=("three", "four"))
 def test_texts_do_not_overlap(result):
     errors = dict.fromkeys(columns_of(result), make_errors(0.5432))
-    with matplotlib.rc_context(STYLE):
-        picture = draw(FIGURES["errors"](make_result(errors=errors)))
-        FigureCanvasAgg(picture).draw()
-    for ax in picture.axes:
-        texts = [t for t in ax.texts if t.get_text()]
-        for one, other in combinations(texts, 2):
-            apart = not one.get_window_extent().overlaps(other.get_window_extent())
-            assert apart, f"{one.get_text()} covers {other.get_text()}"
+    picture = draw(FIGURES["errors"](make_result(errors=errors)))
+    for (one, a), (other, b) in combinations(boxes_of(picture), 2):
+        apart = a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+        assert apart, f"{one.text} covers {other.text}"

@@ -1,11 +1,9 @@
 """Limits, ticks and points of axes: what they show."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -23,17 +21,6 @@ def limit(
     found = bounds(values, margin, quantile, around)
     if found is not None:
         set_limits(*found)
-
-
-def legend(figure: Figure, *axes: Axes) -> None:
-    """Adds one legend above all axes, each label once."""
-    shown: dict[str, Any] = {}
-    for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            shown.setdefault(label, handle)
-    figure.legend(
-        shown.values(), shown.keys(), loc="outside upper center", ncols=len(shown)
-    )
 
 
 def legend_beside(ax: Axes) -> Legend:
