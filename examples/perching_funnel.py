@@ -257,7 +257,7 @@ def study_funnel(
     on_set = None
     if funnel.gliders:
         gliders = funnel.gliders.confidence
-        on_set = funnels.falsify_set(funnel, gliders, trials.samples, rng)
+        on_set = funnels.falsify_funnel(funnel, trials.samples, rng, confidence=gliders)
     proof = None
     if trials.prove and verdict.holds and funnel.beta.any():
         proof = funnels.prove_flights(

@@ -8,7 +8,7 @@
 Funnel, FunnelSettings, load_funnel, save_funnel: the funnel and its file.
 make_confidence, describe_set: the set of gliders that logs allow, for which a funnel
 can be made too. Verdict, FlightProof, describe_proof, remainder_status: what check and
-proof show. falsify_funnel, falsify_set, Falsification: flights from the boundary that
+proof show. falsify_funnel, Falsification: flights from the boundary that
 try to leave. fly_inside: flights from inside. study_estimates, EstimatedFlights:
 flights on a filter's estimate. tube_outline, tube_radii: the positions that a funnel
 allows, to draw. FunnelMonitor: a Drake System that reports the margin of a state.
@@ -36,11 +36,7 @@ from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
-from glider.verification.trials.falsify import (
-    Falsification,
-    falsify_funnel,
-    falsify_set,
-)
+from glider.verification.trials.falsify import Falsification, falsify_funnel
 from glider.verification.trials.funnel_flights import fly_inside
 
 __all__ = [
@@ -58,7 +54,6 @@ __all__ = [
     "describe_proof",
     "describe_set",
     "falsify_funnel",
-    "falsify_set",
     "fly_inside",
     "funnel_regulator",
     "load_funnel",

@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.flight_proof import prove_flights
-    from glider.verification.trials.falsify import falsify_set
+    from glider.verification.trials.falsify import falsify_funnel
 
     funnel = funnel_of(file, args.funnel)
     model = load_glider(args.model) if args.model else None
@@ -174,8 +174,8 @@ def run(args: argparse.Namespace) -> int:
             )
         if confidence and verdict.holds:
             rng = np.random.default_rng(seed)
-            trial = falsify_set(
-                funnel, confidence, flights, rng, progress=follow("gliders")
+            trial = falsify_funnel(
+                funnel, flights, rng, confidence=confidence, progress=follow("gliders")
             )
     good = verdict.holds and (proof is None or proof.complete)
     good = good and (trial is None or trial.escapes == 0)

@@ -58,7 +58,7 @@ def check_report(
 def trial_report(
     funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
 ) -> dict[str, Any]:
-    """Returns the outcome of `falsify_set` as it is written to JSON."""
+    """Returns the outcome of flights of a set as it is written to JSON."""
     worst = int(np.argmax(trial.later))
     return {
         "names": list(confidence.names),
@@ -106,7 +106,7 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
 def describe_trial(
     funnel: Funnel, confidence: ConfidenceSet, trial: Falsification, seed: int
 ) -> str:
-    """Returns the outcome of `falsify_set` in sentences, one a line."""
+    """Returns the outcome of flights of a set in sentences, one a line."""
     worst, made_for = int(np.argmax(trial.later)), _made_for(funnel, trial)
     of_worst = trial.deviations[worst], trial.starts[worst]
     return _text("flights", funnel, confidence, trial, seed, made_for, *of_worst)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.verification.sos.exact import exact
-from glider.verification.sos.exact_time import hermite
+from glider.verification.sos.exact import exact, hermite
 
 STEP = 0.3
 SHARES = [Fraction(k, 8) for k in range(9)]

@@ -22,7 +22,7 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel, gliders_faults
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.interval_proof import IntervalProof
-from glider.verification.trials.falsify import falsify_set
+from glider.verification.trials.falsify import falsify_funnel
 from glider.verification.trials.funnel_flights import fly_from
 
 NAMES = ("mass", "wing_area")
@@ -96,7 +96,7 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
     words = describe_check(made, verdict, None, PerchingProblem(), None)
     assert "95 % ellipsoid of mass ± 0.00049, wing_area ± 0.00049" in words
     assert "only --prove proves anything about them" in words
-    trial = falsify_set(made, allowed_by(), 400, np.random.default_rng(0))
+    trial = falsify_funnel(made, 400, np.random.default_rng(0), confidence=allowed_by())
     assert trial.samples > 800
     assert trial.escapes == 0
     assert trial.later.max() < 1.0
@@ -163,7 +163,9 @@ def test_gliders_that_end_beyond_the_goal_leave_nothing(funnel):
 def test_gliders_of_a_wide_set_leave_and_the_seed_repeats_it(proven, shape):
     wide = allowed_by(40.0, shape)
     trial, again = (
-        falsify_set(proven, wide, 240, np.random.default_rng(3), shares=(0.25, 0.5))
+        falsify_funnel(
+            proven, 240, np.random.default_rng(3), confidence=wide, shares=(0.25, 0.5)
+        )
         for _ in range(2)
     )
     assert trial.escapes > 0.2 * trial.samples
@@ -174,9 +176,9 @@ def test_gliders_of_a_wide_set_leave_and_the_seed_repeats_it(proven, shape):
 
 def test_climbing_finds_worse_gliders_than_chance(proven):
     rng, allowed = np.random.default_rng(1), allowed_by(6.0)
-    climbed = falsify_set(proven, allowed, 300, rng, shares=(0.75,))
-    chance = falsify_set(
-        proven, allowed, climbed.samples, rng, shares=(0.75,), climb=False
+    climbed = falsify_funnel(proven, 300, rng, confidence=allowed, shares=(0.75,))
+    chance = falsify_funnel(
+        proven, climbed.samples, rng, confidence=allowed, shares=(0.75,), climb=False
     )
     assert climbed.ends.max() > 1.05 * chance.ends.max()
 
@@ -184,4 +186,9 @@ def test_climbing_finds_worse_gliders_than_chance(proven):
 def test_a_funnel_is_tried_with_the_gliders_that_it_is_of(made):
     other = Covariance(names=("mass",), matrix=np.array([[1e-8]]))
     with pytest.raises(InputError, match="deviate in mass, wing_area; those to fly"):
-        falsify_set(made, ConfidenceSet(covariance=other), 10, np.random.default_rng(0))
+        falsify_funnel(
+            made,
+            10,
+            np.random.default_rng(0),
+            confidence=ConfidenceSet(covariance=other),
+        )

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.funnel.growth import boundary_forms, largest_growth
-from glider.verification.funnel.remainder import remainder_form
+from glider.verification.funnel.growth import (
+    boundary_forms,
+    largest_growth,
+    remainder_form,
+)
 from glider.verification.funnel.scaling import STARTS
 from tests.verification.points import sphere_points
 

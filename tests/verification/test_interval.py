@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glider.verification.dynamics.error_dynamics import expand_rates, table_of
-from glider.verification.funnel.remainder import remainder_form
+from glider.verification.funnel.growth import remainder_form
 from glider.verification.proof.interval import (
     covers,
     keeps_servo,
@@ -17,8 +17,7 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_growth import growth_forms, prove_growth
 from glider.verification.proof.interval_proof import _gram_guesses
-from glider.verification.sos.exact import exact, rounded
-from glider.verification.sos.exact_time import InTime, line
+from glider.verification.sos.exact import InTime, exact, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points

@@ -26,8 +26,7 @@ from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import keeps_servo, make_interval, tight_cover
 from glider.verification.proof.interval_gliders import gliders_defect, servo_reach
 from glider.verification.proof.interval_proof import prove_interval
-from glider.verification.sos.exact import exact
-from glider.verification.sos.exact_time import line
+from glider.verification.sos.exact import exact, line
 
 AT = 120
 

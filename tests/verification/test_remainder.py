@@ -6,8 +6,8 @@ import pytest
 from glider.paths import models_path
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.funnel.funnel import load_funnel
+from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
-    remainder_form,
     remainder_of,
     remainder_weights,
     sample_remainder,

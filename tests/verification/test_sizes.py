@@ -60,11 +60,11 @@ def test_what_is_least_later_is_least_at_the_launch(policy, monkeypatch):
     """tr(W) = tr(Σ S) is one number all along a set that nothing makes grow."""
     traces = []
 
-    def no_growth(cubic, quartic, weight):
+    def no_growth(program, cubic, quartic, weight, fault):
         traces.append(np.trace(weight))
-        return np.zeros_like(weight)
+        return (np.zeros_like(weight),)
 
-    monkeypatch.setattr(shape_flow, "solve_growth", no_growth)
+    monkeypatch.setattr(shape_flow, "first_success", no_growth)
     monkeypatch.setattr(shape_flow, "SHARE", 0.0)
     nominal = make_nominal(GliderModel(), policy, 0.002)
     arrays = {name: getattr(nominal, name)[:50] for name in ARRAYS}

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.physics.compose import coefficient_slices
 from glider.physics.covariance import Covariance
 from glider.physics.model import GliderModel
@@ -130,33 +130,27 @@ _FLAT = 1e-12
 class ConfidenceSet:
     """A set of deviations δ of a glider's numbers from their estimates.
 
+    Attributes:
+        covariance: covariance of the m numbers that may deviate.
+        level: probability with which the true numbers are in it.
+        shape: one of SHAPES.
+
     Raises:
         InputError: the level or the shape is not valid.
     """
 
     covariance: Covariance
-    """Of the m numbers that may deviate."""
-
     level: float = LEVEL
-    """Probability with which the true numbers are in it."""
-
     shape: str = "ellipsoid"
-    """One of SHAPES."""
 
     def __post_init__(self):
         """Raises InputError where there is no such set."""
-        level = self.level
+        level, shape = self.level, self.shape
         is_number = isinstance(level, (int, float)) and not isinstance(level, bool)
-        if not (is_number and 0.0 < level < 1.0):
-            raise InputError(
-                f"The confidence is {show(level)}; expected a probability "
-                "between 0 and 1."
-            )
-        if self.shape not in SHAPES:
-            raise InputError(
-                f"The shape of a confidence set is {show(self.shape)}; expected "
-                f"{' or '.join(SHAPES)}."
-            )
+        good = is_number and 0.0 < level < 1.0
+        expect(good, "The confidence", level, "a probability between 0 and 1")
+        words = " or ".join(SHAPES)
+        expect(shape in SHAPES, "The shape of a confidence set", shape, words)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -160,9 +160,7 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
 
 def _solve(tables, polynomial):
     """Returns a Gram matrix (E,) of a polynomial, its margin shared out evenly."""
-    solved = first_success(largest_margin, polynomial, tables.n)
-    if solved is None:
-        raise SolverError("No solver certified the funnel.")
-    _, margin, gram = solved
+    fault = "No solver certified the funnel."
+    margin, gram = first_success(largest_margin, polynomial, tables.n, fault=fault)
     even = 0.5 * margin * tables.entries(np.eye(tables.size))
     return represent(tables, gram + even, polynomial)

@@ -77,28 +77,25 @@ class GlidersNote:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Notes:
-    """What a file says besides its arrays."""
+    """What a file says besides its arrays.
+
+    Attributes:
+        state_names: STATE_NAMES, then the effects' own states; n of them.
+        settings: settings that the funnel was made with.
+        model: the glider, text of a file of `glider.physics.model`.
+        solver: name of the solver that was tried first.
+        seconds: duration of the computation [s].
+        confidence: set of gliders that it was made for; None for the model's alone.
+        format: FORMAT.
+    """
 
     state_names: tuple[str, ...]
-    """STATE_NAMES, then the effects' own states; n of them."""
-
     settings: FunnelSettings
-    """Settings that the funnel was made with."""
-
     model: str
-    """The glider, text of a file of `glider.physics.model`."""
-
     solver: str
-    """Name of the solver that was tried first."""
-
     seconds: float
-    """Duration of the computation [s]."""
-
     confidence: GlidersNote | None = None
-    """Set of gliders that it was made for; None for the model's glider alone."""
-
     format: str = FORMAT
-    """FORMAT."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

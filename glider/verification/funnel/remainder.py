@@ -18,7 +18,7 @@ from glider.verification.dynamics.error_dynamics import (
 )
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
-from glider.verification.funnel.ascent import climb_sphere
+from glider.verification.funnel.growth import climb_sphere
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
 
@@ -198,18 +198,3 @@ def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.
     weight = L_T @ sizes @ np.swapaxes(L_T, 1, 2)
     pull = np.einsum("tik,tij,tjk->tk", L_T, weight, L_T)
     return beta * np.sqrt(np.einsum("tii->t", weight)[:, None] / pull)
-
-
-def remainder_form(S: np.ndarray, beta: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns D (T, n, n) in the coordinates of the ball.
-
-    Args:
-        S: (T, n, n).
-        beta: (T, n) bounds of the remainder.
-        weights: (T, n) λ, zero where beta is zero.
-    """
-    L_T, _ = to_ball(S)
-    n = S.shape[-1]
-    ball = np.divide(beta**2, weights, out=np.zeros_like(beta), where=weights > 0.0)
-    along = np.einsum("tik,tk,tjk->tij", L_T, weights, L_T)
-    return along + ball.sum(axis=1)[:, None, None] * np.eye(n)

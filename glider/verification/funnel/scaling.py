@@ -21,10 +21,10 @@ from glider.verification.funnel.growth import (
     GrowthBetween,
     boundary_forms,
     largest_growth,
+    remainder_form,
 )
 from glider.verification.funnel.remainder import (
     inflate,
-    remainder_form,
     remainder_weights,
     sample_remainder,
 )

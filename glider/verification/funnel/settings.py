@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import InputError, expect
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
 
@@ -18,75 +18,66 @@ STATE_NAMES [m, rad, m/s, rad/s]."""
 class FunnelSettings:
     """The goal at the wire and how the funnel towards it is computed.
 
-    The names are keys in a funnel's file.
+    The names are keys in a funnel's file. Tuples are in the order of STATE_NAMES, in
+    [m, rad, m/s, rad/s].
+
+    Attributes:
+        goal: half-axes of the goal ellipsoid about the nominal's end. A hook reaches
+            that far; the speeds are such that the Taylor polynomial still fits there.
+        goal_extra: half-axis of the goal in each of the effects' own states, in its
+            unit.
+        sizes: deviations that count equally: what the shape of the funnel trades
+            against each other. It is not sensitive to them, but diverges without any.
+        launch_sizes: launch errors that count equally: carried along the flight, they
+            shape the funnel together with a share of `sizes`
+            (`glider.verification.funnel.shape_flow`). None for `sizes` alone, the same
+            at all times. LAUNCH_SIZES makes an inlet that is wider in all but the
+            elevator.
+        sizes_extra: deviation that counts as much, of each of the effects' own states.
+        step: longest step between the times that are certified [s].
+        hold: time between the programs that shape the funnel [s]. More is faster and
+            narrower: with 0.026, one times the remainder leaves less than 9 cm of
+            height.
+        margin: margin by which V̇/V is to stay below zero on the boundary [1/s].
+        remainder: inflation: factor on the largest Taylor remainder that is found,
+            which then acts as a disturbance; 0 for a funnel of the Taylor polynomial
+            alone. With 1.1 it can be proven that the true one is no larger, at all
+            times.
+        elevator_gain: largest gain on the elevator's own deviation [1/s] of a feedback
+            that is made with the funnel's shape
+            (`glider.verification.funnel.servo_limits`); 0 for the policy's own
+            feedback. 40 is slow enough for commands held for 20 ms.
+
+    Raises:
+        InputError: a setting is out of range.
     """
 
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
-    """Half-axes of the goal ellipsoid about the nominal's end, in the order of
-    STATE_NAMES [m, rad, m/s, rad/s]. A hook reaches that far; the speeds are such
-    that the Taylor polynomial still fits there."""
-
     goal_extra: float = 4.0
-    """Half-axis of the goal in each of the effects' own states, in its unit."""
-
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
-    """Deviations that count equally, in the order of STATE_NAMES [m, rad, m/s, rad/s]:
-    what the shape of the funnel trades against each other. It is not sensitive to
-    them, but diverges without any."""
-
     launch_sizes: tuple[float, ...] | None = None
-    """Launch errors that count equally, in the order of STATE_NAMES [m, rad, m/s,
-    rad/s]: carried along the flight, they shape the funnel together with a share of
-    `sizes` (`glider.verification.funnel.shape_flow`). None for `sizes` alone, the same
-    at all times. LAUNCH_SIZES makes an inlet that is wider in all but the elevator."""
-
     sizes_extra: float = 2.0
-    """Deviation that counts as much, of each of the effects' own states."""
-
     step: float = 0.0045
-    """Longest step between the times that are certified [s]."""
-
     hold: float = 0.022
-    """Time between the programs that shape the funnel [s]. More is faster and narrower:
-    with 0.026, one times the remainder leaves less than 9 cm of height."""
-
     margin: float = 0.03
-    """Margin by which V̇/V is to stay below zero on the boundary [1/s]."""
-
     remainder: float = 0.0
-    """Inflation: factor on the largest Taylor remainder that is found, which then acts
-    as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can be
-    proven that the true one is no larger, at all times."""
-
     elevator_gain: float = 0.0
-    """Largest gain on the elevator's own deviation [1/s] of a feedback that is made
-    with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
-    policy's own feedback. 40 is slow enough for commands held for 20 ms."""
 
     def __post_init__(self):
         """Raises InputError where a setting is out of range."""
+        vector = f"{NUM_STATES} positive numbers ({', '.join(STATE_NAMES)})"
         for name in ("goal", "sizes", "launch_sizes"):
             values = getattr(self, name)
-            if name == "launch_sizes" and values is None:
-                continue
-            if len(values) != NUM_STATES or not all(map(_is_positive, values)):
-                raise InputError(
-                    f"field '{name}' is {show(values)}; expected {NUM_STATES} positive "
-                    f"numbers ({', '.join(STATE_NAMES)})."
-                )
+            if name != "launch_sizes" or values is not None:
+                good = len(values) == NUM_STATES and all(map(_is_positive, values))
+                expect(good, f"field '{name}'", values, vector)
         for name in ("goal_extra", "sizes_extra", "step", "hold", "margin"):
             value = getattr(self, name)
-            if not _is_positive(value):
-                raise InputError(
-                    f"field '{name}' is {show(value)}; expected a positive number."
-                )
+            expect(_is_positive(value), f"field '{name}'", value, "a positive number")
         for name in ("remainder", "elevator_gain"):
             value = getattr(self, name)
-            if not (_is_positive(value) or value == 0.0):
-                raise InputError(
-                    f"field '{name}' is {show(value)}; expected a number that is "
-                    "zero or positive."
-                )
+            good = _is_positive(value) or value == 0.0
+            expect(good, f"field '{name}'", value, "a number that is zero or positive")
 
     def goal_axes(self, num_states: int) -> np.ndarray:
         """Returns the goal's half-axes (n,), the effects' own states included."""

@@ -24,9 +24,9 @@ from scipy.linalg import expm
 from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
+from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
     inflate,
-    remainder_form,
     remainder_weights,
     sample_remainder,
 )
@@ -164,7 +164,13 @@ class ShapeFlow:
         cubic, quartic = higher_forms(S, self._coefficients[k])
         L = np.linalg.cholesky(S)
         weight = L.T @ self._sizes[k] @ L
-        growth = solve_growth(cubic, quartic, weight)
+        [growth] = first_success(
+            least_growth,
+            cubic,
+            quartic,
+            weight,
+            fault="No solver shaped the funnel; the goal may be too wide.",
+        )
         if self._settings.remainder > 0.0:
             beta = sample_remainder(
                 self._nominal,
@@ -198,22 +204,3 @@ class ShapeFlow:
         if not np.all(np.isfinite(S)):
             raise SolverError(f"The funnel vanishes at {self._nominal.times[k]:.3f} s.")
         return 0.5 * (S + S.T)
-
-
-def solve_growth(
-    cubic: np.ndarray, quartic: np.ndarray, weight: np.ndarray
-) -> np.ndarray:
-    """Returns the least growth N (n, n), by the first solver that succeeds.
-
-    Args:
-        cubic: (C₃,) of c₃.
-        quartic: (C₄,) of c₄.
-        weight: (n, n) W.
-
-    Raises:
-        SolverError: none did.
-    """
-    solved = first_success(least_growth, cubic, quartic, weight)
-    if solved is None:
-        raise SolverError("No solver shaped the funnel; the goal may be too wide.")
-    return solved[1]

@@ -30,8 +30,8 @@ from glider.verification.dynamics.error_dynamics import (
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
-from glider.verification.funnel.ascent import DIFFERENCE
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.growth import DIFFERENCE
 from glider.verification.proof.boxes import blame_of, bound_in_balls, shifted
 from glider.verification.proof.interval_gliders import GlidersPath, gliders_path
 from glider.verification.sos.forms import change_variables

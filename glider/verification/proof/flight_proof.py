@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.files import schema
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_proof import (
@@ -155,11 +155,10 @@ def prove_flights(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Header:
-    """First line of a file that a proof resumes from."""
+    """First line of a file that a proof resumes from, with the hash of the funnel's."""
 
     format: str
     funnel: str
-    """Hash of the funnel's file."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -171,11 +170,8 @@ class _Record(IntervalProof):
     def __post_init__(self):
         for name in ("interval", "boxes", "parts", "ratio"):
             value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise InputError(
-                    f"field '{name}' is {value}; expected a number that is zero or "
-                    "positive."
-                )
+            good = 0 <= value < math.inf
+            expect(good, f"field '{name}'", value, "a number that is zero or positive")
 
 
 def _read(path, funnel):

@@ -24,8 +24,15 @@ from glider.verification.dynamics.error_dynamics import (
 from glider.verification.dynamics.nominal import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_gliders import servo_reach
-from glider.verification.sos.exact import Exact, at_least, exact, is_positive_definite
-from glider.verification.sos.exact_time import InTime, hermite, line
+from glider.verification.sos.exact import (
+    Exact,
+    InTime,
+    at_least,
+    exact,
+    hermite,
+    is_positive_definite,
+    line,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,7 @@ import numpy as np
 from glider.verification.dynamics.error_dynamics import expand_rates, nonlinear_parts
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.sos.exact import Exact, exact
-from glider.verification.sos.exact_time import InTime, hermite
+from glider.verification.sos.exact import Exact, InTime, exact, hermite
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ polynomials in time too. There, for any N,
     zᵀ A z + c₃ + c₄ = b(z)ᵀ Q b(z) + zᵀ N z (1 - V),  b = (z, z⊗z),
 if Q has A - N as its block of z and represents c₃ and c₄ + (zᵀ N z)(zᵀ G z) by the
 others. So V falls where Q is positive definite, and that it is at all times of the
-interval where its parts are, in the form of `glider.verification.sos.exact_time`. N is
+interval where its parts are, in the form of `glider.verification.sos.exact`. N is
 quadratic in time and comes from Gram matrices at both ends and in the middle. Where a
 part is not definite, both halves of the interval are tried.
 """
@@ -19,8 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.verification.proof.interval import Interval
-from glider.verification.sos.exact import Exact, leaves_definite, rounded
-from glider.verification.sos.exact_time import InTime
+from glider.verification.sos.exact import Exact, InTime, leaves_definite, rounded
 from glider.verification.sos.forms import (
     contracted,
     form_tensor,

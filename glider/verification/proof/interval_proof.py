@@ -19,8 +19,8 @@ from glider.verification.dynamics.error_dynamics import (
 )
 from glider.verification.dynamics.nominal import nominal_between, nominal_path
 from glider.verification.dynamics.taylor_models import WIDER
-from glider.verification.funnel.ascent import climb_sphere
 from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.growth import climb_sphere
 from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     Interval,

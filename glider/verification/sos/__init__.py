@@ -2,5 +2,5 @@
 
 sphere: polynomials on the sphere and their Gram matrices. forms: V̇/V on the boundary of
 an ellipsoid, in doubles and exactly. programs: semidefinite programs by Drake, in
-other processes. exact: arrays of exact numbers; exact_time: such polynomials in time.
+another process. exact: arrays of exact numbers, and polynomials of them in time.
 """

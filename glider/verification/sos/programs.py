@@ -7,13 +7,12 @@ whose multipliers are λ and the Gram matrix. That has 294 unknowns instead of 6
 takes two thirds of the time.
 
 A semidefinite solver can abort its whole process (Clarabel on a hard program, CSDP in
-Drake's SolveInParallel). So programs are functions of arrays that run in processes of
+Drake's SolveInParallel). So programs are functions of arrays that run in a process of
 their own, and the caller gets a SolverError.
 """
 
-import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
@@ -36,48 +35,41 @@ CLARABEL_TOLERANCE = 1e-4
 default, 1e-8, takes half as long again; the check relies on neither."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Moments:
-    """A solution of the problem of moments.
-
-    Attributes:
-        success: success as the solver reports it; nothing relies on it.
-        multipliers: multipliers λ (K,) of the equations.
-        gram: gram matrix (E,), its lower triangle column by column.
-    """
-
-    success: bool
-    multipliers: np.ndarray
-    gram: np.ndarray
+class SolverError(RuntimeError):
+    """No solver succeeded, or its process died."""
 
 
-def first_success(program: Callable, *arguments: Any) -> tuple | None:
+def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
     """Returns what a program returns with the first solver that succeeds.
 
     Args:
         program: `least_growth` or `largest_margin`, run in another process.
         arguments: all of its arguments but the solver.
+        fault: message of the error.
 
-    Returns:
-        None where no solver succeeds.
+    Raises:
+        SolverError: no solver succeeds.
     """
     for solver in SOLVERS:
-        [solved] = solve_apart(program, [(*arguments, solver)])
-        success, *_, array = solved
-        if success and np.all(np.isfinite(array)):
-            return solved
-    return None
+        success, *found = solve_apart(program, *arguments, solver)
+        if success and np.all(np.isfinite(found[-1])):
+            return tuple(found)
+    raise SolverError(fault)
 
 
 def solve_moments(
     polynomial: np.ndarray, rows: np.ndarray, targets: np.ndarray, n: int, solver: str
-) -> Moments:
+) -> tuple[bool, np.ndarray, np.ndarray]:
     """Solves the problem of moments above.
 
     Args:
         polynomial: (C,) coefficients of p, odd then even.
         rows: (K, C) of the equations, in the same coefficients.
         targets: (K,) right-hand sides.
+
+    Returns:
+        whether the solver reports success, on which nothing relies; the multipliers λ
+        (K,) of the equations; the Gram matrix (E,), its lower triangle by columns.
     """
     tables = sphere(n)
     program = MathematicalProgram()
@@ -92,11 +84,9 @@ def solve_moments(
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
         options.SetOption(ClarabelSolver.id(), name, CLARABEL_TOLERANCE)
     result = SOLVERS[solver]().Solve(program, None, options)
-    return Moments(
-        success=result.is_success(),
-        multipliers=-np.asarray(result.GetDualSolution(equations), dtype=float),
-        gram=np.asarray(result.GetDualSolution(positive), dtype=float),
-    )
+    multipliers = -np.asarray(result.GetDualSolution(equations), dtype=float)
+    gram = np.asarray(result.GetDualSolution(positive), dtype=float)
+    return result.is_success(), multipliers, gram
 
 
 def least_growth(
@@ -117,11 +107,11 @@ def least_growth(
     lift = sphere(n).lift[:, low[0], low[1]].T
     rows = np.hstack([np.zeros((len(lift), len(cubic))), lift])
     polynomial = np.concatenate([cubic, quartic])
-    solved = solve_moments(polynomial, rows, weight[low], n, solver)
+    success, found, _ = solve_moments(polynomial, rows, weight[low], n, solver)
     # A multiplier of E[z_i z_j |z|²] counts twice in N off the diagonal.
     N = np.zeros((n, n))
-    N[low] = solved.multipliers
-    return solved.success, 0.5 * (N + N.T)
+    N[low] = found
+    return success, 0.5 * (N + N.T)
 
 
 def largest_margin(
@@ -136,12 +126,9 @@ def largest_margin(
         whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
     """
     rows = sphere(n).constant[None, :]
-    solved = solve_moments(-coefficients, rows, np.ones(1), n, solver)
-    return solved.success, -float(solved.multipliers[0]), solved.gram
+    success, found, gram = solve_moments(-coefficients, rows, np.ones(1), n, solver)
+    return success, -float(found[0]), gram
 
-
-WORKERS = 2
-"""Number of processes. Each imports Drake's solvers once, which takes half a second."""
 
 _ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
@@ -150,33 +137,29 @@ _ONE_THREAD = {
 }
 
 
-class SolverError(RuntimeError):
-    """No solver succeeded, or its process died."""
-
-
-def solve_apart(
-    function: Callable, tasks: Sequence[tuple], workers: int = WORKERS
-) -> list[Any]:
-    """Returns [function(*task) for task in tasks], computed in other processes.
+def solve_apart(function: Callable, *arguments: Any) -> Any:
+    """Returns function(*arguments), computed in another process.
 
     Args:
         function: importable by name, or one that cloudpickle takes.
 
     Raises:
-        SolverError: a process died.
+        SolverError: the process died.
     """
-    executor = _pool(workers)
-    futures = [executor.submit(function, *task) for task in tasks]
+    executor = _pool()
     try:
-        return [future.result() for future in futures]
+        return executor.submit(function, *arguments).result()
     except BrokenProcessPool as error:
         _pool.cache_clear()
         executor.shutdown(wait=False, kill_workers=True)
-        first = str(error).strip().splitlines()[0] if str(error).strip() else ""
+        first = str(error).strip().partition("\n")[0]
         raise SolverError(f"A solver's process died: {first}") from None
 
 
 @functools.cache
-def _pool(workers: int) -> ProcessPoolExecutor:
-    """Returns processes of our own: joblib uses loky's shared ones itself."""
-    return ProcessPoolExecutor(max_workers=workers, env=_ONE_THREAD, timeout=60)
+def _pool() -> ProcessPoolExecutor:
+    """Returns a process of our own: joblib uses loky's shared ones itself.
+
+    It imports Drake's solvers once, which takes half a second.
+    """
+    return ProcessPoolExecutor(max_workers=1, env=_ONE_THREAD, timeout=60)

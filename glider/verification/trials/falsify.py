@@ -89,6 +89,7 @@ def falsify_funnel(
     rng: np.random.Generator,
     *,
     model: GliderModel | None = None,
+    confidence: ConfidenceSet | None = None,
     shares: Sequence[float] = START_SHARES,
     climb: bool = True,
     progress: Callable[[float], None] | None = None,
@@ -96,56 +97,29 @@ def falsify_funnel(
     """Flies from random points of the boundary, then climbs from the worst of them.
 
     Args:
-        samples: flights from random points, divided among the start times.
+        samples: flights from random points, divided among start times and gliders; at
+            least one at each time. The climb adds half as many again and more.
         model: the glider that flies; the funnel's own if None. States that the funnel
             lacks start at rest.
+        confidence: set of deviations from the funnel's glider, whose gliders fly in
+            place of `model`.
         shares: of the duration: when flights start.
-        climb: whether to look for worse points near the worst.
-        progress: called with the share that is done.
-    """
-    if samples < len(shares):
-        raise InputError(f"{samples} flights; expected at least {len(shares)}.")
-    trial = _Trial(funnel, rng, model)
-    for number, share in enumerate(shares):
-        count = samples // len(shares) + (number < samples % len(shares))
-        trial.fly_at(share, count, climb)
-        if progress:
-            progress((number + 1) / len(shares))
-    return trial.outcome()
-
-
-def falsify_set(
-    funnel: Funnel,
-    confidence: ConfidenceSet,
-    samples: int,
-    rng: np.random.Generator,
-    *,
-    shares: Sequence[float] = START_SHARES,
-    climb: bool = True,
-    progress: Callable[[float], None] | None = None,
-) -> Falsification:
-    """Flies gliders of a set from the boundary, then climbs from the worst of them.
-
-    Args:
-        confidence: set of the deviations from the funnel's glider.
-        samples: flights from random points, divided among start times and gliders; at
-            least one each. The climb adds half as many again and more.
-        shares: of the duration: when flights start.
-        climb: whether to look for worse ones near the worst.
+        climb: whether to look for worse points, and gliders, near the worst.
         progress: called with the share that is done.
 
     Raises:
         InputError: the funnel is of gliders that deviate in other numbers.
     """
-    if funnel.gliders and funnel.gliders.confidence.names != confidence.names:
+    made_for = funnel.gliders.confidence.names if funnel.gliders else None
+    if confidence and made_for not in (None, confidence.names):
         raise InputError(
-            "The funnel is of gliders that deviate in "
-            f"{', '.join(funnel.gliders.confidence.names)}; those to fly deviate in "
-            f"{', '.join(confidence.names) or 'nothing'}."
+            f"The funnel is of gliders that deviate in {', '.join(made_for)}; those to "
+            f"fly deviate in {', '.join(confidence.names) or 'nothing'}."
         )
-    trial = _Trial(funnel, rng, confidence=confidence)
+    trial = _Trial(funnel, rng, model, confidence)
     for number, share in enumerate(shares):
-        trial.fly_at(share, max(1, samples // len(shares)), climb)
+        count = samples // len(shares) + (number < samples % len(shares))
+        trial.fly_at(share, max(1, count), climb)
         if progress:
             progress((number + 1) / len(shares))
     return trial.outcome()
@@ -158,8 +132,8 @@ class _Trial:
         self,
         funnel: Funnel,
         rng: np.random.Generator,
-        model: GliderModel | None = None,
-        confidence: ConfidenceSet | None = None,
+        model: GliderModel | None,
+        confidence: ConfidenceSet | None,
     ):
         """Has flown nothing yet."""
         self._funnel, self._rng = funnel, rng
