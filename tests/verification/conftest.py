@@ -3,7 +3,6 @@
 import pytest
 
 from glider.paths import models_path
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.funnel.funnel import load_funnel
 
 
@@ -21,4 +20,4 @@ def proven():
 
 @pytest.fixture(scope="session")
 def coefficients(funnel):
-    return expand(funnel.nominal)
+    return funnel.nominal.closed_loop

@@ -8,7 +8,7 @@ import pytest
 
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.verification.dynamics.error_dynamics import evaluate
+from glider.verification.dynamics.nominal import evaluate
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.proof.check import check_funnel, largest_between

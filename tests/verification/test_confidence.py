@@ -17,7 +17,7 @@ from glider.verification.dynamics.confidence import (
     physical,
     theta_at,
 )
-from glider.verification.dynamics.error_dynamics import open_loop_rates
+from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.file import GlidersNote
 from glider.verification.funnel.funnel import noted_confidence
 

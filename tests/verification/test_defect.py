@@ -7,20 +7,15 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.error_dynamics import defect_bounds, defect_growth
-from glider.verification.dynamics.nominal import (
-    nominal_between,
-    nominal_path,
-    nominal_slopes,
-)
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
 
 
 def sampled(nominal, points=21):
     """Returns the largest |ẋ₀ - f| (T - 1, n) seen at points of each interval."""
-    path, found = nominal_path(nominal), []
+    path, found = nominal.path, []
     for share in np.linspace(0.0, 1.0, points)[1:-1]:
-        here = nominal_between(nominal, share)
-        found.append(np.abs(path(here.times, 1) - nominal_slopes(here)))
+        here = nominal.between(share)
+        found.append(np.abs(path(here.times, 1) - here.slopes))
     return np.max(found, axis=0)
 
 

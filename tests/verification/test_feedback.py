@@ -9,7 +9,6 @@ from glider.control.tvlqr import tracking_policy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.servo_limits import (
     SHARE,
@@ -37,8 +36,8 @@ def test_the_commands_slopes_are_those_of_the_closed_loop(nominal):
     """F₁ = A - B K: with gains of 1 on one state less, its column differs by B."""
     more = nominal.gains.copy()
     more[:, 2] += 1.0
-    changed = linear_part(expand(dataclasses.replace(nominal, gains=more)))
-    difference = linear_part(expand(nominal)) - changed
+    changed = linear_part(dataclasses.replace(nominal, gains=more).closed_loop)
+    difference = linear_part(nominal.closed_loop) - changed
     slopes = command_slopes(nominal)
     np.testing.assert_allclose(difference[:, :, 2], slopes, atol=1e-9)
     np.testing.assert_allclose(slopes[:, ELEVATOR], 1.0)
@@ -67,7 +66,7 @@ def test_no_command_of_this_size_brings_v_down_faster(funnel, nominal):
 
 def test_a_launch_may_err_by_more_with_it(nominal):
     settings = FunnelSettings(step=0.011, hold=0.088, elevator_gain=40.0)
-    parts = nominal, expand(nominal), settings, sphere_points(1, 7)
+    parts = nominal, settings, sphere_points(1, 7)
     with_it, without = ShapeFlow(*parts, steer=True), ShapeFlow(*parts)
     given = nominal.gains.copy()
     heights = [flow.run()[0, 1, 1] ** -0.5 for flow in (with_it, without)]

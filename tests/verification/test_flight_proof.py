@@ -12,7 +12,7 @@ import pytest
 
 from glider.errors import InputError
 from glider.verification.check_report import describe_proof, remainder_status
-from glider.verification.dynamics.error_dynamics import open_loop_rates
+from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import flight_proof
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights

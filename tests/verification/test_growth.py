@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.funnel.growth import (
     boundary_forms,
     largest_growth,
@@ -18,7 +17,7 @@ def forms(proven):
     """V̇/V on the boundary at 50 times, as the certificate has it."""
     part = proven.between(40, 89)
     disturbance = remainder_form(part.S, part.beta, part.weights)
-    return boundary_forms(part.S, part.slopes, expand(part.nominal), disturbance)
+    return boundary_forms(part.S, part.slopes, part.nominal.closed_loop, disturbance)
 
 
 def test_the_largest_growth_is_found_from_few_points(forms):

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from glider.verification.dynamics.error_dynamics import expand_rates, table_of
+from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.proof.interval import (
     covers,
@@ -46,9 +46,9 @@ def sets_at(piece, share):
     time, share = start + share * (stop - start), float(share)
     ends = [1.0 - share, share]
     gains = ends @ piece.nominal.gains
-    rates = np.tensordot(ends, expand_rates(piece.nominal), 1)
+    rates = np.tensordot(ends, piece.nominal.open_loop, 1)
     rates[:, 0] = 0.0
-    return piece.shape(time), piece._curves[0](time, 1), gains, rates
+    return piece.shape(time), piece.curve(time, 1), gains, rates
 
 
 @pytest.mark.parametrize("share", [0, Fraction(3, 8), 1])

@@ -11,16 +11,14 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import ConfidenceSet, glider_at
-from glider.verification.dynamics.error_dynamics import (
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.moving_center import make_moving_center
+from glider.verification.dynamics.nominal import (
     ORDER,
-    expand_rates,
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.moving_center import make_moving_center
-from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import keeps_servo, make_interval, tight_cover
@@ -52,11 +50,11 @@ def true_parts(piece, basis, points):
     its own glider and at its own time.
     """
     nominal, n, center = piece.nominal, piece.num_states, piece.gliders
-    which, rows = nonlinear_parts(nominal.model, n)
+    which, rows = nonlinear_parts(nominal.model)
     m, (start, stop) = len(basis), nominal.times
-    path = nominal_path(nominal)
+    path = nominal.path
     shift = CubicHermiteSpline(center.times, center.shifts, center.slopes)
-    P = expand_rates(nominal)[:, rows]
+    P = nominal.open_loop[:, rows]
     P[..., 0] = 0.0
     ratios, defects = [], []
     for point in points.T:
@@ -130,7 +128,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel, shape):
     # Polynomials of degree 3 in (v, s) lack the centers' last terms, no more.
     remainder = make_remainder(piece, basis)
     inputs = monomials(remainder.dimension, ORDER).values(points.T) @ remainder.inputs.T
-    centers = nominal_path(piece.nominal)(times)
+    centers = piece.nominal.path(times)
     moved = [piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
     lacks = np.abs(inputs[:, :-1] - centers - moved).max(axis=0)
     assert np.all(lacks <= remainder.beyond[:-1] + 1e-13)
@@ -161,6 +159,6 @@ def test_a_number_on_which_a_linear_rate_depends_is_seen():
     coefficients = {c.name: c.scale for c in lag.coefficients}
     model = GliderModel(effects=(lag(**coefficients),))
     names = tuple(f"servo_lag.{name}" for name in coefficients)
-    rows = nonlinear_parts(model, model.num_states)[1]
-    assert set(rows) < set(nonlinear_parts(model, model.num_states, names)[1])
-    assert rows == nonlinear_parts(model, model.num_states, ("mass",))[1]
+    rows = nonlinear_parts(model)[1]
+    assert set(rows) < set(nonlinear_parts(model, names)[1])
+    assert rows == nonlinear_parts(model, ("mass",))[1]

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from glider.paths import models_path
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
@@ -16,24 +15,24 @@ from glider.verification.sos.forms import to_ball
 from tests.verification.points import sphere_points
 
 
-def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel, coefficients):
+def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
     direction = 0.1 * sphere_points(5, 7) * [1.0, 1.0, 1.0, 1.0, 3.0, 3.0, 5.0]
     k = 90
     largest = []
     for size in (1.0, 0.5):
         errors = size * direction
-        remainder = remainder_of(funnel.nominal, coefficients, [k], errors[None])
+        remainder = remainder_of(funnel.nominal, [k], errors[None])
         largest.append(np.abs(remainder).max())
     assert np.log2(largest[0] / largest[1]) == pytest.approx(4.0, abs=0.5)
 
 
-def test_the_remainders_form_bounds_what_it_stands_for(funnel, coefficients):
+def test_the_remainders_form_bounds_what_it_stands_for(funnel):
     S, z = funnel.S[[150]], sphere_points(200, 7)
-    beta = sample_remainder(funnel.nominal, coefficients, S, z, np.array([150]))
+    beta = sample_remainder(funnel.nominal, S, z, np.array([150]))
     form = remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
     L_T, L_inv_T = to_ball(S[0])
     errors = z @ L_inv_T.T
-    remainder = remainder_of(funnel.nominal, coefficients, [150], errors[None])[0]
+    remainder = remainder_of(funnel.nominal, [150], errors[None])[0]
     pushed = 2.0 * np.sum((z @ L_T) * remainder, axis=1)
     assert np.all(pushed <= np.einsum("bi,ij,bj->b", z, form, z))
     assert np.abs(pushed).max() > 0.01
@@ -42,11 +41,8 @@ def test_the_remainders_form_bounds_what_it_stands_for(funnel, coefficients):
 def test_climbing_finds_nearly_all_of_what_many_more_samples_find():
     funnel = load_funnel(models_path("funnels", "proven", "drawn.npz"))
     at = np.array([20, 150])  # The glider is fast, and slow.
-    coefficients = expand(funnel.nominal)
     few, many = (
-        sample_remainder(
-            funnel.nominal, coefficients, funnel.S[at], sphere_points(n, 7, n), at
-        )
+        sample_remainder(funnel.nominal, funnel.S[at], sphere_points(n, 7, n), at)
         for n in (300, 20_000)
     )
     assert np.all(few[:, 4:] > 0.85 * many[:, 4:])
@@ -57,14 +53,11 @@ def test_climbing_goes_on_from_what_its_neighbors_in_time_found():
     """A hill of the pitch's R, which a climb of one time alone misses at some."""
     funnel = load_funnel(models_path("funnels", "head_wind_hook.npz"))
     at = np.arange(174, 190)
-    coefficients = expand(funnel.nominal)
 
     def found(seed, at):
         """Returns the largest R of the pitch's rate (K,)."""
         points = sphere_points(500, 7, seed)
-        sampled = sample_remainder(
-            funnel.nominal, coefficients, funnel.S[at], points, at
-        )
+        sampled = sample_remainder(funnel.nominal, funnel.S[at], points, at)
         return sampled[:, 6]
 
     truth = np.maximum(found(1, at), found(2, at))

@@ -7,14 +7,12 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.error_dynamics import (
-    expand_rates,
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.nominal import (
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.proof import remainder_proof
 from glider.verification.proof.boxes import bound_in_balls
 from glider.verification.proof.enclosure import make_remainder
@@ -60,16 +58,16 @@ def true_ratio(piece, basis, points):
     All of f(x₀ + y, u₀ + y) - ẋ₀ - P(y), each at its own time.
     """
     nominal, n = piece.nominal, piece.num_states
-    which, rows = nonlinear_parts(nominal.model, n)
+    which, rows = nonlinear_parts(nominal.model)
     shares = 0.5 * (1.0 + points[-1])
-    path, (start, stop) = nominal_path(nominal), nominal.times
+    path, (start, stop) = nominal.path, nominal.times
     times = start + shares * (stop - start)
     y = np.zeros((n + 1, len(times)))
     y[which] = basis @ points[:-1]
     u0 = (1.0 - shares) * nominal.inputs[0] + shares * nominal.inputs[1]
     states = path(times).T + y[:-1]
     rates = open_loop_rates(nominal.model, list(states), u0 + y[-1])
-    P = expand_rates(nominal)[:, rows]
+    P = nominal.open_loop[:, rows]
     P[..., 0] = 0.0
     ends = P @ table_of(n + 1).values(y.T).T  # (2, r, B)
     model = (1.0 - shares) * ends[0] + shares * ends[1]

@@ -11,8 +11,7 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES
 from glider.simulation.fly import fly
-from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import ARRAYS, make_nominal
+from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
@@ -34,14 +33,14 @@ def nominal(policy):
 
 def test_sizes_alone_are_the_same_at_all_times(nominal):
     settings = dataclasses.replace(SETTINGS, launch_sizes=None)
-    found = size_matrices(nominal, expand(nominal), settings)
+    found = size_matrices(nominal, settings)
     assert found.shape == (len(nominal.times), NUM_STATES, NUM_STATES)
     assert np.all(found == np.diag(np.square(settings.sizes)))
 
 
 def test_errors_of_a_launch_become_what_flights_show(nominal, policy):
     small = 1e-3
-    found = size_matrices(nominal, expand(nominal), SETTINGS)
+    found = size_matrices(nominal, SETTINGS)
     starts = nominal.states[0] + small * np.diag([*LAUNCH_SIZES])
     starts = np.vstack([nominal.states[0], starts])
     step = (nominal.times[1] - nominal.times[0]) / 8.0
@@ -67,11 +66,10 @@ def test_what_is_least_later_is_least_at_the_launch(policy, monkeypatch):
     monkeypatch.setattr(shape_flow, "first_success", no_growth)
     monkeypatch.setattr(shape_flow, "SHARE", 0.0)
     nominal = make_nominal(GliderModel(), policy, 0.002)
-    arrays = {name: getattr(nominal, name)[:50] for name in ARRAYS}
-    nominal = dataclasses.replace(nominal, **arrays)
+    nominal = nominal.part(slice(50))
     small = tuple(1e-3 * np.array(SETTINGS.goal))  # No limit of the servo cuts it.
     settings = dataclasses.replace(SETTINGS, goal=small, hold=SETTINGS.step)
-    flow = shape_flow.ShapeFlow(nominal, expand(nominal), settings, sphere_points(1, 7))
+    flow = shape_flow.ShapeFlow(nominal, settings, sphere_points(1, 7))
     S = flow.run()
     traces.append(np.sum(np.square(LAUNCH_SIZES) * np.diag(S[0])))
     np.testing.assert_allclose(traces, traces[0], rtol=1e-4)

@@ -6,8 +6,8 @@ import pytest
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.arithmetic import dependences
-from glider.verification.dynamics.error_dynamics import nonlinear_parts
 from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.dynamics.taylor_models import TaylorModel
 
 FORMULAS = {
@@ -90,7 +90,7 @@ def test_dependence_tells_what_is_nonlinear_from_what_is_linear():
 
 
 def test_a_gliders_accelerations_are_nonlinear_in_all_but_its_position():
-    assert nonlinear_parts(GliderModel(), 7) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+    assert nonlinear_parts(GliderModel()) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
     slow = GliderModel(effects=(SERVO_LAG(time_constant=0.03), WIND(x=1.0)))
     # The elevator turns at the servo's rate, state 7, not as commanded.
-    assert nonlinear_parts(slow, 8) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])
+    assert nonlinear_parts(slow) == ([2, 3, 4, 5, 6, 7], [4, 5, 6])

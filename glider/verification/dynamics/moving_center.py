@@ -15,8 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
-from glider.verification.dynamics.error_dynamics import closed_loop_rates, expand
-from glider.verification.dynamics.nominal import Nominal, nominal_between
+from glider.verification.dynamics.nominal import Nominal, closed_loop_rates
 
 STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5 of
@@ -63,7 +62,7 @@ def make_moving_center(nominal: Nominal, confidence: ConfidenceSet) -> MovingCen
     times, names = nominal.times, confidence.names
     starts = _linear(nominal, names)
     shares = np.arange(1, 2 * STEPS) / (2 * STEPS)
-    between = [_linear(nominal_between(nominal, share), names) for share in shares]
+    between = [_linear(nominal.between(share), names) for share in shares]
     shifts = np.zeros((len(times), nominal.states.shape[1], len(names)))
     for k, step in enumerate(np.diff(times) / STEPS):
         nodes = [(F1[k], push[k]) for F1, push in (starts, *between)]
@@ -95,4 +94,4 @@ def _linear(nominal, names):
         )
         for i, rate in enumerate(rates):
             push[:, i, j] = np.imag(rate) / _TINY
-    return expand(nominal)[..., 1 : len(x) + 1], push
+    return nominal.closed_loop[..., 1 : len(x) + 1], push

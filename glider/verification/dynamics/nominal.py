@@ -5,9 +5,15 @@ it would never settle at zero. The nominal is what the glider flies under the pl
 feedback from the plan's launch: a flight, up to the error of fine Runge-Kutta steps.
 Between its times x₀ is the cubic Hermite polynomial through states and slopes; u₀ and
 the gains are straight lines. That is how it is flown, checked and proven.
+
+With x = x₀(t) + e and u = u₀(t) - K(t) e, a deviation from it follows
+    ė = f(x₀ + e, u₀ - K e) - f(x₀, u₀) + d = F₁ e + F₂(e, e) + F₃(e, e, e) + R(e) + d
+as long as the servo follows its command, which the funnel ensures;
+`glider.verification.dynamics.defect` bounds d.
 """
 
 import dataclasses
+import functools
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -18,9 +24,26 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
+from glider.verification.dynamics.arithmetic import dependences
+from glider.verification.dynamics.confidence import theta_at
+from glider.verification.dynamics.jets import (
+    Monomials,
+    coefficients_of,
+    monomials,
+    variables,
+)
 
 FLIGHT_STEP = 0.0005
 """Longest step of the integration [s]."""
+
+ORDER = 3
+"""Order of the expansion that funnels are built on. With order 2, the remainder leaves
+a launch 1.7 cm of height; with order 3, 9 cm."""
+
+
+def table_of(num_variables: int) -> Monomials:
+    """Returns the monomials of the Taylor polynomials."""
+    return monomials(num_variables, ORDER)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -31,7 +54,6 @@ class Nominal:
 
     Attributes:
         model: glider that flies.
-        state_names: names of the n states: STATE_NAMES, then the effects' own.
         times: times (T,) from 0 [s].
         states: states x₀ (T, n).
         inputs: elevator rates u₀ (T,) [rad/s].
@@ -39,11 +61,71 @@ class Nominal:
     """
 
     model: GliderModel
-    state_names: tuple[str, ...]
     times: np.ndarray
     states: np.ndarray
     inputs: np.ndarray
     gains: np.ndarray
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the n states: STATE_NAMES, then the effects' own."""
+        return self.model.state_names
+
+    @functools.cached_property
+    def slopes(self) -> np.ndarray:
+        """ẋ₀ (T, n) by the dynamics."""
+        x = list(self.states.T)
+        rates = closed_loop_rates(self.model, x, self.gains.T, x, self.inputs)
+        return np.array([np.broadcast_to(rate, len(self.times)) for rate in rates]).T
+
+    @functools.cached_property
+    def path(self) -> CubicHermiteSpline:
+        """x₀ as a function of time."""
+        return CubicHermiteSpline(self.times, self.states, self.slopes)
+
+    @functools.cached_property
+    def closed_loop(self) -> np.ndarray:
+        """Taylor coefficients (T, n, M) of ė by `table_of(n)`; the constant is zero."""
+        states = variables(self.states.T, ORDER)
+        rates = closed_loop_rates(
+            self.model, states, self.gains.T, self.states.T, self.inputs
+        )
+        coefficients = np.array([coefficients_of(rate, states[0]) for rate in rates])
+        coefficients = np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
+        coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
+        return coefficients
+
+    @functools.cached_property
+    def open_loop(self) -> np.ndarray:
+        """Taylor coefficients (T, n, M) of f in n states and the command.
+
+        The constant is f at the nominal; the monomials are those of `table_of(n + 1)`.
+        """
+        *states, command = variables(np.vstack([self.states.T, self.inputs]), ORDER)
+        rates = open_loop_rates(self.model, states, command)
+        coefficients = np.array([coefficients_of(rate, command) for rate in rates])
+        return np.moveaxis(coefficients, 2, 0)  # (n, M, T) to (T, n, M).
+
+    def part(self, which: slice) -> "Nominal":
+        """Returns the flight at some of its times."""
+        arrays = {name: getattr(self, name)[which] for name in ARRAYS}
+        return dataclasses.replace(self, **arrays)
+
+    def between(self, share: float) -> "Nominal":
+        """Returns the flight at one point of each interval, (T - 1) times.
+
+        Args:
+            share: of an interval, where the point is; from 0 to 1.
+        """
+        times = self.times[:-1] + share * np.diff(self.times)
+        u, K = self.inputs, self.gains
+        return dataclasses.replace(
+            self,
+            times=times,
+            states=self.path(times),
+            inputs=(1.0 - share) * u[:-1] + share * u[1:],
+            gains=(1.0 - share) * K[:-1] + share * K[1:],
+        )
 
 
 ARRAYS = ("times", "states", "inputs", "gains")
@@ -85,46 +167,40 @@ def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nom
     for u, x in zip(inputs, states, strict=True):
         if limited_rate(u, x[ELEVATOR], servo) != u:
             raise InputError("The plan needs its servo at a limit: no funnel about it.")
-    return Nominal(
-        model=model,
-        state_names=model.state_names,
-        times=times,
-        states=states,
-        inputs=inputs,
-        gains=gains,
-    )
+    return Nominal(model=model, times=times, states=states, inputs=inputs, gains=gains)
 
 
-def nominal_slopes(nominal: Nominal) -> np.ndarray:
-    """Returns ẋ₀ (T, n) by the dynamics."""
-    x = list(nominal.states.T)
-    rates = closed_loop_rates(nominal.model, x, nominal.gains.T, x, nominal.inputs)
-    return np.array([np.broadcast_to(rate, len(nominal.times)) for rate in rates]).T
+def nonlinear_parts(
+    model: GliderModel, names: tuple[str, ...] = ()
+) -> tuple[list[int], list[int]]:
+    """Returns the indices of the variables and of the rates that are not linear.
 
-
-def nominal_path(nominal: Nominal) -> CubicHermiteSpline:
-    """Returns x₀ as a function of time."""
-    return CubicHermiteSpline(nominal.times, nominal.states, nominal_slopes(nominal))
-
-
-def nominal_between(nominal: Nominal, share: float) -> Nominal:
-    """Returns the flight at one point of each interval, (T - 1) times.
+    Variable n is the command.
 
     Args:
-        share: of an interval, where the point is; from 0 to 1.
+        names: of further variables: numbers of the glider that deviate.
     """
-    times = nominal.times[:-1] + share * np.diff(nominal.times)
-    return dataclasses.replace(
-        nominal,
-        times=times,
-        states=nominal_path(nominal)(times),
-        inputs=_between(nominal.inputs, share),
-        gains=_between(nominal.gains, share),
-    )
+    n = model.num_states
+    variables = dependences(n + 1 + len(names))
+    theta = theta_at(model, names, variables[n + 1 :])
+    rates = open_loop_rates(model, variables[:n], variables[n], theta)
+    nonlinear: list[frozenset[int]]
+    nonlinear = [getattr(rate, "nonlinear", frozenset()) for rate in rates]
+    which = frozenset[int]().union(*nonlinear)
+    return sorted(which), [row for row, of in enumerate(nonlinear) if of]
 
 
-def _between(values, share):
-    return (1.0 - share) * values[:-1] + share * values[1:]
+def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Returns ė (..., B, n) by the Taylor polynomials.
+
+    Args:
+        coefficients: (..., n, M) of `Nominal.closed_loop`.
+        errors: (..., B, n) deviations e.
+    """
+    n = errors.shape[-1]
+    values = table_of(n).values(errors.reshape(-1, n))
+    values = values.reshape(*errors.shape[:-1], -1)
+    return values @ np.swapaxes(coefficients, -1, -2)
 
 
 def open_loop_rates(model, states, command, theta=None):

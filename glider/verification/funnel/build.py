@@ -13,7 +13,6 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.funnel import Funnel
@@ -85,18 +84,16 @@ def make_funnel(
     if hook_of is not None:
         goal = hook_goal(settings.goal, nominal.states[-1], hook_of)
         settings = dataclasses.replace(settings, goal=goal)
-    coefficients = expand(nominal)
     n = nominal.states.shape[1]
     total = n + (confidence.dimension if confidence else 0)
     directions = normalized(rng.normal(size=(SAMPLES, total)))
     if settings.elevator_gain > 0.0:
         own = normalized(directions[:, :n])
-        steered = ShapeFlow(nominal, coefficients, settings, own, steer=True)
+        steered = ShapeFlow(nominal, settings, own, steer=True)
         _shape(steered, say, "feedback")
-        nominal = steered.nominal
-        coefficients = expand(nominal)
+        nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
     center = make_moving_center(nominal, confidence) if confidence else None
-    parts = nominal, coefficients, settings, directions, center
+    parts = nominal, settings, directions, center
     S = _shape(ShapeFlow(*parts), say, "shape")
     say("funnel: its size")
     sets = Gauge(*parts).scaled(S)

@@ -13,7 +13,7 @@ from glider.physics.covariance import check_names, covariance_of_rows
 from glider.physics.model import GliderModel, model_text
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
-from glider.verification.dynamics.nominal import ARRAYS, Nominal, nominal_path
+from glider.verification.dynamics.nominal import ARRAYS, Nominal
 from glider.verification.funnel.file import (
     FunnelFile,
     GlidersNote,
@@ -64,11 +64,9 @@ class Funnel:
         return self.S.shape[1]
 
     @functools.cached_property
-    def _curves(self) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
-        return (
-            CubicHermiteSpline(self.nominal.times, self.S, self.slopes),
-            nominal_path(self.nominal),
-        )
+    def curve(self) -> CubicHermiteSpline:
+        """S as a function of time."""
+        return CubicHermiteSpline(self.nominal.times, self.S, self.slopes)
 
     def some_times(self, every: int) -> list[int]:
         """Returns the indices of every so many times, the first and last included."""
@@ -78,19 +76,18 @@ class Funnel:
     def between(self, first: int, last: int) -> "Funnel":
         """Returns the funnel from one of its times to another, given their indices."""
         here = slice(first, last + 1)
-        parts = {name: getattr(self.nominal, name)[here] for name in ARRAYS}
         own = {name: getattr(self, name)[here] for name in _OWN_ARRAYS}
-        nominal = dataclasses.replace(self.nominal, **parts)
+        nominal = self.nominal.part(here)
         gliders = self.gliders and self.gliders.between(first, last)
         return dataclasses.replace(self, nominal=nominal, gliders=gliders, **own)
 
     def center(self, times: np.ndarray | float) -> np.ndarray:
         """Returns x₀ at times within the flight, (..., n)."""
-        return self._curves[1](self._inside(times))
+        return self.nominal.path(self._inside(times))
 
     def shape(self, times: np.ndarray | float) -> np.ndarray:
         """Returns S at times within the flight, (..., n, n)."""
-        return self._curves[0](self._inside(times))
+        return self.curve(self._inside(times))
 
     def level(self, times: np.ndarray | float, states: np.ndarray) -> np.ndarray:
         """Returns V = (x - x₀)ᵀ S (x - x₀), at most 1 inside, (...).
@@ -172,11 +169,7 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
             f"{path}: not a funnel: its states are {', '.join(notes.state_names)}; its "
             f"glider's are {', '.join(model.state_names)}."
         )
-    nominal = Nominal(
-        model=model,
-        state_names=notes.state_names,
-        **{name: file.arrays[name] for name in ARRAYS},
-    )
+    nominal = Nominal(model=model, **{name: file.arrays[name] for name in ARRAYS})
     gliders = None
     if notes.confidence is not None:
         try:

@@ -6,15 +6,13 @@ and in all cases seen the truth itself, or nearly. It only guides the choice of 
 funnel, which sums of squares then certify.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.verification.dynamics.error_dynamics import expand
-from glider.verification.dynamics.nominal import ARRAYS, Nominal, nominal_between
+from glider.verification.dynamics.nominal import Nominal
 from glider.verification.sos.forms import (
     higher_forms,
     quadratic_form,
@@ -54,7 +52,7 @@ def boundary_forms(
     Args:
         S: (T, n, n).
         slopes: (T, n, n) Ṡ.
-        coefficients: (T, n, M) of `expand`.
+        coefficients: (T, n, M) of `Nominal.closed_loop`.
         disturbance: (T, n, n) D.
     """
     cubic, quartic = higher_forms(S, coefficients)
@@ -112,11 +110,9 @@ class GrowthBetween:
         """
         self._share, self._every = share, every
         self._times = nominal.times
-        here = nominal_between(nominal, share)
-        parts = {name: getattr(here, name)[::every] for name in ARRAYS}
-        here = dataclasses.replace(here, **parts)
+        here = nominal.between(share).part(slice(None, None, every))
         self._at = here.times
-        self._coefficients = expand(here)
+        self._coefficients = here.closed_loop
 
     def largest(
         self,

@@ -11,13 +11,13 @@ also the difference of their rates, about their own center
 import numpy as np
 
 from glider.verification.dynamics.confidence import physical, theta_at
-from glider.verification.dynamics.error_dynamics import (
+from glider.verification.dynamics.moving_center import MovingCenter
+from glider.verification.dynamics.nominal import (
+    Nominal,
     closed_loop_rates,
     evaluate,
     nonlinear_parts,
 )
-from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import climb_sphere
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -40,7 +40,6 @@ LEAST_REMAINDER = 1e-9
 
 def sample_remainder(
     nominal: Nominal,
-    coefficients: np.ndarray,
     S: np.ndarray,
     directions: np.ndarray,
     at: np.ndarray,
@@ -52,7 +51,6 @@ def sample_remainder(
     bound, but seldom less than nine tenths of one.
 
     Args:
-        coefficients: (T, n, M) of `expand`.
         S: (K, n, n) of the sets.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
             negatives too. The first n are of the deviation e, the others of δ.
@@ -61,17 +59,14 @@ def sample_remainder(
     """
     n = S.shape[-1]
     names = center.confidence.names if center else ()
-    _, rows = nonlinear_parts(nominal.model, n, names)
+    _, rows = nonlinear_parts(nominal.model, names)
     count, total = len(rows), directions.shape[-1]
     L_inv = np.swapaxes(to_ball(S)[1], 1, 2)
 
     def remainders(y, here):
         """Returns R (K, B, r) at points (K, B, n + r) of the spheres at some times."""
         errors, deviations = split_directions(nominal, center, L_inv[here], y)
-        found = remainder_of(
-            nominal, coefficients, at[here], errors, center, deviations
-        )
-        return found[..., rows]
+        return remainder_of(nominal, at[here], errors, center, deviations)[..., rows]
 
     shares = np.array_split(np.concatenate([directions, -directions]), CLIMBS)
     starts = np.empty((len(at), 2 * count, CLIMBS, total))
@@ -132,7 +127,6 @@ def split_directions(
 
 def remainder_of(
     nominal: Nominal,
-    coefficients: np.ndarray,
     at: np.ndarray,
     errors: np.ndarray,
     center: MovingCenter | None = None,
@@ -141,15 +135,16 @@ def remainder_of(
     """Returns R (K, B, n) = ė - p(e), without the servo's limits.
 
     Args:
-        coefficients: (T, n, M) of p, as `expand` gives them.
         at: (K,) indices of the times.
         errors: (K, B, n) deviations e, from x₀ + X δ where the center moves.
         center: of the gliders that fly; None for the model's own.
         deviations: (K, B, m) δ of each.
     """
-    polynomial = evaluate(coefficients[at], errors)
+    polynomial = evaluate(nominal.closed_loop[at], errors)
     if center is None or deviations is None:
-        return true_rates(nominal, at, errors) - polynomial
+        both = np.concatenate([0.0 * errors[:, :1], errors], axis=1)
+        full = _rates(nominal, at, both)
+        return full[:, 1:] - full[:, :1] - polynomial
     moved = errors + deviations @ np.swapaxes(center.shifts[at], 1, 2)
     drift = deviations @ np.swapaxes(center.slopes[at], 1, 2)
     theta = theta_at(
@@ -157,12 +152,6 @@ def remainder_of(
     )
     own = _rates(nominal, at, np.zeros_like(errors[:, :1]))
     return _rates(nominal, at, moved, theta) - own - drift - polynomial
-
-
-def true_rates(nominal: Nominal, at: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Returns ė (K, B, n) of deviations (K, B, n) by the physics, without limits."""
-    full = _rates(nominal, at, np.concatenate([0.0 * errors[:, :1], errors], axis=1))
-    return full[:, 1:] - full[:, :1]
 
 
 def _rates(nominal, at, errors, theta=None):

@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from glider.verification.dynamics.error_dynamics import defect_bounds, defect_growth
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import (
@@ -71,16 +71,15 @@ class Gauge:
     def __init__(
         self,
         nominal: Nominal,
-        coefficients: np.ndarray,
         settings: FunnelSettings,
         directions: np.ndarray,
         center: MovingCenter | None,
     ):
         """Expands the dynamics between the times; see `ShapeFlow` for the arguments."""
-        self._nominal, self._coefficients = nominal, coefficients
-        self._settings, self._directions = settings, directions
+        self._nominal, self._settings = nominal, settings
+        self._directions = directions
         self._center, n = center, nominal.states.shape[1]
-        self._sizes = size_matrices(nominal, coefficients, settings)
+        self._sizes = size_matrices(nominal, settings)
         self._starts = directions[:STARTS]
         if center is not None:
             self._starts = normalized(self._starts[:, :n])
@@ -125,7 +124,7 @@ class Gauge:
         weights = remainder_weights(S, beta, self._sizes)
         disturbance = remainder_form(S, beta, weights)
         disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
-        forms = boundary_forms(S, slopes, self._coefficients, disturbance)
+        forms = boundary_forms(S, slopes, self._nominal.closed_loop, disturbance)
         return BoundarySets(S=S, slopes=slopes, beta=beta, weights=weights, forms=forms)
 
     def growth(self, S: np.ndarray) -> np.ndarray:
@@ -153,12 +152,7 @@ class Gauge:
         if self._settings.remainder == 0.0:
             return np.zeros(self._nominal.states.shape)
         sampled = sample_remainder(
-            self._nominal,
-            self._coefficients,
-            S,
-            self._directions,
-            np.arange(len(S)),
-            self._center,
+            self._nominal, S, self._directions, np.arange(len(S)), self._center
         )
         return inflate(sampled, self._settings.remainder)
 

@@ -19,7 +19,6 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.error_dynamics import expand_rates
 from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 
@@ -145,7 +144,7 @@ until the gains are used, one time earlier."""
 
 def command_slopes(nominal: Nominal) -> np.ndarray:
     """Returns B = ∂f/∂u (T, n) along a flight."""
-    return expand_rates(nominal)[:, :, 1 + nominal.states.shape[1]]
+    return nominal.open_loop[:, :, 1 + nominal.states.shape[1]]
 
 
 def steepest_gains(

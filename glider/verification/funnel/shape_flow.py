@@ -21,9 +21,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import expm
 
-from glider.verification.dynamics.error_dynamics import expand
 from glider.verification.dynamics.moving_center import MovingCenter
-from glider.verification.dynamics.nominal import ARRAYS, Nominal
+from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
     inflate,
@@ -48,19 +47,13 @@ funnel for the hook, 0.32, 0.17, 0.1 and 0.05 leave 14.4, 15.4, 15.9 and 15.3 cm
 height, in steps twice as long."""
 
 
-def size_matrices(
-    nominal: Nominal, coefficients: np.ndarray, settings: FunnelSettings
-) -> np.ndarray:
-    """Returns Σ (T, n, n), in squared units of the states.
-
-    Args:
-        coefficients: (T, n, M) of `expand`.
-    """
+def size_matrices(nominal: Nominal, settings: FunnelSettings) -> np.ndarray:
+    """Returns Σ (T, n, n), in squared units of the states."""
     count, n = nominal.states.shape
     steady = np.diag(np.square(settings.size_axes(n)))
     if settings.launch_sizes is None:
         return np.broadcast_to(steady, (count, n, n))
-    slopes = linear_part(coefficients)
+    slopes = linear_part(nominal.closed_loop)
     means = 0.5 * (slopes[:-1] + slopes[1:])
     errors = [np.diag(settings.launch_axes(n))]
     for step in expm(np.diff(nominal.times)[:, None, None] * means):
@@ -80,7 +73,6 @@ class ShapeFlow:
     def __init__(
         self,
         nominal: Nominal,
-        coefficients: np.ndarray,
         settings: FunnelSettings,
         directions: np.ndarray,
         center: MovingCenter | None = None,
@@ -89,7 +81,6 @@ class ShapeFlow:
         """Takes what the flow depends on.
 
         Args:
-            coefficients: (T, n, M) of `expand`.
             directions: (B, n + r) of `sample_remainder`.
             center: of the gliders that may fly; None for the model's own.
             steer: whether the feedback is made on the way, in place of the nominal's.
@@ -97,11 +88,10 @@ class ShapeFlow:
         """
         if steer:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
-            coefficients = coefficients.copy()
-        self._nominal, self._coefficients = nominal, coefficients
-        self._settings, self._directions = settings, directions
+        self._nominal, self._settings = nominal, settings
+        self._directions = directions
         self._bounds, self._center = bounds_about(nominal, center), center
-        self._sizes = size_matrices(nominal, coefficients, settings)
+        self._sizes = size_matrices(nominal, settings)
         self._slopes = command_slopes(nominal) if steer else None
 
     @property
@@ -149,9 +139,8 @@ class ShapeFlow:
         nominal.gains[k] = steepest_gains(
             S, self._slopes[k], bounds[k, 0], self._settings.elevator_gain
         )
-        arrays = {name: getattr(nominal, name)[k : k + 1] for name in ARRAYS}
-        here = dataclasses.replace(nominal, **arrays)
-        self._coefficients[k] = expand(here)[0]
+        here = nominal.part(slice(k, k + 1))
+        nominal.closed_loop[k] = here.closed_loop[0]  # Ours: of a copy.
         directions[k] = servo_bounds(here)[0][0]
 
     def _cut(self, S, k):
@@ -161,7 +150,7 @@ class ShapeFlow:
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
-        cubic, quartic = higher_forms(S, self._coefficients[k])
+        cubic, quartic = higher_forms(S, self._nominal.closed_loop[k])
         L = np.linalg.cholesky(S)
         weight = L.T @ self._sizes[k] @ L
         [growth] = first_success(
@@ -173,12 +162,7 @@ class ShapeFlow:
         )
         if self._settings.remainder > 0.0:
             beta = sample_remainder(
-                self._nominal,
-                self._coefficients,
-                S[None],
-                self._directions,
-                np.array([k]),
-                self._center,
+                self._nominal, S[None], self._directions, np.array([k]), self._center
             )
             beta = inflate(beta, self._settings.remainder)
             weights = remainder_weights(S[None], beta, self._sizes[k])
@@ -188,8 +172,8 @@ class ShapeFlow:
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""
         step = self._nominal.times[k] - self._nominal.times[k - 1]
-        first = linear_part(self._coefficients[k])
-        second = linear_part(self._coefficients[k - 1])
+        first = linear_part(self._nominal.closed_loop[k])
+        second = linear_part(self._nominal.closed_loop[k - 1])
 
         def rate(S, share):
             L = np.linalg.cholesky(S)

@@ -1,7 +1,7 @@
 """The check of a funnel's certificate, exactly and without a solver.
 
 `purpose`: the funnel is one of the intended problem and glider.
-`glider.verification.dynamics.error_dynamics`: its nominal is a flight, or nearly.
+`glider.verification.dynamics.defect`: its nominal is a flight, or nearly.
 `gliders_faults`: each glider of its set has margin about its own center.
 `exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
 floating point: no remainder larger than β_k is seen, and V falls between the times too.
@@ -19,12 +19,8 @@ from threadpoolctl import threadpool_limits
 
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.verification.dynamics.error_dynamics import (
-    defect_bounds,
-    defect_growth,
-    expand,
-    nonlinear_parts,
-)
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
+from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import SHARES, GrowthBetween
 from glider.verification.funnel.remainder import (
@@ -169,14 +165,13 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
         at: indices of the times.
     """
     nominal, n, center = funnel.nominal, funnel.num_states, funnel.gliders
-    coefficients, ratios = expand(nominal), [0.0]
-    rng = np.random.default_rng(0)
+    ratios, rng = [0.0], np.random.default_rng(0)
     points = normalized(rng.normal(size=(SAMPLES, n)))
-    _, rows = nonlinear_parts(nominal.model, n)
+    _, rows = nonlinear_parts(nominal.model)
     trials: list[tuple] = [(None, points, rows)]
     if center:
         names, r = center.confidence.names, center.confidence.dimension
-        _, rows = nonlinear_parts(nominal.model, n, names)
+        _, rows = nonlinear_parts(nominal.model, names)
         more = rng.normal(size=(SAMPLES_OF_SET, n + r))
         trials.append((center, normalized(more), rows))
     for k in at:
@@ -185,9 +180,7 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
             errors, deviations = split_directions(
                 nominal, about, L_inv, directions[None]
             )
-            found = remainder_of(
-                nominal, coefficients, np.array([k]), errors, about, deviations
-            )
+            found = remainder_of(nominal, np.array([k]), errors, about, deviations)
             largest = np.abs(found[0]).max(axis=0)[of]
             counts = ~(largest <= LEAST_REMAINDER)  # What is no number counts.
             with np.errstate(divide="ignore"):

@@ -20,15 +20,13 @@ import numpy as np
 
 from glider.physics.model import GliderModel
 from glider.verification.dynamics.confidence import theta_at
-from glider.verification.dynamics.error_dynamics import (
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.nominal import (
     ORDER,
-    expand_rates,
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
-from glider.verification.dynamics.jets import monomials
-from glider.verification.dynamics.nominal import nominal_path
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE
@@ -149,13 +147,13 @@ def make_remainder(
         span: first and last s of the part.
     """
     nominal, n = piece.nominal, piece.num_states
-    which, rows = nonlinear_parts(nominal.model, n)
+    which, rows = nonlinear_parts(nominal.model)
     m = len(which)
     gliders = gliders_path(piece)
     last = m + (gliders.dimension if gliders else 0)  # The coordinate s.
     table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
-    P = expand_rates(nominal)[:, rows][..., own]
+    P = nominal.open_loop[:, rows][..., own]
     P[..., 0] = 0.0  # That is in ẋ₀.
     path, slopes = _path_and_slopes(nominal)
     inputs_ends = _mean_and_half_change(nominal.inputs)
@@ -222,7 +220,7 @@ def _path_and_slopes(nominal):
     """Returns x₀ (n, 4) and ẋ₀ (n, 3) as powers of s, lowest first."""
     half = 0.5 * (nominal.times[1] - nominal.times[0])
     since = np.polynomial.Polynomial([half, half])
-    curves = nominal_path(nominal).c[::-1, 0].T
+    curves = nominal.path.c[::-1, 0].T
     path = np.zeros((len(curves), ORDER + 1))
     for row, curve in zip(path, curves, strict=True):
         powers = np.polynomial.Polynomial(curve)(since).coef
@@ -232,8 +230,7 @@ def _path_and_slopes(nominal):
 
 def _turned(model, center, polynomials, basis):
     """Returns a basis with axes in the order of how much R varies, and max |R| (r,)."""
-    n = len(center) - 1
-    which, rows = nonlinear_parts(model, n)
+    which, rows = nonlinear_parts(model)
     table = table_of(len(which))
 
     def rates(y):

@@ -3,9 +3,9 @@
 At each time that is checked:
 1. S is positive definite, and the set keeps the servo within its limits;
 2. V̇ <= -slack V on the whole boundary V = 1, for the third-order dynamics whose
-   coefficients are the doubles that `expand` computes from the glider in the file, with
-   any disturbance |R_k| <= β_k, and with the nominal's largest defect in the intervals
-   about that time: minus V̇ - slack V has a positive definite Gram matrix.
+   coefficients are the doubles that `Nominal.closed_loop` computes from the glider in
+   the file, with any disturbance |R_k| <= β_k, and with the nominal's largest defect in
+   the intervals about that time: minus V̇ - slack V has a positive definite Gram matrix.
 At the end the set lies in the goal. `glider.verification.proof` states what rests on
 more than exact arithmetic.
 """
@@ -15,7 +15,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from glider.verification.dynamics.error_dynamics import expand, table_of
+from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.sos.exact import (
@@ -76,7 +76,7 @@ def exact_faults(
         rounding left over.
     """
     nominal = funnel.nominal
-    coefficients = expand(nominal)
+    coefficients = nominal.closed_loop
     directions, bounds = servo_bounds(nominal, shrink=1.0, number=fractions)
     slack = proven_slack(funnel)
     found: dict[str, list[float]] = {}
@@ -119,7 +119,7 @@ def check_time(
     matrix prove nothing.
 
     Args:
-        coefficients: (n, M) of `expand` at that time.
+        coefficients: (n, M) of `Nominal.closed_loop` at that time.
     """
     S, slope = funnel.S[k], funnel.slopes[k]
     beta, weights = funnel.beta[k], funnel.weights[k]
@@ -169,7 +169,7 @@ def growth_polynomial(
     Args:
         S: (n, n).
         slope: (n, n) Ṡ.
-        coefficients: (n, M) of `expand`.
+        coefficients: (n, M) of `Nominal.closed_loop`.
         L_inv_T: (n, n).
         beta: (n,) bounds of the remainder.
         weights: (n,) λ, positive where beta is.

@@ -16,12 +16,7 @@ import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.error_dynamics import (
-    expand_rates,
-    nonlinear_parts,
-    table_of,
-)
-from glider.verification.dynamics.nominal import nominal_slopes
+from glider.verification.dynamics.nominal import nonlinear_parts, table_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_gliders import servo_reach
 from glider.verification.sos.exact import (
@@ -86,11 +81,11 @@ class Interval:
 def make_interval(piece: Funnel) -> Interval:
     """Returns the polynomials of a funnel of two times; λ > 0 where β is."""
     nominal, n = piece.nominal, piece.num_states
-    which, rows = nonlinear_parts(nominal.model, n)
+    which, rows = nonlinear_parts(nominal.model)
     first, last = map(exact, nominal.times)
     step = last - first
     S, rise = hermite(piece.S, piece.slopes, step)
-    rates, table = expand_rates(nominal), table_of(n + 1)
+    rates, table = nominal.open_loop, table_of(n + 1)
     own = table.without(np.setdiff1d(np.arange(n + 1), which))
 
     def part(degree):
@@ -131,7 +126,7 @@ def _limits(piece, step):
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
     command, gains = line(*nominal.inputs), line(*nominal.gains)
-    slopes = nominal_slopes(nominal)[:, ELEVATOR]
+    slopes = nominal.slopes[:, ELEVATOR]
     angle, _ = hermite(nominal.states[:, ELEVATOR], slopes, step)
     ahead = angle + ahead_by * command
     travel = exact(np.eye(piece.num_states)[ELEVATOR]) - ahead_by * gains

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.verification.dynamics.error_dynamics import expand_rates, nonlinear_parts
+from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import Exact, InTime, exact, hermite
@@ -93,8 +93,8 @@ def gliders_defect(piece: Funnel) -> np.ndarray:
     path, found = gliders_path(piece), np.zeros(n)
     if path is None:
         return found
-    _, rows = nonlinear_parts(piece.nominal.model, n)
-    jacobian = expand_rates(piece.nominal)[0][:, 1 : n + 2]
+    _, rows = nonlinear_parts(piece.nominal.model)
+    jacobian = piece.nominal.open_loop[0][:, 1 : n + 2]
     wanted = np.einsum("ij,jrk->irk", jacobian, path.inputs)
     wanted[..., :3] -= path.slopes
     sizes = np.einsum("ij,jrk->ir", np.abs(jacobian), np.abs(path.inputs))
@@ -108,6 +108,6 @@ def unproven_numbers(piece: Funnel) -> bool:
     """Determines whether an otherwise linear rate depends on a number that deviates."""
     if piece.gliders is None:
         return False
-    model, n = piece.nominal.model, piece.num_states
+    model = piece.nominal.model
     names = piece.gliders.confidence.names
-    return nonlinear_parts(model, n, names)[1] != nonlinear_parts(model, n)[1]
+    return nonlinear_parts(model, names)[1] != nonlinear_parts(model)[1]

@@ -9,15 +9,10 @@ else the certificate may be too weak to prove that none does.
 import dataclasses
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from threadpoolctl import threadpool_limits
 
-from glider.verification.dynamics.error_dynamics import (
-    defect_bounds,
-    nonlinear_parts,
-    open_loop_rates,
-)
-from glider.verification.dynamics.nominal import nominal_between, nominal_path
+from glider.verification.dynamics.defect import defect_bounds
+from glider.verification.dynamics.nominal import nonlinear_parts, open_loop_rates
 from glider.verification.dynamics.taylor_models import WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import climb_sphere
@@ -113,7 +108,7 @@ def linear_defect(piece: Funnel, interval: Interval) -> float:
     S [1/s].
     """
     delta = defect_bounds(piece.nominal)[0] + gliders_defect(piece)
-    delta[nonlinear_parts(piece.nominal.model, piece.num_states)[1]] = 0.0
+    delta[nonlinear_parts(piece.nominal.model)[1]] = 0.0
     largest = np.abs(interval.S.bernstein()).max(axis=0)
     return float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
 
@@ -158,13 +153,11 @@ def worst_candidate(piece: Funnel) -> Candidate:
     nominal, n = piece.nominal, piece.num_states
     times = np.linspace(nominal.times[0], nominal.times[1], TIMES)
     shares = np.linspace(0.0, 1.0, TIMES)
-    here = [nominal_between(nominal, share) for share in shares]
+    here = [nominal.between(share) for share in shares]
     inputs = np.concatenate([one.inputs for one in here])
     gains = np.concatenate([one.gains for one in here])
-    path = nominal_path(nominal)
-    centers, drift = path(times), path(times, 1)
-    shape = CubicHermiteSpline(nominal.times, piece.S, piece.slopes)
-    S, slopes = shape(times), shape(times, 1)
+    centers, drift = nominal.path(times), nominal.path(times, 1)
+    S, slopes = piece.curve(times), piece.curve(times, 1)
     turn = np.swapaxes(to_ball(S)[1], 1, 2)
 
     def growth(z):

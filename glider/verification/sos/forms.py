@@ -11,14 +11,14 @@ import functools
 
 import numpy as np
 
-from glider.verification.dynamics.error_dynamics import table_of
 from glider.verification.dynamics.jets import exponents_of
+from glider.verification.dynamics.nominal import table_of
 from glider.verification.sos.exact import Exact
 from glider.verification.sos.sphere import Sphere
 
 
 def linear_part(coefficients: np.ndarray) -> np.ndarray:
-    """Returns F₁ (..., n, n) of coefficients (..., n, M) of `expand`."""
+    """Returns F₁ (..., n, n) of coefficients (..., n, M) of `Nominal.closed_loop`."""
     n = coefficients.shape[-2]
     return coefficients[..., 1 : n + 1]
 
@@ -44,7 +44,7 @@ def higher_forms(
 
     Args:
         S: (..., n, n).
-        coefficients: (..., n, M) of `expand`.
+        coefficients: (..., n, M) of `Nominal.closed_loop`.
     """
     L_T, L_inv_T = to_ball(S)
     n = S.shape[-1]

@@ -10,7 +10,6 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.simulation.fly import fly
-from glider.verification.dynamics.nominal import nominal_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
@@ -25,7 +24,7 @@ def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
     plan = Plan(
         times=times,
         states=nominal.states[first:],
-        slopes=nominal_slopes(nominal)[first:],
+        slopes=nominal.slopes[first:],
         inputs=nominal.inputs[first:],
         state_names=nominal.state_names,
         cost=0.0,

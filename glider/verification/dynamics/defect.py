@@ -1,0 +1,83 @@
+"""The defect of a nominal flight: what it lacks to be a flight between its times.
+
+x₀ is the cubic Hermite polynomial through its states and slopes, and u₀ a straight
+line. That is a flight except for the defect d = f(x₀, u₀) - ẋ₀, which acts like a
+disturbance. On the boundary V = 1 it makes V grow by at most
+    2 eᵀ S d <= 2 √(dᵀ S d) <= 2 √(δᵀ |S| δ),  where |d_i| <= δ_i.
+Taylor models in time enclose d, so that no time in between is missed.
+"""
+
+import numpy as np
+
+from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.nominal import Nominal, open_loop_rates
+from glider.verification.dynamics.taylor_models import ROUNDING, WIDER, TaylorModel
+
+DEGREE = 5
+"""Degree in time; of more, the bounds of the shipped funnels are no lower."""
+
+PIECES = 4
+"""Parts of each interval that are enclosed separately. The bound over a whole one is
+five times as large as the defect."""
+
+
+@np.errstate(all="ignore")  # What is infinite is bounded by infinity.
+def defect_bounds(nominal: Nominal) -> np.ndarray:
+    """Returns δ (T - 1, n), proven bounds of |d| over each interval of time.
+
+    They are infinite where nothing is proven.
+    """
+    if not np.all(np.isfinite(nominal.slopes)):
+        return np.full_like(nominal.states[1:], np.inf)
+    curve = nominal.path.c  # (4, T - 1, n), powers of t - t_k, highest first.
+    share = (np.arange(PIECES) + 0.5) / PIECES
+    steps = np.diff(nominal.times)
+    center, half = steps[:, None] * share, steps[:, None] * (0.5 / PIECES)
+    half = np.broadcast_to(half, center.shape)
+
+    def model(powers):
+        """Returns Σ powers[j] (t - t_k)ʲ, each (T - 1), as one Taylor model."""
+        return _on_pieces([power[:, None] for power in powers], center, half)
+
+    states, slopes = [], []
+    for a3, a2, a1, a0 in np.moveaxis(curve, 2, 0):
+        states.append(model([a0, a1, a2, a3]))
+        slopes.append(model([a1, 2.0 * a2, 3.0 * a3]))
+    u = nominal.inputs
+    rates = open_loop_rates(nominal.model, states, model([u[:-1], np.diff(u) / steps]))
+    sizes = []
+    for rate, slope in zip(rates, slopes, strict=True):
+        defect = slope.times(-1.0).plus(rate)
+        size = np.abs(defect.coefficients[0]) + defect.spread()
+        sizes.append(size.reshape(len(steps), PIECES).max(axis=1) * WIDER)
+    bounds = np.array(sizes).T
+    return np.where(np.isfinite(bounds), bounds, np.inf)
+
+
+@np.errstate(all="ignore")
+def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Returns 2 √(δᵀ |S| δ) at each time (T,), rounded up [1/s].
+
+    Args:
+        S: (T, n, n).
+        bounds: (T - 1, n) of `defect_bounds`; at a time, those of both intervals count.
+    """
+    around = np.maximum(
+        np.concatenate([bounds[:1], bounds]), np.concatenate([bounds, bounds[-1:]])
+    )
+    square = np.einsum("ti,tij,tj->t", around, np.abs(S), around)
+    growth = 2.0 * np.sqrt(square) * WIDER
+    return np.where(np.isfinite(growth), growth, np.inf)
+
+
+def _on_pieces(powers, center, half):
+    """Returns Σ powers[j] (center + half s)ʲ, |s| <= 1, on all pieces in a row."""
+    table = monomials(1, DEGREE)
+    shape = center.shape
+    flat = np.zeros((len(table.degrees), center.size))
+    flat[0], flat[1] = center.ravel(), half.ravel()
+    time = TaylorModel(table, flat, ROUNDING * (np.abs(flat[0]) + flat[1]))
+    total = time.constant(np.broadcast_to(powers[-1], shape).ravel())
+    for power in powers[-2::-1]:
+        total = total.times(time).plus(np.broadcast_to(power, shape).ravel())
+    return total
