@@ -31,6 +31,7 @@ from pathlib import Path
 import numpy as np
 
 from diagrams import playback, program
+from filter_consistency import Consistency, watch_perches
 from filter_figures import Knowledge, save_knowledge_figure
 from filter_flights import (
     EstimatedPerches,
@@ -47,8 +48,6 @@ from filter_study import (
     slow_nees,
 )
 from glider.control.tvlqr import tracking_policy
-from glider.estimation.consistency import Consistency
-from glider.estimation.perching import watch_perches
 from glider.planning.dircol import plan
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem

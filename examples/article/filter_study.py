@@ -25,15 +25,11 @@ import numpy as np
 
 from glider.control.policy import TrackingPolicy
 from glider.estimation.ekf import WIND_NAMES, Ekf, SlowState, make_ekf
-from glider.estimation.noisy_flights import (
-    WatchedFlights,
-    fly_watched,
-    information_bound,
-)
 from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
 from glider.physics.effects import THRUST
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
+from noisy_flights import WatchedFlights, fly_watched, information_bound
 from powered_cruise import cruise_gain, level_flight
 
 RATE = 100.0

@@ -15,85 +15,74 @@ class Program(NamedTuple):
     """A flight to optimize: N knots of states and command, segments of one length h.
 
     minimize   r ∫ u² dt + (x_N - goal)ᵀ diag(w) (x_N - goal), by the trapezoid rule.
+
+    Attributes:
+        low: (N (n + 1) + 1,) bounds from below of the knots, one after the other, and
+            of h; -inf where there is none, as where a value is fixed.
+        high: the same from above.
+        rate_cost: r.
+        goal: (n,).
+        goal_weights: (n,) w.
+        place: (2,) where the flight ends, (x, z) [m].
+        is_held: whether it has to end there; else the cost alone draws it to its goal.
     """
 
     low: np.ndarray
-    """(N (n + 1) + 1,) bounds from below of the knots, one after the other, and of h;
-    -inf where there is none, as where a value is fixed."""
-
     high: np.ndarray
-    """The same from above."""
-
     rate_cost: float
-    """r."""
-
     goal: np.ndarray
-    """(n,)."""
-
     goal_weights: np.ndarray
-    """(n,) w."""
-
     place: np.ndarray
-    """(2,) where the flight ends, (x, z) [m]."""
-
     is_held: bool
-    """Whether it has to end there; else the cost alone draws it to its goal."""
 
 
 class Optimum(NamedTuple):
-    """A flight and its multipliers."""
+    """A flight and its multipliers.
+
+    Attributes:
+        w: (N (n + 1) + 1,) states and command at each knot, then the segments' length.
+        multipliers: (N - 1, n) of the defects.
+        pull: (2,) of the place at the end.
+        forces: (2, N (n + 1) + 1) of the bounds from below and from above.
+    """
 
     w: np.ndarray
-    """(N (n + 1) + 1,) states and command at each knot, then the segments' length."""
-
     multipliers: np.ndarray
-    """(N - 1, n) of the defects."""
-
     pull: np.ndarray
-    """(2,) of the place at the end."""
-
     forces: np.ndarray
-    """(2, N (n + 1) + 1) of the bounds from below and from above."""
 
 
 class Scratch(NamedTuple):
-    """Arrays that one step passes to the next."""
+    """Arrays that one step passes to the next.
+
+    Attributes:
+        bounded: (2, N (n + 1) + 1) whether there is a bound from below, from above.
+        slack: the distance from it.
+        slope: (N (n + 1) + 1,) of the cost, then with the barrier function's.
+        lagrangian: (N (n + 1) + 1,) slope without the bounds' forces.
+        diagonal: (N (n + 1) + 1,) curvature of the cost, then with the barrier
+            function's.
+        cross: (N,) curvature of the cost by a command and h.
+        misses: (2,) by which the end leaves its place.
+        back: (N - 1, n + 1) g of `weigh`.
+        change: (N (n + 1) + 1,) Newton's step.
+        ahead: (N - 1, n) multipliers after it.
+        drawn: (2,) multipliers of the place after it.
+        moves: (2, N (n + 1) + 1) change of the forces.
+    """
 
     bounded: np.ndarray
-    """(2, N (n + 1) + 1) whether there is a bound from below, from above."""
-
     slack: np.ndarray
-    """The distance from it."""
-
     slope: np.ndarray
-    """(N (n + 1) + 1,) of the cost, then with the barrier function's."""
-
     lagrangian: np.ndarray
-    """(N (n + 1) + 1,) slope without the bounds' forces."""
-
     diagonal: np.ndarray
-    """(N (n + 1) + 1,) curvature of the cost, then with the barrier function's."""
-
     cross: np.ndarray
-    """(N,) curvature of the cost by a command and h."""
-
     misses: np.ndarray
-    """(2,) by which the end leaves its place."""
-
     back: np.ndarray
-    """(N - 1, n + 1) g of `weigh`."""
-
     change: np.ndarray
-    """(N (n + 1) + 1,) Newton's step."""
-
     ahead: np.ndarray
-    """(N - 1, n) multipliers after it."""
-
     drawn: np.ndarray
-    """(2,) multipliers of the place after it."""
-
     moves: np.ndarray
-    """(2, N (n + 1) + 1) change of the forces."""
 
 
 def make_scratch(program: Program, knots: int) -> Scratch:

@@ -127,20 +127,20 @@ LOOPS = Family((slopes, feed_back, approach, slopes_guided, guided), (guided,))
 
 
 class Feedback(NamedTuple):
-    """A feedback u = offset - gain x of N steps, as a table."""
+    """A feedback u = offset - gain x of N steps, as a table.
+
+    Attributes:
+        offset: (2 N + 1,) at the steps and half steps, or with a hold (H,), one for
+            each command [rad/s].
+        gain: (2 N + 1, m) or (H, m); the first m states are fed back.
+        hold: number of steps that a command is held; 0 where it follows at once.
+        noise: (B, H, m) added to the states fed back; (B, 0, m) for none.
+    """
 
     offset: np.ndarray
-    """(2 N + 1,) at the steps and half steps, or with a hold (H,), one for each
-    command [rad/s]."""
-
     gain: np.ndarray
-    """(2 N + 1, m) or (H, m); the first m states are fed back."""
-
     hold: int
-    """Number of steps that a command is held; 0 where it follows at once."""
-
     noise: np.ndarray
-    """(B, H, m) added to the states fed back; (B, 0, m) for none."""
 
 
 def fly_feedback(

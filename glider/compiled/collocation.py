@@ -13,25 +13,23 @@ from glider.compiled.kernel import machine_code
 
 
 class Path(NamedTuple):
-    """The P points of a path on N knots, and what the dynamics make of them."""
+    """The P points of a path on N knots, and what the dynamics make of them.
+
+    Attributes:
+        points: (P, n + 1) states and commands, at the knots and then in the middles.
+        rates: (P, n) f.
+        slopes: (P, n, n + 1) ∂f/∂(x, u).
+        curvature: (P, n + 1, n + 1) ∂²(wᵀf)/∂(x, u)².
+        weights: (P, n) w.
+        defects: (N - 1, n).
+    """
 
     points: np.ndarray
-    """(P, n + 1) states and commands, at the knots and then in the middles."""
-
     rates: np.ndarray
-    """(P, n) f."""
-
     slopes: np.ndarray
-    """(P, n, n + 1) ∂f/∂(x, u)."""
-
     curvature: np.ndarray
-    """(P, n + 1, n + 1) ∂²(wᵀf)/∂(x, u)²."""
-
     weights: np.ndarray
-    """(P, n) w."""
-
     defects: np.ndarray
-    """(N - 1, n)."""
 
 
 def empty_path(knots: int, n: int) -> Path:

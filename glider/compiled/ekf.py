@@ -276,33 +276,33 @@ LOOPS = Family(
 
 
 class EstimatedFlight(NamedTuple):
-    """Numbers of a glider that a filter estimates, and their places in z."""
+    """Numbers of a glider that a filter estimates, and their places in z.
+
+    Attributes:
+        n: number of states.
+        places: (N,) indices into z of x̄.
+        decay: (m,) decay rates of the slow states [1/s].
+        acting: indices into x̄ of what the motion depends on, at least one; by the
+            others the derivative is their own decay.
+        seen: indices into x̄ of what the pose depends on, at least one.
+        entry: (r,) indices into z of the known inputs.
+    """
 
     n: int
-    """Number of states."""
-
     places: np.ndarray
-    """(N,) indices into z of x̄."""
-
     decay: np.ndarray
-    """(m,) decay rates of the slow states [1/s]."""
-
     acting: np.ndarray
-    """Indices into x̄ of what the motion depends on, at least one; by the others the
-    derivative is their own decay."""
-
     seen: np.ndarray
-    """Indices into x̄ of what the pose depends on, at least one."""
-
     entry: np.ndarray
-    """(r,) indices into z of the known inputs."""
 
 
 class SampleClock(NamedTuple):
-    """Steps of a filter from sample to sample."""
+    """Steps of a filter from sample to sample.
+
+    Attributes:
+        step: Runge-Kutta step [s].
+        steps: number of them to a sample.
+    """
 
     step: float
-    """Runge-Kutta step [s]."""
-
     steps: int
-    """Number of them to a sample."""

@@ -20,17 +20,18 @@ from glider.physics.model import GliderModel
 
 
 class Limits(NamedTuple):
-    """When to stop."""
+    """When to stop.
+
+    Attributes:
+        tolerance: largest slope of the Lagrangian, defect and complementarity, where
+            the multipliers are of size 100 or less.
+        iterations: at most so many.
+        penalty: penalty on the place at the end, see `newton_step`.
+    """
 
     tolerance: float = 1e-6
-    """Largest slope of the Lagrangian, defect and complementarity, where the
-    multipliers are of size 100 or less."""
-
     iterations: int = 150
-    """At most so many."""
-
     penalty: float = 1e6
-    """Penalty on the place at the end, see `newton_step`."""
 
 
 DEFAULTS = Limits()
@@ -49,25 +50,23 @@ HALVINGS = 25
 
 
 class Outcome(NamedTuple):
-    """What the method ended with."""
+    """What the method ended with.
+
+    Attributes:
+        optimum: the path that was reached last.
+        status: one of solved, stuck, out of steps.
+        iterations: how many were made.
+        missed: sum of what the constraints are missed by.
+        error: largest error of optimality.
+        cost: cost of the path.
+    """
 
     optimum: Optimum
-    """The path that was reached last."""
-
     status: str
-    """One of solved, stuck, out of steps."""
-
     iterations: int
-    """How many were made."""
-
     missed: float
-    """Sum of what the constraints are missed by."""
-
     error: float
-    """Largest error of optimality."""
-
     cost: float
-    """Cost of the path."""
 
 
 class Filter:

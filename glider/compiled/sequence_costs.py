@@ -101,16 +101,16 @@ LOOPS = Family((cost_to_go, sampled_costs), (sampled_costs,), uses=(tapes.LOOPS,
 
 
 class FlightCost(NamedTuple):
-    """Cost of a flight under a sequence of commands, see `sampled_costs`."""
+    """Cost of a flight under a sequence of commands, see `sampled_costs`.
+
+    Attributes:
+        goal: (7,) state to end in.
+        weights: (7,) of the squared distance from it.
+        rate: weight of the squared elevator rate [1/(rad²/s)].
+        free_end: whether the flight may end before its last step.
+    """
 
     goal: np.ndarray
-    """(7,) state to end in."""
-
     weights: np.ndarray
-    """(7,) of the squared distance from it."""
-
     rate: float
-    """Weight of the squared elevator rate [1/(rad²/s)]."""
-
     free_end: bool
-    """Whether the flight may end before its last step."""

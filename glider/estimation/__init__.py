@@ -1,7 +1,5 @@
-"""Estimation: extended Kalman filters for gliders, and checks of their consistency.
+"""Estimation: extended Kalman filters for gliders.
 
 ekf: the filter's settings. running: beliefs, and the filter along whole flights.
-system: the filter as a Drake System. noisy_flights: flights with the filter's noise,
-and the least covariance that a flight allows. consistency: NEES and NIS. perching: the
-filter for perches.
+system: the filter as a Drake System. perching: the filter for perches.
 """

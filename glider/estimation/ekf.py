@@ -34,22 +34,21 @@ WIND_NAMES = ("wind_x", "wind_z")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SlowState:
-    """A number that is estimated beside the state."""
+    """A number that is estimated beside the state.
+
+    Attributes:
+        name: one of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient".
+        std: standard deviation before any measurement.
+        walk: variance that it gains per second.
+        decay: rate at which its expectation falls, as exp(-decay t) [1/s].
+        mean: estimate before any measurement; None: what the model has.
+    """
 
     name: str
-    """One of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient"."""
-
     std: float
-    """Standard deviation before any measurement."""
-
     walk: float = 0.0
-    """Variance that it gains per second."""
-
     decay: float = 0.0
-    """Rate at which its expectation falls, as exp(-decay t) [1/s]."""
-
     mean: float | None = None
-    """Estimate before any measurement; None: what the model has."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

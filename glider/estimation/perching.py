@@ -1,15 +1,10 @@
-"""A filter for perches as motion capture sees them, and its consistency on them."""
-
-import dataclasses
+"""A filter for perches as motion capture sees them."""
 
 import numpy as np
 
 from glider.campaign.motion_capture import MotionCapture
-from glider.control.policy import TrackingPolicy
-from glider.estimation.consistency import Consistency, assess
 from glider.estimation.ekf import Ekf, SlowState, make_ekf
-from glider.estimation.noisy_flights import draw_starts, fly_watched
-from glider.estimation.running import Belief, make_prior, run_ekf
+from glider.estimation.running import Belief, make_prior
 from glider.physics.model import GliderModel
 
 CAPTURE = MotionCapture(position=0.001)
@@ -30,17 +25,6 @@ UNCERTAIN = (
 a tenth of the elevator."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class WatchedPerches:
-    """Consistency of a filter on some perches, and how it ended."""
-
-    consistency: Consistency
-    """Consistency over all flights."""
-
-    std: np.ndarray
-    """(N,) last standard deviations of x̄, mean over the flights."""
-
-
 def perching_ekf(
     model: GliderModel, slow: tuple[SlowState, ...] = (), elevator: bool = True
 ) -> Ekf:
@@ -54,34 +38,6 @@ def perching_ekf(
     variances = np.square(CAPTURE.std[: 4 if elevator else 3])
     return make_ekf(
         model, rate=CAPTURE.rate, process=PROCESS, noise=variances, slow=slow
-    )
-
-
-def watch_perches(
-    model: GliderModel, policy: TrackingPolicy, flights: int, rng: np.random.Generator
-) -> WatchedPerches:
-    """Filters perches whose launches, gusts and parameters are as it assumes.
-
-    Args:
-        model: the glider of the filter; each flight's has its own UNCERTAIN.
-        policy: that tracks the plan with the true state.
-        flights: their number.
-        rng: draws everything.
-
-    Raises:
-        InputError: the effects' own states, of which a launch is certain, leave the
-            filter none of its errors to compare; or the policy is another glider's.
-    """
-    ekf = perching_ekf(model, UNCERTAIN)
-    prior = launch_prior(ekf, policy.plan.states[0])
-    samples = round(policy.duration * CAPTURE.rate)
-    offset, gain = policy.sample(np.arange(samples) / CAPTURE.rate)
-    starts = draw_starts(prior, flights, rng)
-    flown = fly_watched(ekf, starts, offset[:, None], rng, gain=gain[:, None, :])
-    found = run_ekf(ekf, prior, flown.inputs, flown.measured)
-    last = np.sqrt(np.diagonal(found.covariances[:, -1], axis1=1, axis2=2))
-    return WatchedPerches(
-        consistency=assess(found, flown.states), std=np.mean(last, axis=0)
     )
 
 

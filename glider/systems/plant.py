@@ -37,13 +37,16 @@ world [N], total moment about +y and the center of mass [N m]."""
 
 @dataclasses.dataclass(frozen=True)
 class _Numbers:
-    """Parameters and coefficients as floats."""
+    """Parameters and coefficients as floats.
+
+    Attributes:
+        z: all numbers as in `derivatives_of`; states and inputs are zero.
+        gradient: gradient of the parameters and coefficients; None if they are
+            constant.
+    """
 
     z: np.ndarray
-    """All numbers as in `derivatives_of`; states and inputs are zero."""
-
     gradient: np.ndarray | None
-    """Gradient of the parameters and coefficients; None if they are constant."""
 
 
 @TemplateSystem.define("GliderPlant_")

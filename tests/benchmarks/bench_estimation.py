@@ -11,7 +11,6 @@ import numpy as np
 
 from filter_flights import fly_on_estimate
 from glider.estimation.ekf import make_ekf
-from glider.estimation.noisy_flights import draw_starts, fly_watched
 from glider.estimation.perching import (
     CAPTURE,
     PROCESS,
@@ -20,6 +19,7 @@ from glider.estimation.perching import (
     perching_ekf,
 )
 from glider.estimation.running import predict_mean, run_ekf
+from noisy_flights import draw_starts, fly_watched
 from tests.benchmarks.bench_control import best_seconds
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
 

@@ -17,19 +17,17 @@ from pydrake.trajectories import PiecewisePolynomial
 from diagrams.loops import estimated_loop
 from diagrams.simulate import simulate_flights
 from diagrams.wiring import tape_rows
+from filter_consistency import assess, chi_square_band, squared_errors, watch_perches
 from filter_flights import fly_on_estimate
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
-from glider.estimation.consistency import assess, chi_square_band, squared_errors
 from glider.estimation.ekf import SlowState, make_ekf
-from glider.estimation.noisy_flights import draw_starts, fly_watched, information_bound
 from glider.estimation.perching import (
     CAPTURE,
     PROCESS,
     UNCERTAIN,
     launch_prior,
     perching_ekf,
-    watch_perches,
 )
 from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.estimation.system import ExtendedKalmanFilter
@@ -42,6 +40,7 @@ from glider.physics.effects import (
 )
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
+from noisy_flights import draw_starts, fly_watched, information_bound
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
 from tests.helpers.physics import random_states
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from glider.errors import InputError, show
 from glider.estimation.ekf import make_ekf
-from glider.estimation.noisy_flights import fly_watched
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
@@ -156,16 +155,21 @@ def fly_estimated(
     states[0] = starts
     means[0] = starts - unknown * (starts - funnel.center(0.0))
     spread = unknown**2 / (n + 2) * np.linalg.inv(funnel.shape(0.0))
-    covariances = np.broadcast_to(spread, (batch, n, n))
+    certain, covariances = np.zeros((n, n)), np.broadcast_to(spread, (batch, n, n))
     for k in range(steps):
         command = offset[k] - means[k] @ gain[k]
-        flown = fly_watched(ekf, states[k], command[:, None, None], is_shaken=False)
-        states[k + 1] = flown.states[:, 1]
+        rates = limited_rates(command, states[k, :, ELEVATOR], servo)[:, None, None]
+        truth = Belief(mean=states[k], covariance=certain)
+        # Without a measurement a filter predicts: it flies its own glider.
+        flown = run_ekf(ekf, truth, rates, measured[k], k / rate)
+        states[k + 1] = flown.means[:, 1]
         if (k + 1) % TICKS == 0:
-            measured[k] = flown.measured + draws[:, [k // TICKS]] * std
-        rates = limited_rates(command, means[k, :, ELEVATOR], servo)
+            pose = model.chain.measure(states[k + 1].T, model.numbers)
+            shown = np.column_stack([*pose, states[k + 1, :, ELEVATOR]])
+            measured[k] = (shown + draws[:, k // TICKS] * std)[:, None]
+        rates = limited_rates(command, means[k, :, ELEVATOR], servo)[:, None, None]
         prior = Belief(mean=means[k], covariance=covariances)
-        found = run_ekf(ekf, prior, rates[:, None, None], measured[k], k / rate)
+        found = run_ekf(ekf, prior, rates, measured[k], k / rate)
         means[k + 1], covariances = found.means[:, 1], found.covariances[:, 1]
 
     times = np.arange(steps + 1) / rate

@@ -6,9 +6,9 @@ Its predictions are ours, compiled and with their exact slopes; the filter is it
 import numpy as np
 
 from glider.estimation.ekf import Ekf
-from glider.estimation.noisy_flights import draw_starts, fly_watched
 from glider.estimation.perching import UNCERTAIN, launch_prior, perching_ekf
 from glider.estimation.running import Belief, predict_mean, run_ekf
+from noisy_flights import draw_starts, fly_watched
 from tests.benchmarks.peers.pairs import Pair
 from tests.helpers.flights import NOMINAL, PROBLEM
 

@@ -1,4 +1,4 @@
-"""NEES and NIS of a filter against their chi-square bands.
+"""NEES and NIS of a filter against their chi-square bands, and those on perches.
 
 Over flights whose x̄ starts and moves as the filter assumes, the
 estimate's error e and the innovation ν of a consistent filter are normal with
@@ -13,8 +13,12 @@ import math
 import numpy as np
 from scipy.stats import chi2
 
+from glider.control.policy import TrackingPolicy
 from glider.errors import InputError
-from glider.estimation.running import Estimates
+from glider.estimation.perching import CAPTURE, UNCERTAIN, launch_prior, perching_ekf
+from glider.estimation.running import Estimates, run_ekf
+from glider.physics.model import GliderModel
+from noisy_flights import draw_starts, fly_watched
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,17 @@ class Consistency:
     def nis_inside(self) -> float:
         """Share of the measured samples whose NIS is in its band."""
         return _share_inside(self.nis, self.nis_bands)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class WatchedPerches:
+    """Consistency of a filter on some perches, and how it ended."""
+
+    consistency: Consistency
+    """Consistency over all flights."""
+
+    std: np.ndarray
+    """(N,) last standard deviations of x̄, mean over the flights."""
 
 
 def squared_errors(estimates: Estimates, states: np.ndarray) -> np.ndarray:
@@ -86,6 +101,34 @@ def assess(estimates: Estimates, states: np.ndarray) -> Consistency:
         nis=nis,
         nees_band=chi_square_band(flights * size),
         nis_bands=bands,
+    )
+
+
+def watch_perches(
+    model: GliderModel, policy: TrackingPolicy, flights: int, rng: np.random.Generator
+) -> WatchedPerches:
+    """Filters perches whose launches, gusts and parameters are as it assumes.
+
+    Args:
+        model: the glider of the filter; each flight's has its own UNCERTAIN.
+        policy: that tracks the plan with the true state.
+        flights: their number.
+        rng: draws everything.
+
+    Raises:
+        InputError: the effects' own states, of which a launch is certain, leave the
+            filter none of its errors to compare; or the policy is another glider's.
+    """
+    ekf = perching_ekf(model, UNCERTAIN)
+    prior = launch_prior(ekf, policy.plan.states[0])
+    samples = round(policy.duration * CAPTURE.rate)
+    offset, gain = policy.sample(np.arange(samples) / CAPTURE.rate)
+    starts = draw_starts(prior, flights, rng)
+    flown = fly_watched(ekf, starts, offset[:, None], rng, gain=gain[:, None, :])
+    found = run_ekf(ekf, prior, flown.inputs, flown.measured)
+    last = np.sqrt(np.diagonal(found.covariances[:, -1], axis1=1, axis2=2))
+    return WatchedPerches(
+        consistency=assess(found, flown.states), std=np.mean(last, axis=0)
     )
 
 
