@@ -5,6 +5,7 @@ sequence (and for the cross-entropy method a variance) towards those that cost l
 """
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 
@@ -14,12 +15,7 @@ from glider.errors import expect
 from glider.physics.servo import rate_bounds
 from glider.physics.state import ELEVATOR
 from glider.planning.plan import Plan, held_plan
-from glider.planning.sampling import (
-    MppiSettings,
-    SequenceCost,
-    check_positive,
-    mppi_step,
-)
+from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 
 Watch = Callable[[int, np.ndarray], None]
 """Callback of the number of an iteration, from 1, and the sequences (B, N) drawn in it
@@ -45,7 +41,9 @@ class CemSettings:
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
-        check_positive(self)
+        for name, value in dataclasses.asdict(self).items():
+            good = math.isfinite(value) and value > 0
+            expect(good, f"CemSettings: '{name}'", value, "a positive number")
         good = 2 <= self.elites <= self.samples
         expect(good, "CemSettings: 'elites'", self.elites, f"2 to {self.samples}")
 

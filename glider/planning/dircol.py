@@ -3,7 +3,7 @@
 A ladder of attempts: first our own solver, which takes the stages one by one. Where it
 fails, a search from many guesses determines whether the wire can be reached at all; if
 so, Drake's solvers, other guesses and a looser tolerance are tried. The plan records
-what was tried.
+what was tried, and by how much the path that is found differs from a flight.
 """
 
 import contextlib
@@ -25,7 +25,6 @@ from pydrake.solvers import (
 from glider.compiled.kernel import UncompilableError
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
-from glider.planning.audit import path_defect, segment_drift
 from glider.planning.guess import Guess, straight_line, swoop
 from glider.planning.plan import Attempt, Plan
 from glider.planning.point_dynamics import Dynamics
@@ -33,8 +32,8 @@ from glider.planning.problem import PerchingProblem
 from glider.planning.reach import Closest, find_closest
 from glider.planning.structured import (
     COARSE_TOLERANCE,
-    STRETCH,
     CollocatedFlight,
+    slow_line,
     solve_structured,
 )
 from glider.planning.structured import to_guess as flight_to_guess
@@ -56,6 +55,10 @@ ELASTIC_WEIGHT = 100.0
 """Weight of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
 times as many iterations of this problem."""
 
+POINTS = 20
+"""Points in each segment at which the path is compared with the dynamics; even, so that
+the collocation point is one of them."""
+
 Progress = Callable[[str], None]
 Solution = tuple[DirectCollocation, MathematicalProgramResult]
 Found = Solution | CollocatedFlight
@@ -68,9 +71,6 @@ class PlanningError(RuntimeError):
         violations: the constraints at the wire that the closest flight found
             violates, and by how much [m, rad or m/s]; empty where there is none.
         attempts: what was tried.
-        arrived: whether some flight kept every constraint, but no solver went on
-            from it to one of least cost. If not, and without violations, no flight
-            within the limits was found at all.
         closest: result of a search from many guesses, None where there was none.
     """
 
@@ -78,21 +78,14 @@ class PlanningError(RuntimeError):
         self,
         violations: dict[str, float],
         attempts: tuple[Attempt, ...],
-        arrived: bool = False,
         closest: Closest | None = None,
     ):
         """Composes the message of the attributes."""
-        self.closest = closest
-        self.violations = violations
-        self.attempts = attempts
-        self.arrived = arrived
+        self.violations, self.attempts, self.closest = violations, attempts, closest
         left = [f"{name} by {amount:.3g}" for name, amount in violations.items()]
-        if arrived:
-            what = "a flight that arrives was found, but no solver finished from it"
-        elif left:
+        what = "no flight within the limits was found at all"
+        if left:
             what = f"the closest flight violates {', '.join(left)}"
-        else:
-            what = "no flight within the limits was found at all"
         meshes = " and ".join(dict.fromkeys(str(a.knots) for a in attempts))
         text = f"No plan in {len(attempts)} attempts on {meshes} knots; {what}."
         if closest:
@@ -101,7 +94,7 @@ class PlanningError(RuntimeError):
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (self.violations, self.attempts, self.arrived, self.closest)
+        return type(self), (self.violations, self.attempts, self.closest)
 
 
 def plan(
@@ -142,26 +135,23 @@ def plan(
         progress("the dynamics of this glider (compiled once, then kept on disk)")
         dynamics.rates(np.append(model.initial_state(problem.launch), 0.0)[None])
     ladder = _Ladder(dynamics, problem, max(knots), progress)
+    start: Guess | CollocatedFlight | None = guess
     found: Found | None = None
+    may_climb = True
     for count in knots:
-        flight = None
+        found = None
         if structured and dynamics.fast:
-            is_last = count == knots[-1]
-            start = found if isinstance(found, CollocatedFlight) else guess
-            flight = ladder.go_first(count, start, is_last)
-            if flight is None and dynamics.fast:
-                near = ladder.come_close()
-                flight = ladder.go_first(count, near, is_last) if near else None
-        if flight is not None:
-            found = flight
-        elif isinstance(found, CollocatedFlight):
-            found = ladder.climb(count, flight_to_guess(found))
+            found = ladder.go_first(count, start, is_last=count == knots[-1])
+        if found is None and may_climb:
+            found = ladder.climb(count, start)
+            # Our own solver alone looks at more knots: Drake's take seconds to fail.
+            may_climb = found is not None or not (structured and dynamics.fast)
+        if isinstance(found, tuple):
+            start = to_guess(*found, "the plan on fewer knots")
         else:
-            warm = guess
-            if found is not None:
-                warm = to_guess(*found, "the plan on fewer knots")
-            found = ladder.climb(count, warm)
-    assert found is not None
+            start = found or guess
+    if found is None:
+        raise PlanningError(ladder.violations(), tuple(ladder.attempts))
     return _finish(dynamics, found, tuple(ladder.attempts))
 
 
@@ -177,25 +167,82 @@ class _Ladder:
     ):
         self._dynamics, self._problem, self._finest = dynamics, problem, finest
         self._progress = progress or (lambda text: None)
+        self._near: CollocatedFlight | None = None
         self.attempts: list[Attempt] = []
 
     def go_first(
         self, knots: int, start: Guess | CollocatedFlight | None, is_last: bool
     ) -> CollocatedFlight | None:
-        """Tries our own solver; returns None where it fails."""
-        if start is None:
-            model, problem = self._dynamics.model, self._problem
-            way = straight_line(model, problem).states.end_time()
-            start = straight_line(model, problem, STRETCH * way)
+        """Tries our own solver, then again from the flight that comes closest.
+
+        Raises:
+            PlanningError: no flight comes to the wire.
+        """
+        model, problem = self._dynamics.model, self._problem
         tolerance = TOLERANCE if is_last else COARSE_TOLERANCE
-        self._progress(f"{knots} knots, interior point, from {start.name}")
         try:
-            flight = solve_structured(
-                self._dynamics.model, self._problem, knots, start, tolerance=tolerance
+            flight = self._solve_own(
+                knots, start or slow_line(model, problem), tolerance
             )
         except UncompilableError:
             self._dynamics.fast = False
             return None
+        if flight.solved:
+            return flight
+        self._progress(f"{self._finest} knots, how close a flight can come")
+        closest = find_closest(model, problem, self._finest)
+        if closest.is_out_of_reach:
+            short = {"position at the wire": float(closest.misses[0])}
+            raise PlanningError(short, tuple(self.attempts), closest)
+        self._near = closest.flight
+        if closest.flight is None:
+            return None
+        flight = self._solve_own(knots, closest.flight, tolerance)
+        return flight if flight.solved else None
+
+    def climb(
+        self, knots: int, start: Guess | CollocatedFlight | None
+    ) -> Solution | None:
+        """Tries Drake's solvers from one guess after another."""
+        program = transcribe(self._dynamics, self._problem, knots)
+        model = self._dynamics.model
+        line = straight_line(model, self._problem)
+        way = line.states.end_time()
+        if isinstance(start, CollocatedFlight):
+            start = flight_to_guess(start)
+        for guess in [start, line] if start else [line]:
+            for solver in (SnoptSolver, IpoptSolver):
+                if found := self._solve(program, knots, solver, guess):
+                    return found
+        if found := self._solve(program, knots, SnoptSolver, line, LOOSE):
+            guess = to_guess(*found, f"{line.name}, solved loosely")
+            if found := self._solve(program, knots, SnoptSolver, guess):
+                return found
+        for dip, stretch in ((0.3, 1.2), (0.0, 0.9), (0.6, 1.4)):
+            guess = swoop(model, self._problem, dip, stretch * way)
+            if found := self._solve(program, knots, SnoptSolver, guess):
+                return found
+        return None
+
+    def violations(self) -> dict[str, float]:
+        """Violations at the wire by a flight that keeps all other limits, if any."""
+        near, problem = self._near, self._problem
+        if near is None and self._dynamics.fast:
+            line = slow_line(self._dynamics.model, problem)
+            near = solve_structured(
+                self._dynamics.model, problem, self._finest, line, arrive=False
+            )
+        if near is None or not near.solved:
+            return {}
+        return arrival_violations(problem, near.knots[-1])
+
+    def _solve_own(
+        self, knots: int, start: Guess | CollocatedFlight, tolerance: float
+    ) -> CollocatedFlight:
+        self._progress(f"{knots} knots, interior point, from {start.name}")
+        flight = solve_structured(
+            self._dynamics.model, self._problem, knots, start, tolerance=tolerance
+        )
         self.attempts.append(
             Attempt(
                 knots=knots,
@@ -207,83 +254,7 @@ class _Ladder:
                 seconds=flight.seconds,
             )
         )
-        return flight if flight.solved else None
-
-    def come_close(self) -> CollocatedFlight | None:
-        """Returns the flight that comes closest to the wire, on the most knots.
-
-        Raises:
-            PlanningError: no flight comes to the wire.
-        """
-        self._progress(f"{self._finest} knots, how close a flight can come")
-        model, problem = self._dynamics.model, self._problem
-        closest = find_closest(model, problem, self._finest)
-        if closest.is_out_of_reach:
-            short = {"position at the wire": float(closest.misses[0])}
-            raise PlanningError(short, tuple(self.attempts), closest=closest)
-        return closest.flight
-
-    def climb(self, knots: int, warm: Guess | None) -> Solution:
-        """Returns a solved program; raises PlanningError after the last rung."""
-        program = transcribe(self._dynamics, self._problem, knots)
-        model = self._dynamics.model
-        line = straight_line(model, self._problem)
-        way = line.states.end_time()
-        arcs = [
-            swoop(model, self._problem, dip, stretch * way)
-            for dip, stretch in ((0.3, 1.2), (0.0, 0.9), (0.6, 1.4))
-        ]
-        for guess in [line] if warm is None else [warm, line]:
-            for solver in (SnoptSolver, IpoptSolver):
-                if found := self._solve(program, knots, solver, guess):
-                    return found
-        if found := self._solve(program, knots, SnoptSolver, line, LOOSE):
-            guess = to_guess(*found, f"{line.name}, solved loosely")
-            if found := self._solve(program, knots, SnoptSolver, guess):
-                return found
-        for guess in arcs:
-            if found := self._solve(program, knots, SnoptSolver, guess):
-                return found
-        return self._arrive_first(program, knots, [line, *arcs])
-
-    def _arrive_first(
-        self,
-        program: DirectCollocation,
-        knots: int,
-        guesses: list[Guess],
-        violations: dict[str, float] | None = None,
-    ) -> Solution:
-        """Looks for any flight that arrives; if one does, starts from there.
-
-        If none does on few knots, goes on from the closest on the most of them.
-        `violations` are those of the closest flight before.
-        """
-        relaxed = transcribe(self._dynamics, self._problem, knots, arrive=False)
-        closest: Guess | None = None
-        least = np.inf
-        for guess in guesses:
-            near = self._solve(relaxed, knots, SnoptSolver, guess, LOOSE)
-            if near is None:
-                continue
-            total = near[1].get_optimal_cost()
-            if violations and abs(total - least) < 0.01 * least:
-                break  # Two guesses lead to the same place, short of the wire.
-            if total >= least:
-                continue
-            least, violations = total, arrival_violations(*near, self._problem)
-            closest = to_guess(*near, "the flight that comes closest")
-            if not violations:
-                feasible = to_guess(*near, "a flight that arrives")
-                for solver in (SnoptSolver, IpoptSolver):
-                    if found := self._solve(program, knots, solver, feasible):
-                        return found
-                raise PlanningError({}, tuple(self.attempts), arrived=True)
-        if knots < self._finest:
-            finest = self._finest
-            program = transcribe(self._dynamics, self._problem, finest)
-            guesses = guesses if closest is None else [closest]
-            return self._arrive_first(program, finest, guesses, violations)
-        raise PlanningError(violations or {}, tuple(self.attempts))
+        return flight
 
     def _solve(
         self,
@@ -347,22 +318,17 @@ def _status(result: MathematicalProgramResult) -> str:
     return f"{result.get_solution_result().name.lstrip('k')} ({code})"
 
 
-def _path_of(found: Found) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Returns times (N,), states (N, n), inputs (N,) and cost of either solver's."""
+def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> Plan:
     if isinstance(found, CollocatedFlight):
         states, inputs = found.knots[:, :-1].copy(), found.knots[:, -1].copy()
-        return found.times, states, inputs, found.cost
-    dc, result = found
-    times, states = dc.GetSampleTimes(result), dc.GetStateSamples(result).T
-    inputs = dc.GetInputSamples(result)[0]
-    return times - times[0], states, inputs, result.get_optimal_cost()
-
-
-def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> Plan:
-    times, states, inputs, cost = _path_of(found)
+        times, cost = found.times, found.cost
+    else:
+        dc, result = found
+        times, states = dc.GetSampleTimes(result), dc.GetStateSamples(result).T
+        times, inputs = times - times[0], dc.GetInputSamples(result)[0]
+        cost = result.get_optimal_cost()
     slopes = dynamics.rates(np.column_stack([states, inputs]))
-    middle = np.array([0.5])
-    at_middle = path_defect(dynamics, times, states, slopes, inputs, middle)
+    defects = path_defects(dynamics, times, states, slopes, inputs)
     return Plan(
         times=times,
         states=states,
@@ -370,8 +336,37 @@ def _finish(dynamics: Dynamics, found: Found, attempts: tuple[Attempt, ...]) -> 
         inputs=inputs,
         state_names=dynamics.model.state_names,
         cost=cost,
-        max_defect=float(at_middle.max()),
-        path_defect=float(path_defect(dynamics, times, states, slopes, inputs).max()),
-        drift=float(segment_drift(dynamics, times, states, inputs).max()),
+        max_defect=float(defects[POINTS // 2].max()),
+        path_defect=float(defects.max()),
         attempts=attempts,
     )
+
+
+def path_defects(
+    dynamics: Dynamics,
+    times: np.ndarray,
+    states: np.ndarray,
+    slopes: np.ndarray,
+    inputs: np.ndarray,
+) -> np.ndarray:
+    """|ẋ - f(x, u)| at POINTS places in each segment of a path, (POINTS, N - 1, n).
+
+    States are cubics between the knots, inputs straight lines.
+
+    Args:
+        dynamics: of the glider.
+        times: (N,) of the knots [s].
+        states: (N, n) at the knots.
+        slopes: (N, n) of the cubics at the knots.
+        inputs: (N,) at the knots.
+    """
+    s = np.linspace(0.0, 1.0, POINTS + 1)[:-1, None, None]
+    h = np.diff(times)[:, None]
+    rise, start, end = np.diff(states, axis=0), h * slopes[:-1], h * slopes[1:]
+    bend, twist = 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+    path = states[:-1] + s * (start + s * (bend + s * twist))
+    slope = (start + s * (2.0 * bend + 3.0 * s * twist)) / h
+    commands = inputs[:-1, None] + s * np.diff(inputs)[:, None]
+    points = np.concatenate([path, commands], axis=2)
+    rates = dynamics.rates(points.reshape(-1, points.shape[2]))
+    return np.abs(slope - rates.reshape(path.shape))

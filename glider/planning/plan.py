@@ -52,7 +52,6 @@ class Plan:
             rad/s²]; None where the plan is a flight already, as all below.
         path_defect: the same anywhere between the knots, where collocation does not
             look.
-        drift: largest |x_k+1 - flight from x_k| over the segments, over all states.
         attempts: calls of a solver, the last one with success.
         search_seconds: time of a planner that does not make attempts [s].
     """
@@ -68,7 +67,6 @@ class Plan:
     converged: bool = True
     max_defect: float | None = None
     path_defect: float | None = None
-    drift: float | None = None
     attempts: tuple[Attempt, ...] = ()
     search_seconds: float = 0.0
 

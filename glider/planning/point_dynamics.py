@@ -6,7 +6,6 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from glider.compiled.jacobian import differentiate, stacked
 from glider.compiled.kernel import UncompilableError, compile_errors
 from glider.compiled.points import LOOPS as POINTS
-from glider.compiled.runge_kutta import advance
 from glider.physics.model import GliderModel
 
 
@@ -50,25 +49,6 @@ class Dynamics:
         for k, point in enumerate(points):
             found[k] = self.evaluate(point[:-1], point[-1])
         return found
-
-    def fly(self, states, inputs, steps):
-        """Returns where states are after Runge-Kutta steps, shape (S, n).
-
-        Args:
-            states: (S, n).
-            inputs: (K, 3, S) elevator-rate commands at the start, the middle and the
-                end of each step [rad/s].
-            steps: (S,) lengths [s].
-        """
-
-        def slope(t, node, x, tape, rate):
-            rate[:] = self.rates(np.column_stack([x.T, tape[node]])).T
-
-        x = states.T.copy()
-        work = np.empty((3, *x.shape))
-        for tape in inputs:
-            advance(slope, 0.0, x, steps, 4, tape, work)
-        return x.T
 
     def _differentiate(self, x, u, directions):
         n = self.num_states

@@ -21,9 +21,9 @@ from glider.planning.guess import straight_line, swoop
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import (
     COLD_BARRIER,
-    STRETCH,
     CollocatedFlight,
     make_program,
+    slow_line,
     solve_structured,
     to_flight,
     to_optimum,
@@ -217,8 +217,7 @@ def _reach_of(
 
 def find_one(model: GliderModel, problem: PerchingProblem) -> tuple[bool, float]:
     """Plans from one launch: whether there is a plan, and the least miss."""
-    way = straight_line(model, problem).states.end_time()
-    line = straight_line(model, problem, STRETCH * way)
+    line = slow_line(model, problem)
     if solve_structured(model, problem, KNOTS, line).solved:
         return True, 0.0
     closest = find_closest(model, problem, KNOTS, TRIES)

@@ -38,21 +38,15 @@ class MppiSettings:
 
     def __post_init__(self):
         """Raises InputError where a setting cannot be."""
-        check_positive(self)
+        for name in ("samples", "temperature", "deviation"):
+            value = getattr(self, name)
+            good = math.isfinite(value) and value > 0
+            expect(good, f"MppiSettings: '{name}'", value, "a positive number")
 
     @property
     def penalty(self) -> float:
         """Weight of the likelihood ratio, see `glider.compiled.sequence_costs`."""
         return self.temperature / self.deviation**2 if self.likelihood_ratio else 0.0
-
-
-def check_positive(settings: object) -> None:
-    """Raises InputError unless all numbers of a dataclass of settings are positive."""
-    for field in dataclasses.fields(settings):
-        value = getattr(settings, field.name)
-        good = isinstance(value, bool) or (math.isfinite(value) and value > 0)
-        what = f"{type(settings).__name__}: '{field.name}'"
-        expect(good, what, value, "a positive number")
 
 
 class SequenceCost:

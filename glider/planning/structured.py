@@ -15,7 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from glider.compiled.barrier import Optimum, Program
 from glider.compiled.interior_point import Limits, Outcome, optimize
 from glider.physics.model import GliderModel
-from glider.planning.guess import Guess
+from glider.planning.guess import Guess, straight_line
 from glider.planning.problem import PerchingProblem
 
 COLD_BARRIER = 100.0
@@ -140,6 +140,12 @@ def to_optimum(guess: Guess, knots: int) -> Optimum:
         pull=np.zeros(2),
         forces=np.zeros((2, w.size)),
     )
+
+
+def slow_line(model: GliderModel, problem: PerchingProblem) -> Guess:
+    """Straight lines from launch to goal, STRETCH times as long as usual."""
+    way = straight_line(model, problem).states.end_time()
+    return straight_line(model, problem, STRETCH * way)
 
 
 def to_guess(flight: CollocatedFlight) -> Guess:

@@ -79,7 +79,7 @@ def _limits(model, problem):
 
 
 def transcribe(
-    dynamics: Dynamics, problem: PerchingProblem, knots: int, arrive: bool = True
+    dynamics: Dynamics, problem: PerchingProblem, knots: int
 ) -> DirectCollocation:
     """Builds the program of a problem with equal steps between so many knots.
 
@@ -89,8 +89,6 @@ def transcribe(
         dynamics: of the glider. Where they are not fast, Drake's own defects stay.
         problem: what to fly.
         knots: at least 2.
-        arrive: whether the flight must meet the bounds at the wire; else what it
-            misses them by is what is minimized.
 
     Raises:
         InputError: where the glider varies in time, or the launch is outside the
@@ -111,13 +109,12 @@ def transcribe(
             binding.evaluator().set_description(f"defect of segment {k}")
     _add_limits(dc, knots, model, problem)
     _bound(dc, dc.initial_state(), launch, launch, "launch")
-    if arrive:
-        for name, (variables, low, high) in _arrival(dc, problem).items():
-            _bound(dc, variables, low, high, name)
-        _add_cost(dc, problem)
-    else:
-        for variables, low, high in _arrival(dc, problem).values():
-            _minimize_violation(dc, variables, low, high)
+    for name, (part, low, high) in _arrival(problem).items():
+        _bound(dc, dc.final_state()[part], low, high, name)
+    dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
+    final = dc.final_state()[: len(STATE_NAMES)]
+    weights = np.diag(problem.goal_weights)
+    dc.prog().AddQuadraticErrorCost(weights, np.array(problem.goal), final)
     return dc
 
 
@@ -198,48 +195,24 @@ def _add_limits(dc, knots, model, problem):
     _bound(dc, inputs, -rate, rate, "elevator rate limit")
 
 
-def _arrival(dc, problem):
-    """Returns the variables at the wire and their bounds, by name."""
-    final, place, speed = dc.final_state(), problem.wire, problem.final_speed_limit
+def _arrival(
+    problem: PerchingProblem,
+) -> dict[str, tuple[slice, float | list[float], float | list[float]]]:
+    """States at the wire and their bounds, by name."""
+    place, speed = problem.wire, problem.final_speed_limit
+    low, high = problem.final_pitch_limits
     return {
-        "position at the wire": (final[:2], place, place),
-        "pitch at the wire": (final[2:3], *problem.final_pitch_limits),
-        "speed at the wire": (final[4:6], -speed, speed),
+        "position at the wire": (slice(2), place, place),
+        "pitch at the wire": (slice(2, 3), low, high),
+        "speed at the wire": (slice(4, 6), -speed, speed),
     }
 
 
-def _add_cost(dc, problem):
-    dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
-    dc.prog().AddQuadraticErrorCost(
-        np.diag(problem.goal_weights),
-        np.array(problem.goal),
-        dc.final_state()[: len(STATE_NAMES)],
-    )
-
-
-def _minimize_violation(dc, variables, low, high):
-    """Adds the violation of bounds, in m, rad and m/s, as slack to the cost."""
-    size, program = len(variables), dc.prog()
-    slack = program.NewContinuousVariables(2 * size, "violation")
-    program.AddBoundingBoxConstraint(0.0, np.inf, slack)
-    program.AddLinearCost(np.ones(2 * size), slack)
-    # low <= variable + shortfall - excess <= high
-    one = np.eye(size)
-    program.AddLinearConstraint(
-        np.hstack([one, one, -one]),
-        np.broadcast_to(low, size),
-        np.broadcast_to(high, size),
-        np.concatenate([variables, slack]),
-    )
-
-
-def arrival_violations(
-    dc: DirectCollocation, result: MathematicalProgramResult, problem: PerchingProblem
-) -> dict[str, float]:
-    """Returns by how much a result misses the bounds at the wire, where it does."""
+def arrival_violations(problem: PerchingProblem, state: np.ndarray) -> dict[str, float]:
+    """By how much a last state (n,) misses the bounds at the wire, where it does."""
     violations = {}
-    for name, (variables, low, high) in _arrival(dc, problem).items():
-        value = result.GetSolution(variables)
+    for name, (part, low, high) in _arrival(problem).items():
+        value = state[part]
         excess = np.maximum(value - high, np.asarray(low) - value).max()
         if excess > 1e-4:
             violations[name] = float(excess)

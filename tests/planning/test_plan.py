@@ -66,7 +66,7 @@ def test_a_held_plan_is_saved_and_loaded_unchanged(held, tmp_path):
     assert loaded.is_held and not loaded.converged
     assert loaded.gains.shape == (20, 7) and np.any(loaded.gains != 0.0)
     assert len(loaded.costs) == 4 and loaded.cost == loaded.costs[-1]
-    assert loaded.drift is None
+    assert loaded.path_defect is None
     assert loaded.seconds == held.search_seconds > 0.0
 
 
@@ -102,7 +102,7 @@ def test_a_file_that_is_no_plan_is_refused(tmp_path, text):
         ({"times": [[0.0]] * 41}, "'times' is [41, 1]; expected [41]"),
         ({"cost": "hello"}, "'cost' is 'hello'; expected a number"),
         ({"cost": [1.0]}, "'cost' is [1.0]; expected a number"),
-        ({"drift": "far"}, "'drift' is 'far'; expected a number or null"),
+        ({"max_defect": "far"}, "'max_defect' is 'far'; expected a number or null"),
     ],
 )
 def test_a_plan_that_is_broken_is_refused(article_plan, tmp_path, changes, words):

@@ -64,7 +64,7 @@ def test_drake_s_solvers_find_the_same_plan(article_plan):
     assert {a.solver for a in article_plan.attempts} == {"interior point"}
     assert article_plan.cost == pytest.approx(theirs.cost, rel=1e-7)
     np.testing.assert_allclose(article_plan.states, theirs.states, atol=1e-3)
-    assert article_plan.drift == pytest.approx(theirs.drift, rel=1e-2)
+    assert article_plan.path_defect == pytest.approx(theirs.path_defect, rel=1e-2)
 
 
 def _collocated(model, w):

@@ -30,7 +30,6 @@ def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
         cost=0.0,
         max_defect=0.0,
         path_defect=0.0,
-        drift=0.0,
     )
     return TrackingPolicy(
         plan=plan,
