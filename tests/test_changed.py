@@ -8,7 +8,7 @@ from tests.changed import ROOT, folder_of
 @pytest.mark.parametrize(
     ("path", "tests"),
     [
-        ("glider/physics/effects/air.py", "tests/physics"),
+        ("glider/physics/effects/wrench.py", "tests/physics"),
         ("glider/sysid/replay/theta.py", "tests/sysid"),
         ("diagrams/scene.py", "tests/diagrams"),
         ("examples/perch.py", "tests/examples"),

@@ -1,6 +1,6 @@
 """The elevator's path under a tape of rate commands, solved exactly.
 
-This replays a log through the actuator of `glider.physics.effects.actuator`: a pure
+This replays a log through the actuator of `glider.physics.effects.signals`: a pure
 delay T and a first-order lag τ between held commands and the elevator's rate,
     τ ṙ(t) = u(t - T) - r(t),   φ̇ = r,
 whose solution between two commands is a straight line and an exponential. The

@@ -7,6 +7,7 @@ functions that run on floats, AutoDiffXd, Expression and complex numbers;
 
 import functools
 import inspect
+import itertools
 import linecache
 import types
 from collections.abc import Callable
@@ -19,15 +20,6 @@ from glider.physics.state import NUM_STATES
 _CHAIN = inspect.getsource(chain)
 """Read now: the file may be edited while this process runs."""
 
-_HOOKS = {
-    "air": ("air_terms", "motion"),
-    "geometry": ("geometry_terms", "flow"),
-    "surface": ("surface_terms", "flow"),
-    "wrench": ("wrench_terms", "flow"),
-    "inertia": ("inertia_terms", "flow"),
-    "sensor": ("sensor_terms", "flow"),
-}
-
 
 def ordered(effects: tuple[EffectKind, ...]) -> tuple[EffectKind, ...]:
     """Returns effects with states of actuators first, as the state holds them."""
@@ -36,20 +28,18 @@ def ordered(effects: tuple[EffectKind, ...]) -> tuple[EffectKind, ...]:
 
 def coefficient_slices(effects: tuple[EffectKind, ...]) -> dict[str, slice]:
     """Returns where each kind's coefficients lie in the vector c."""
-    slices, start = {}, 0
-    for effect in effects:
-        slices[effect.kind] = slice(start, start + len(effect.coefficients))
-        start += len(effect.coefficients)
-    return slices
+    return _slices(effects, [len(e.coefficients) for e in effects])
 
 
 def state_slices(effects: tuple[EffectKind, ...]) -> dict[str, slice]:
     """Returns where each kind's own states lie among the extra states."""
-    slices, start = {}, 0
-    for effect in ordered(effects):
-        slices[effect.kind] = slice(start, start + len(effect.states))
-        start += len(effect.states)
-    return slices
+    return _slices(ordered(effects), [len(e.states) for e in ordered(effects)])
+
+
+def _slices(effects: tuple[EffectKind, ...], sizes: list[int]) -> dict[str, slice]:
+    ends = itertools.accumulate(sizes)
+    rows = zip(effects, sizes, ends, strict=True)
+    return {effect.kind: slice(end - size, end) for effect, size, end in rows}
 
 
 def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
@@ -59,7 +49,7 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
 
     Args:
         effects: the kinds.
-        skip_absent: whether the text leaves out at run time the formulas whose
+        skip_absent: whether the text omits at run time the formulas whose
             coefficients that are not mere shapes are all zero. That saves a
             kernel with the whole library most of its work. It is right for
             floats and for complex steps, but not for AutoDiffXd coefficients.
@@ -67,77 +57,60 @@ def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> 
     coefficients, states = coefficient_slices(effects), state_slices(effects)
 
     def call(name: str, i: int, first: str) -> str:
-        own = states[effects[i].kind]
-        mine = coefficients[effects[i].kind]
+        own, mine = states[effects[i].kind], coefficients[effects[i].kind]
         arguments = [first]
         arguments += [f"x[{NUM_STATES + j}]" for j in range(own.start, own.stop)]
         arguments += [f"c[{j}]" for j in range(mine.start, mine.stop)]
         return f"{name}_{i}({', '.join(arguments)})"
 
-    lines = []
-    for stage, (hook, first) in _HOOKS.items():
+    def add_rate(i: int, first: str) -> list[str]:
+        """Adds the call of a state rate; returns the names of its results."""
+        lines.append(f"    d{i} = {call('rate', i, first)}")
+        count = len(effects[i].states)
+        return [f"d{i}"] if count == 1 else [f"d{i}[{k}]" for k in range(count)]
+
+    lines: list[str] = []
+    for stage, terms in STAGES.items():
+        if stage in ("actuator", "log"):
+            continue
         # A pose shows a fault of its log too.
         stages = (stage, "log") if stage == "sensor" else (stage,)
-        members = [i for i, e in enumerate(effects) if e.stage in stages]
-        sums: dict[str, list[str]] = {term: [] for term in STAGES[stage]}
-        lines.append(f"def {hook}({first}, x, c):")
-        for i in members:
-            line = f"    e{i} = {call('formula', i, first)}"
+        first = "motion" if stage == "air" else "flow"
+        sums: dict[str, list[str]] = {term: [] for term in terms}
+        lines.append(f"def {stage}_terms({first}, x, c):")
+        for i, effect in enumerate(effects):
+            if effect.stage not in stages:
+                continue
+            line, targets = f"    e{i} = {call('formula', i, first)}", effect.adds_to
             if skip_absent:
-                present = _present(effects[i], coefficients)
-                line += f" if {present} else {_zero(effects[i], first)}"
+                entries = enumerate(
+                    effect.coefficients, coefficients[effect.kind].start
+                )
+                present = [f"c[{j}] != 0.0" for j, c in entries if not c.is_shape]
+                zeros = ", ".join([f"0.0 * {first}.xdot"] * len(targets))
+                line += f" if {' or '.join(present)} else ({zeros})"
             lines.append(line)
-            targets = effects[i].adds_to
             for k, term in enumerate(targets):
                 sums[term].append(f"e{i}" if len(targets) == 1 else f"e{i}[{k}]")
-        terms = ", ".join(" + ".join(s) if s else "0.0" for s in sums.values())
-        lines.append(f"    return {terms}\n")
+        parts = ", ".join(" + ".join(s) if s else "0.0" for s in sums.values())
+        lines.append(f"    return {parts}\n")
 
-    actuators = [e for e in ordered(effects) if e.stage == "actuator"]
-    lines.append("def actuator_terms(rate, x, c):")
-    rates = ["def actuator_rates(rate, x, c):"]
-    derivatives_of: list[str] = []
-    for effect in actuators:
-        i = effects.index(effect)
-        if effect.states:
-            derivatives_of += _unpack(rates, call("rate", i, "rate"), effect, i)
-        step = f"    rate = {call('formula', i, 'rate')}"
-        lines.append(step)
-        rates.append(step)
-    lines.append("    return rate\n")
-    lines += [*rates, f"    return ({' '.join(d + ',' for d in derivatives_of)})\n"]
-
-    lines.append("def effect_rates(flow, x, c):")
-    derivatives_of = []
-    for effect in ordered(effects):
-        if effect.states and effect.stage != "actuator":
-            i = effects.index(effect)
-            derivatives_of += _unpack(lines, call("rate", i, "flow"), effect, i)
-    lines.append(f"    return ({' '.join(d + ',' for d in derivatives_of)})\n")
+    # Each actuator gets the rate that the one before makes.
+    actuators = [i for i, effect in enumerate(effects) if effect.stage == "actuator"]
+    steps = {i: f"    rate = {call('formula', i, 'rate')}" for i in actuators}
+    lines += ["def actuator_terms(rate, x, c):", *steps.values(), "    return rate\n"]
+    for hook, first, members in (
+        ("actuator_rates", "rate", actuators),
+        ("effect_rates", "flow", [i for i in range(len(effects)) if i not in steps]),
+    ):
+        lines.append(f"def {hook}({first}, x, c):")
+        rates = []
+        for i in members:
+            if effects[i].states:
+                rates += add_rate(i, first)
+            lines += [steps[i]] if i in steps else []
+        lines.append(f"    return ({' '.join(d + ',' for d in rates)})\n")
     return "\n".join(lines)
-
-
-def _present(effect: EffectKind, coefficients: dict[str, slice]) -> str:
-    start = coefficients[effect.kind].start
-    sizes = [j for j, c in enumerate(effect.coefficients) if not c.is_shape]
-    return " or ".join(f"c[{start + j}] != 0.0" for j in sizes)
-
-
-def _zero(effect: EffectKind, first: str) -> str:
-    zero = f"0.0 * {first}.xdot"
-    return (
-        zero
-        if len(effect.adds_to) == 1
-        else f"({', '.join([zero] * len(effect.adds_to))})"
-    )
-
-
-def _unpack(lines: list[str], call: str, effect: EffectKind, i: int) -> list[str]:
-    """Appends the call of a state rate; returns the names of its results."""
-    lines.append(f"    d{i} = {call}")
-    if len(effect.states) == 1:
-        return [f"d{i}"]
-    return [f"d{i}[{k}]" for k in range(len(effect.states))]
 
 
 def formulas(effects: tuple[EffectKind, ...]) -> dict[str, Callable]:
@@ -180,8 +153,8 @@ def compose(
         other functions of the chain, for these effects.
     """
     tag = "-".join(e.kind for e in effects) or "nominal"
-    tag += "-field" * has_field
-    filename, text = f"<dynamics of {tag}>", source(effects, has_field)
+    filename = f"<dynamics of {tag}{'-field' * has_field}>"
+    text = source(effects, has_field)
     linecache.cache[filename] = (len(text), None, text.splitlines(True), filename)
     names = formulas(effects)
     exec(compile(text, filename, "exec"), names)  # Our own text only.

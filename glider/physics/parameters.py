@@ -31,16 +31,17 @@ class Parameters(NamedTuple):
 
 
 class Theta(NamedTuple):
-    """All parameters of a glider's dynamics, as compiled loops take them."""
+    """All parameters of a glider's dynamics, as compiled loops take them.
+
+    Attributes:
+        p: parameters of the flat-plate glider.
+        c: coefficients of the acting effects, one effect after the other.
+        field: the residual field.
+    """
 
     p: Parameters
-    """Parameters of the flat-plate glider."""
-
     c: np.ndarray
-    """Coefficients of the acting effects, one effect after the other."""
-
     field: Field
-    """The residual field."""
 
 
 PARAMETER_NAMES = Parameters._fields
@@ -52,42 +53,34 @@ class GliderParameters:
     """A rigid glider: a fixed wing plate and a hinged elevator plate.
 
     The defaults are the glider of the perching and identification notebooks.
+
+    Attributes:
+        mass: of the whole glider [kg].
+        pitch_inertia: about +y through the center of mass [kg m²].
+        wing_area: [m²].
+        elevator_area: [m²].
+        wing_offset: of the wing's center of pressure, ahead of the center of mass [m].
+        hinge_offset: of the elevator's hinge, behind the center of mass [m].
+        elevator_offset: of the elevator's center of pressure, behind its hinge [m].
+        air_density: [kg/m³].
+        gravity: [m/s²].
+        elevator_limits: travel, trailing edge down and up [rad]; None if unknown.
+        elevator_rate_limit: of the servo, either way [rad/s]; None if unknown.
     """
 
     mass: float = 0.08
-    """Mass of the whole glider [kg]."""
-
     pitch_inertia: float = 0.0015
-    """Moment of inertia about +y through the center of mass [kg m²]."""
-
     wing_area: float = 0.0885
-    """Area of the wing [m²]."""
-
     elevator_area: float = 0.0147
-    """Area of the elevator [m²]."""
-
     wing_offset: float = 0.0
-    """Distance of the wing's center of pressure ahead of the center of mass [m]."""
-
     hinge_offset: float = 0.27
-    """Distance of the elevator's hinge behind the center of mass [m]."""
-
     elevator_offset: float = 0.022
-    """Distance of the elevator's center of pressure behind its hinge [m]."""
-
     air_density: float = 1.204
-    """Density of the air [kg/m³]."""
-
     gravity: float = 9.81
-    """Acceleration of gravity [m/s²]."""
-
     elevator_limits: list[float] | None = dataclasses.field(
         default_factory=lambda: [-0.4463, 0.9473]
     )
-    """Travel of the elevator: trailing edge down, up [rad]; None if unknown."""
-
     elevator_rate_limit: float | None = 13.0
-    """Largest rate of the servo, either way [rad/s]; None if unknown."""
 
     def __post_init__(self):
         """Raises InputError where a value is not physical."""
@@ -132,15 +125,16 @@ def check_parameters(values: dict) -> None:
             continue
         if name == "elevator_limits":
             pair = isinstance(value, (list, tuple)) and len(value) == 2
-            rises = pair and all(map(_is_number, value)) and value[0] < value[1]
+            rises = pair and all(map(is_number, value)) and value[0] < value[1]
             expect(rises, what, value, "[lower, upper] in radians with lower < upper")
             continue
-        expect(_is_number(value), what, value, "a finite number")
+        expect(is_number(value), what, value, "a finite number")
         expect(name not in POSITIVE or value > 0, what, value, "a positive number")
         expect(name != "gravity" or value >= 0, what, value, "a number not negative")
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether a value is a finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return math.isfinite(value)

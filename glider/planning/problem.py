@@ -9,6 +9,7 @@ import numpy as np
 from glider.errors import expect, show
 from glider.files import schema
 from glider.paths import models_path
+from glider.physics.parameters import is_number
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 
 _HEIGHT, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
@@ -125,7 +126,7 @@ class PerchingProblem:
         expect(count >= 1, "draw_launches: 'count'", count, "at least 1")
         deviations = {"height": height, "speed": speed, "pitch": pitch, "scale": scale}
         for name, value in deviations.items():
-            good = _is_number(value) and value >= 0.0
+            good = is_number(value) and value >= 0.0
             expect(good, f"draw_launches: '{name}'", value, "a number not negative")
         errors = rng.normal(size=(count, 3)) * [
             scale * height,
@@ -176,7 +177,7 @@ def _check(problem: PerchingProblem) -> None:
         needed = "a finite number" if size == 1 else f"{size} finite numbers"
         if name in _STATES:
             needed += f" ({', '.join(STATE_NAMES)})"
-        good = len(numbers) == size and all(map(_is_number, numbers))
+        good = len(numbers) == size and all(map(is_number, numbers))
         expect(good, f"field '{name}'", value, needed)
         if name in _INTERVALS:
             rises = value[0] < value[1]
@@ -193,9 +194,3 @@ def _check(problem: PerchingProblem) -> None:
         low, high = getattr(problem, name)
         inside = f"a place within '{name}', {show([low, high])}"
         expect(low <= place <= high, "field 'wire'", problem.wire, inside)
-
-
-def _is_number(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    return math.isfinite(value)

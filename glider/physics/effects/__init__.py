@@ -1,7 +1,5 @@
 """The library of effects: what a flat-plate glider may lack."""
 
-from glider.physics.effects.actuator import COMMAND_DELAY, SERVO_LAG
-from glider.physics.effects.air import WIND, WIND_SHEAR
 from glider.physics.effects.effect import (
     STAGES,
     Coefficient,
@@ -18,16 +16,19 @@ from glider.physics.effects.geometry import (
     ELEVATOR_BLOWBACK,
     ELEVATOR_TRIM,
     STALLED_DOWNWASH,
+    WIND,
+    WIND_SHEAR,
     WING_INCIDENCE,
 )
-from glider.physics.effects.inertia import ADDED_MASS, INERTIA, MASS
-from glider.physics.effects.sensor import (
+from glider.physics.effects.signals import (
     ANGLE_SIGN,
+    COMMAND_DELAY,
     FRAME_TILT,
     MARKER_OFFSET,
     PITCH_OFFSET,
     POSE_LATENCY,
     POSITION_SCALE,
+    SERVO_LAG,
 )
 from glider.physics.effects.surface import (
     AIRSPEED_DEPENDENCE,
@@ -40,8 +41,11 @@ from glider.physics.effects.surface import (
     TAIL_WAKE,
 )
 from glider.physics.effects.wrench import (
+    ADDED_MASS,
     AXIAL_DRAG,
     INDUCED_DRAG,
+    INERTIA,
+    MASS,
     PITCH_DAMPING,
     PITCH_MOMENT,
     PROFILE_DRAG,

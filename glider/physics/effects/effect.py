@@ -51,19 +51,18 @@ class Replay(NamedTuple):
 
     A log is not flown through the plant's actuators and clocks but through these,
     which are exact.
+
+    Attributes:
+        delay: time between a command and its action [s].
+        time_constant: first-order lag of the elevator's rate [s]; 0 for none.
+        latency: the row of time t shows the pose of t - latency [s].
+        actuators: further ones and their coefficients, integrated by their formulas.
     """
 
     delay: float = 0.0
-    """Time between a command and its action [s]."""
-
     time_constant: float = 0.0
-    """First-order lag of the elevator's rate [s]; 0 for none."""
-
     latency: float = 0.0
-    """Delay of the pose: the row of time t shows the flight at t - latency [s]."""
-
     actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
-    """Further actuators and their coefficients, integrated by their formulas."""
 
 
 class Motion(NamedTuple):
@@ -117,7 +116,7 @@ class Flow(NamedTuple):
     gravity: float
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Coefficient:
     """One number of an effect.
 
@@ -134,6 +133,7 @@ class Coefficient:
 
     name: str
     unit: str
+    _: dataclasses.KW_ONLY
     default: float = 0.0
     scale: float = 1.0
     lower: float = -math.inf
@@ -203,9 +203,6 @@ class EffectKind:
 
     def __call__(self, **values: float) -> "Effect":
         """Returns this effect with the given coefficients, others at default."""
-        return Effect(kind=self, values=self._complete(values))
-
-    def _complete(self, values: dict[str, float]) -> tuple[float, ...]:
         names = [c.name for c in self.coefficients]
         for name in values:
             known, what = f"one of {', '.join(names)}", f"effect '{self.kind}'"
@@ -219,7 +216,7 @@ class EffectKind:
             limits = f"a value in [{c.lower:g}, {c.upper:g}] {c.unit}"
             expect(c.lower <= value <= c.upper, what, value, limits)
             complete.append(float(value))
-        return tuple(complete)
+        return Effect(kind=self, values=tuple(complete))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

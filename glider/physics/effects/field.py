@@ -108,28 +108,25 @@ def field_terms(flow, field):
 
 @dataclasses.dataclass(kw_only=True)
 class FieldData:
-    """A field as it stands in a model file: plain lists of numbers by name."""
+    """A field as it stands in a model file: plain lists of numbers by name.
+
+    Attributes:
+        kind: "rbf_residual" or "unexplained".
+        variables: names in FIELD_VARIABLES that it depends on.
+        centers: one row a basis function, one column a variable.
+        widths: standard deviation of the Gaussians in each variable.
+        constant: whether the last row of weights is of a constant.
+        weights: name in FIELD_TERMS to one weight a basis function.
+        more: further fields over other variables that add to it.
+    """
 
     kind: str = "rbf_residual"
-    """Kind of the field, "rbf_residual" or "unexplained"."""
-
     variables: list[str] = dataclasses.field(default_factory=list)
-    """Names in FIELD_VARIABLES that it depends on."""
-
     centers: list[list[float]] = dataclasses.field(default_factory=list)
-    """One row a basis function, one column a variable."""
-
     widths: list[float] = dataclasses.field(default_factory=list)
-    """Standard deviation of the Gaussians in each variable."""
-
     constant: bool = False
-    """Whether the last row of weights is of a constant."""
-
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
-    """Name in FIELD_TERMS to one weight a basis function."""
-
     more: list["FieldData"] = dataclasses.field(default_factory=list)
-    """Further fields over other variables that add to it."""
 
 
 def gaussians(
@@ -174,6 +171,5 @@ def make_field(data: FieldData) -> Field:
     parts = [Field(centers, inverse_widths, weights), *map(make_field, data.more)]
     joined = Field(*(np.vstack(arrays) for arrays in zip(*parts, strict=True)))
     for name, array in zip(("centers", "widths", "weights"), joined, strict=True):
-        good = bool(np.all(np.isfinite(array)))
-        expect(good, f"{field}: {name}", array, "finite numbers")
+        expect(np.isfinite(array).all(), f"{field}: {name}", array, "finite numbers")
     return joined

@@ -1,8 +1,18 @@
-"""Effects of geometry: where the surfaces sit and what flow meets the tail."""
+"""Effects of air and geometry: how the air moves, and where the surfaces meet it."""
 
 from glider.physics.aerodynamics import attached_share, elevator_velocity, plate_force
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import cos, scalar, sin
+
+
+@scalar
+def _wind(motion, x, z):
+    return x, z
+
+
+@scalar
+def _wind_shear(motion, gradient):
+    return gradient * motion.z
 
 
 @scalar
@@ -33,13 +43,39 @@ def _elevator_blowback(flow, compliance):
     return compliance * load
 
 
+WIND = EffectKind(
+    kind="wind",
+    stage="air",
+    adds_to=("wind_x", "wind_z"),
+    coefficients=(
+        Coefficient("x", "m/s", scale=0.5, lower=-5.0, upper=5.0),
+        Coefficient("z", "m/s", scale=0.05, lower=-5.0, upper=5.0),
+    ),
+    formula=_wind,
+    words="a steady wind",
+    depends_on=("V", "alpha"),
+)
+"""Steady wind: the air moves with velocity w = (x, z) in the world, so that the
+velocity through the air is v - w."""
+
+WIND_SHEAR = EffectKind(
+    kind="wind_shear",
+    stage="air",
+    adds_to=("wind_x",),
+    coefficients=(Coefficient("gradient", "1/s", scale=0.5, lower=-10.0, upper=10.0),),
+    formula=_wind_shear,
+    words="wind shear: a wind that changes with height",
+    depends_on=("z", "V"),
+)
+"""Wind shear: the air moves along x with gradient · z and is at rest at z = 0, the
+height of the perch; a wind there is `wind`. This is the linear profile of Etkin,
+Dynamics of Atmospheric Flight."""
+
 WING_INCIDENCE = EffectKind(
     kind="wing_incidence",
     stage="geometry",
     adds_to=("wing_incidence",),
-    coefficients=(
-        Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.5, upper=0.5),
-    ),
+    coefficients=(Coefficient("angle", "rad", scale=0.03, lower=-0.5, upper=0.5),),
     formula=constant,
     words="a wing set at an angle to the body axis (positive nose down)",
     depends_on=("alpha", "V"),
@@ -50,9 +86,7 @@ ELEVATOR_TRIM = EffectKind(
     kind="elevator_trim",
     stage="geometry",
     adds_to=("elevator_trim",),
-    coefficients=(
-        Coefficient(name="angle", unit="rad", scale=0.03, lower=-0.6, upper=0.6),
-    ),
+    coefficients=(Coefficient("angle", "rad", scale=0.03, lower=-0.6, upper=0.6),),
     formula=constant,
     words="an elevator whose true angle differs from its reading by a constant",
     depends_on=("V", "elevator"),
@@ -64,9 +98,7 @@ ELEVATOR_BLOWBACK = EffectKind(
     stage="geometry",
     adds_to=("elevator_trim",),
     coefficients=(
-        Coefficient(
-            name="compliance", unit="rad/Pa", scale=0.002, lower=0.0, upper=0.02
-        ),
+        Coefficient("compliance", "rad/Pa", scale=0.002, lower=0.0, upper=0.02),
     ),
     formula=_elevator_blowback,
     words="an elevator that deflects under its load (blowback)",
@@ -87,8 +119,8 @@ CENTER_OF_PRESSURE = EffectKind(
     stage="geometry",
     adds_to=("wing_shift",),
     coefficients=(
-        Coefficient(name="shift", unit="m", scale=0.006, lower=-0.2, upper=0.2),
-        Coefficient(name="travel", unit="m", scale=0.006, lower=-0.2, upper=0.2),
+        Coefficient("shift", "m", scale=0.006, lower=-0.2, upper=0.2),
+        Coefficient("travel", "m", scale=0.006, lower=-0.2, upper=0.2),
     ),
     formula=_center_of_pressure,
     words="a wing center of pressure away from its nominal position",
@@ -105,9 +137,7 @@ DOWNWASH = EffectKind(
     kind="downwash",
     stage="geometry",
     adds_to=("downwash",),
-    coefficients=(
-        Coefficient(name="gradient", unit="-", scale=0.3, lower=-3.0, upper=3.0),
-    ),
+    coefficients=(Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),),
     formula=_downwash,
     words="the wing's downwash on the tail",
     depends_on=("alpha", "V"),
@@ -122,7 +152,7 @@ STALLED_DOWNWASH = EffectKind(
     stage="geometry",
     adds_to=("downwash",),
     coefficients=(
-        Coefficient(name="gradient", unit="-", scale=0.3, lower=-3.0, upper=3.0),
+        Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),
         Coefficient(
             name="stall_angle",
             unit="rad",

@@ -63,7 +63,7 @@ ATTACHED_LIFT = EffectKind(
     stage="surface",
     adds_to=("wing_normal",),
     coefficients=(
-        Coefficient(name="slope", unit="1/rad", scale=2.0, lower=-6.0, upper=12.0),
+        Coefficient("slope", "1/rad", scale=2.0, lower=-6.0, upper=12.0),
         Coefficient(
             name="stall_angle",
             unit="rad",
@@ -98,9 +98,7 @@ CAMBER = EffectKind(
     stage="surface",
     adds_to=("wing_normal",),
     coefficients=(
-        Coefficient(
-            name="zero_lift_angle", unit="rad", scale=0.03, lower=-0.5, upper=0.5
-        ),
+        Coefficient("zero_lift_angle", "rad", scale=0.03, lower=-0.5, upper=0.5),
     ),
     formula=_camber,
     words="a cambered wing, whose zero-lift angle of attack is not zero",
@@ -118,9 +116,7 @@ PITCH_RATE_LIFT = EffectKind(
     kind="pitch_rate_lift",
     stage="surface",
     adds_to=("wing_normal",),
-    coefficients=(
-        Coefficient(name="arm", unit="m", scale=0.05, lower=-1.0, upper=1.0),
-    ),
+    coefficients=(Coefficient("arm", "m", scale=0.05, lower=-1.0, upper=1.0),),
     formula=_pitch_rate_lift,
     words="lift due to pitch rate: more normal force while the nose comes up",
     depends_on=("pitchdot", "V"),
@@ -138,7 +134,7 @@ DYNAMIC_STALL = EffectKind(
     stage="surface",
     adds_to=("wing_normal",),
     coefficients=(
-        Coefficient(name="strength", unit="-", scale=1.0, lower=-5.0, upper=20.0),
+        Coefficient("strength", "-", scale=1.0, lower=-5.0, upper=20.0),
         Coefficient(
             name="time_constant",
             unit="s",
@@ -168,7 +164,7 @@ AIRSPEED_DEPENDENCE = EffectKind(
     stage="surface",
     adds_to=("wing_factor",),
     coefficients=(
-        Coefficient(name="gradient", unit="-", scale=0.3, lower=-3.0, upper=3.0),
+        Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),
         Coefficient(
             name="reference_speed",
             unit="m/s",
@@ -191,7 +187,7 @@ GROUND_EFFECT = EffectKind(
     stage="surface",
     adds_to=("wing_factor",),
     coefficients=(
-        Coefficient(name="strength", unit="-", scale=0.02, lower=-3.0, upper=3.0),
+        Coefficient("strength", "-", scale=0.02, lower=-3.0, upper=3.0),
         Coefficient(
             name="height",
             unit="m",
@@ -218,7 +214,7 @@ TAIL_WAKE = EffectKind(
     stage="surface",
     adds_to=("elevator_factor",),
     coefficients=(
-        Coefficient(name="loss", unit="-", scale=0.4, lower=0.0, upper=1.0),
+        Coefficient("loss", "-", scale=0.4, lower=0.0, upper=1.0),
         Coefficient(
             name="angle",
             unit="rad",
@@ -250,9 +246,7 @@ ELEVATOR_AREA = EffectKind(
     kind="elevator_area",
     stage="surface",
     adds_to=("elevator_factor",),
-    coefficients=(
-        Coefficient(name="change", unit="-", scale=0.2, lower=-0.95, upper=5.0),
-    ),
+    coefficients=(Coefficient("change", "-", scale=0.2, lower=-0.95, upper=5.0),),
     formula=constant,
     words="an effective elevator area that differs from its nominal value",
     depends_on=("elevator", "V"),

@@ -1,8 +1,8 @@
-"""Effects that add a force or a moment."""
+"""Effects on the whole body: forces and moments, mass and inertia."""
 
 import numpy as np
 
-from glider.physics.effects.effect import Coefficient, EffectKind
+from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 
 _TURN = 0.01
@@ -52,11 +52,16 @@ def _thrust(flow, force):
     return force * flow.cos_pitch, -force * flow.sin_pitch
 
 
+@scalar
+def _added_mass(flow, mass, inertia):
+    return mass, inertia
+
+
 PROFILE_DRAG = EffectKind(
     kind="profile_drag",
     stage="wrench",
     adds_to=("force_x", "force_z"),
-    coefficients=(Coefficient(name="cd0", unit="-", scale=0.05, lower=0.0, upper=2.0),),
+    coefficients=(Coefficient("cd0", "-", scale=0.05, lower=0.0, upper=2.0),),
     formula=_profile_drag,
     words="profile drag of wing, fuselage and tail",
     depends_on=("V",),
@@ -67,7 +72,7 @@ INDUCED_DRAG = EffectKind(
     kind="induced_drag",
     stage="wrench",
     adds_to=("force_x", "force_z"),
-    coefficients=(Coefficient(name="k", unit="-", scale=0.05, lower=0.0, upper=2.0),),
+    coefficients=(Coefficient("k", "-", scale=0.05, lower=0.0, upper=2.0),),
     formula=_induced_drag,
     words="induced drag: drag that grows with the square of lift",
     depends_on=("alpha", "V"),
@@ -81,7 +86,7 @@ AXIAL_DRAG = EffectKind(
     stage="wrench",
     adds_to=("force_x", "force_z"),
     coefficients=(
-        Coefficient(name="ca0", unit="-", scale=0.05, lower=0.0, upper=2.0),
+        Coefficient("ca0", "-", scale=0.05, lower=0.0, upper=2.0),
         Coefficient(
             name="backward",
             unit="-",
@@ -111,7 +116,7 @@ PITCH_DAMPING = EffectKind(
     stage="wrench",
     adds_to=("moment",),
     coefficients=(
-        Coefficient(name="coefficient", unit="m²", scale=0.004, lower=-1.0, upper=1.0),
+        Coefficient("coefficient", "m²", scale=0.004, lower=-1.0, upper=1.0),
     ),
     formula=_pitch_damping,
     words="pitch damping in addition to the tail's",
@@ -124,9 +129,7 @@ PITCH_MOMENT = EffectKind(
     kind="pitch_moment",
     stage="wrench",
     adds_to=("moment",),
-    coefficients=(
-        Coefficient(name="coefficient", unit="m", scale=0.001, lower=-1.0, upper=1.0),
-    ),
+    coefficients=(Coefficient("coefficient", "m", scale=0.001, lower=-1.0, upper=1.0),),
     formula=_pitch_moment,
     words="a constant pitching-moment coefficient (camber)",
     depends_on=("V",),
@@ -137,11 +140,59 @@ THRUST = EffectKind(
     kind="thrust",
     stage="wrench",
     adds_to=("force_x", "force_z"),
-    coefficients=(
-        Coefficient(name="force", unit="N", scale=0.05, lower=-20.0, upper=20.0),
-    ),
+    coefficients=(Coefficient("force", "N", scale=0.05, lower=-20.0, upper=20.0),),
     formula=_thrust,
     words="a constant force along the body axis",
     depends_on=("pitch",),
 )
 """Thrust: a constant force along the body axis, (cos pitch, -sin pitch)."""
+
+MASS = EffectKind(
+    kind="mass",
+    stage="inertia",
+    adds_to=("mass",),
+    coefficients=(Coefficient("change", "-", scale=0.1, lower=-0.9, upper=5.0),),
+    formula=constant,
+    words="a mass that differs from its nominal value",
+    depends_on=("V", "alpha"),
+)
+"""Mass: (1 + change) times the nominal mass, in both inertia and weight."""
+
+INERTIA = EffectKind(
+    kind="inertia",
+    stage="inertia",
+    adds_to=("inertia",),
+    coefficients=(Coefficient("change", "-", scale=0.15, lower=-0.9, upper=5.0),),
+    formula=constant,
+    words="a pitch inertia that differs from its nominal value",
+    depends_on=("V", "elevator"),
+)
+"""Pitch inertia: (1 + change) times the nominal pitch inertia."""
+
+ADDED_MASS = EffectKind(
+    kind="added_mass",
+    stage="inertia",
+    adds_to=("added_mass", "added_inertia"),
+    coefficients=(
+        Coefficient("mass", "kg", scale=0.01, lower=-0.05, upper=1.0),
+        Coefficient("inertia", "kg m²", scale=1e-4, lower=0.0, upper=0.1),
+    ),
+    formula=_added_mass,
+    words="added mass: air that moves with the wing along its normal",
+    depends_on=("alphadot", "alpha", "pitchdot"),
+)
+"""Added mass: air that moves and turns with a plate, along its normal n.
+
+The impulse of this air is mass (n·v) n. The normal turns (ṅ = θ̇ t), so it reacts with
+F = -d/dt [mass (n·v) n] = -mass [(n·a) n + θ̇ ((v·t) n + (v·n) t)], M = -inertia · θ̈.
+Here v is the velocity of the center of mass through the air; the acceleration of the
+air itself is neglected. For a thin plate mass is about ρ π c² b / 4 and inertia about
+ρ π c⁴ b / 128 (Lamb, Hydrodynamics, chapters IV and VI; Katz and Plotkin, Low-Speed
+Aerodynamics).
+
+Kirchhoff's equations also contain a moment that depends on neither acceleration nor
+rate, the Munk moment mass (v·t)(v·n). It is omitted: it is part of the steady moment,
+which follows from the point where the plate's force acts (`center_of_pressure`). For a
+thin wing, whose lift acts at the quarter chord, it is the entire steady moment about
+the half chord.
+"""
