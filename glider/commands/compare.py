@@ -43,20 +43,19 @@ def add(commands: Commands) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    from glider.comparison.saved import load_report
+    from glider.comparison.differences import compare, load_report
+    from glider.files.writing import check_writable, replace_files
 
     first, second = load_report(args.first), load_report(args.second)
+    folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
+    check_writable(folder)
 
     from rich.console import Console
 
-    from glider.comparison.as_json import to_json
+    from glider.comparison.as_text import print_comparison, to_json
     from glider.comparison.comparison_page import to_html
-    from glider.comparison.differences import compare
-    from glider.comparison.terminal import print_comparison
-    from glider.files.writing import replace_files
 
     comparison = compare(first, second)
-    folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
     text = to_json(comparison)
     files = {
         "comparison.html": to_html(comparison).encode(),

@@ -4,18 +4,17 @@ import math
 
 import numpy as np
 
-from glider.comparison.differences import Comparison
-from glider.comparison.wording import (
+from glider.comparison.as_text import (
     error_rows,
-    error_values,
     facts,
     headline,
     models_of,
     rows,
     unit_of,
 )
+from glider.comparison.differences import Comparison
 from glider.report.as_page import render_page
-from glider.report.error_table import ALONG, FREE, PITCH
+from glider.report.error_table import ALONG, FREE, PITCH, error_of
 from glider.report.flight_errors import bounded
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
 from glider.report.plots import figure as spec
@@ -41,10 +40,8 @@ def to_html(comparison: Comparison) -> str:
 
 
 def _keys(comparison: Comparison) -> dict[str, str]:
-    return {
-        "first": f"A: {comparison.first.campaign}",
-        "second": f"B: {comparison.second.campaign}",
-    }
+    a, b = (report.campaign for report in comparison.reports)
+    return {"first": f"A: {a}", "second": f"B: {b}"}
 
 
 def changes_figure(comparison: Comparison) -> spec.Figure | None:
@@ -85,7 +82,7 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
 
 def errors_figure(comparison: Comparison) -> spec.Figure | None:
     """Errors of each model in both reports as bars."""
-    models = models_of(comparison)
+    models, keys = models_of(comparison), _keys(comparison)
     if not models:
         return None
     panels = []
@@ -94,27 +91,26 @@ def errors_figure(comparison: Comparison) -> spec.Figure | None:
         (ALONG, "position, along measured pitch"),
         (PITCH, "pitch, free rollout"),
     ):
-        pairs = np.array([error_values(comparison, error, model) for model in models])
-        unit = unit_of(comparison, error, *pairs.flat)
-        values = dict(zip(_keys(comparison), bounded(pairs.T) / unit.size, strict=True))
+        both = comparison.reports
+        values = np.array([[error_of(r, m, error) for m in models] for r in both])
+        unit = unit_of(comparison, error, *values.flat)
+        bars = dict(zip(keys, bounded(values) / unit.size, strict=True))
         panels.append(
             spec.Panel(
                 title=f"{title}, RMS [{unit.name}]",
-                marks=grouped_bars(values, _keys(comparison), unit),
+                marks=grouped_bars(bars, keys, unit),
                 x=spec.Axis(ticks={float(i): LABELS[m] for i, m in enumerate(models)}),
                 y=spec.Axis(is_log=True),
             )
         )
-    return spec.Figure(keys=_keys(comparison), panels=panels)
+    return spec.Figure(keys=keys, panels=panels)
 
 
 def curves_figure(comparison: Comparison) -> spec.Figure | None:
     """What the plate of each report lacks, one over the other."""
-    both = {"first": comparison.first.curves, "second": comparison.second.curves}
-    terms = dict.fromkeys(c.term for curves in both.values() for c in curves)
-    panels = []
-    for term in terms:
-        pairs = [(key, c) for key, curves in both.items() for c in curves]
-        marks = [m for key, c in pairs if c.term == term for m in lack_marks(key, c)]
-        panels.append(term_panel(term, marks, "alpha"))
+    marks: dict[str, list[spec.Line | spec.Band]] = {}
+    for key, report in zip(_keys(comparison), comparison.reports, strict=True):
+        for curve in report.curves:
+            marks.setdefault(curve.term, []).extend(lack_marks(key, curve))
+    panels = [term_panel(term, of_term, "alpha") for term, of_term in marks.items()]
     return spec.Figure(keys=_keys(comparison), panels=panels) if panels else None

@@ -1,25 +1,59 @@
-"""What differs between two reports, and whether by more than their errors allow.
+"""Two saved reports: what differs, and whether by more than their errors allow.
 
 A number θ with standard errors s₁, s₂ in two independent campaigns has changed by
 θ₂ - θ₁ ± √(s₁² + s₂²). With n numbers compared, one change counts where it is beyond
 what the largest of n standard normal ones exceeds in one comparison of a hundred.
 """
 
+import contextlib
 import dataclasses
 import math
+from pathlib import Path
 
 from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
-from glider.comparison.saved import SavedReport
+from glider.errors import InputError
 from glider.physics.effects import KINDS
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
 from glider.report.wording import join, name_of, say
-from glider.sysid.result import Estimate, ReportedEffect, Spread
+from glider.sysid.report_file import read_report
+from glider.sysid.result import Estimate, Report, ReportedEffect, Spread
 
 FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""
 
 EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicle"
 """Groups of differences."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SavedReport(Report):
+    """A report as it was saved.
+
+    Attributes:
+        path: of its report.json.
+        given: parameters of the vehicle that were specified, if model.yaml is beside
+            it; None where they are unknown.
+    """
+
+    path: Path
+    given: GliderParameters | None
+
+
+def load_report(path: Path) -> SavedReport:
+    """Reads a report: its folder, or its report.json.
+
+    Raises:
+        InputError: it is no report, or one of another version.
+    """
+    report, file = read_report(path)
+    given, model = None, file.with_name("model.yaml")
+    if not report.vehicle and model.exists():
+        # With user effects it cannot be read: they compare without it.
+        with contextlib.suppress(InputError):
+            given = GliderModel.load(model).parameters
+    return SavedReport(**vars(report), path=file, given=given)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -64,8 +98,6 @@ class Comparison:
     """Two reports and what differs between them.
 
     Attributes:
-        first: report.
-        second: report.
         differences: of all numbers that either has.
         z_significant: threshold above which a change counts.
         notes: sentences on how far the two may be compared.
@@ -76,6 +108,11 @@ class Comparison:
     differences: tuple[Difference, ...]
     z_significant: float
     notes: tuple[str, ...]
+
+    @property
+    def reports(self) -> tuple[SavedReport, SavedReport]:
+        """Both reports."""
+        return self.first, self.second
 
     @property
     def lacks_effects(self) -> bool:

@@ -31,8 +31,7 @@ from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import Progress, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.signs import signs_of
+from glider.sysid.replay.record import prepare, signs_of
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import layout_of
 from glider.sysid.replay.vehicle import make_vehicle

@@ -7,8 +7,9 @@ import dataclasses
 import importlib.metadata
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -19,23 +20,14 @@ from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.sysid import outcome, result
-from glider.sysid.evaluation import (
-    Evaluation,
-    FlownRecords,
-    evaluate,
-    evaluate_in_folds,
-    residual_tables,
-    rollout_models,
-)
-from glider.sysid.fit.folds import HeldOut
+from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
-from glider.sysid.replay.record import Record, prepare
-from glider.sysid.replay.signs import Signs, turn_campaign
+from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 from glider.sysid.replay.warm_up import warm_up
@@ -45,16 +37,17 @@ from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
 from glider.sysid.verdict import find_doubt, judge
 
+STILL = 2.0
+"""Strength of the air over the least that is looked for, below which it is none."""
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SmoothedFlights:
-    """The flights of a campaign, smoothed."""
+MOST_LOST = 0.25
+"""Share of the flights that may lose by a correction without a warning."""
 
-    logged: Campaign  # The campaign as it was logged.
-    campaign: Campaign  # The same with wrong signs turned.
-    signs: Signs  # Of the logged angles.
-    noise: Noise  # Of the sensors.
-    every: FlownRecords
+_UNLIKE = (
+    "no model explains it with the others: its mean squared error is {:.3g} times the "
+    "median (another clock, axis, unit or glider, or a hit?)"
+)
+"""Why a flight that stands out is excluded."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -70,20 +63,19 @@ class Split:
 
     def without(self, outlying: Mapping[str, str], campaign: Campaign) -> "Split":
         """Returns the split without flights that stand out."""
-        fitted = tuple(n for n in self.fitted if n not in outlying)
-        held_out = tuple(n for n in self.held_out if n not in outlying)
-        if len(fitted) < 2 or not held_out:
+        apart = tuple(n for n in self.held_out if n in outlying)
+        split = Split(
+            fitted=tuple(n for n in self.fitted if n not in outlying),
+            held_out=tuple(n for n in self.held_out if n not in outlying),
+            outlying={**self.outlying, **outlying},
+            outlying_held_out=(*self.outlying_held_out, *apart),
+        )
+        if len(split.fitted) < 2 or not split.held_out:
             raise InputError(
                 f"{campaign.path}: {', '.join(outlying)} cannot be flights of the same "
                 "glider as the others, and too few are left to fit and to hold out."
             )
-        apart = tuple(n for n in self.held_out if n in outlying)
-        return Split(
-            fitted=fitted,
-            held_out=held_out,
-            outlying={**self.outlying, **outlying},
-            outlying_held_out=(*self.outlying_held_out, *apart),
-        )
+        return split
 
     def fit_task(self, everything: Task) -> Task:
         """Returns the task on the flights to fit."""
@@ -118,38 +110,36 @@ class Analysis:
         names: tuple[tuple[str, ...], tuple[str, ...]],
         kinds: tuple[str, ...],
         with_signs: bool,
-        settings: dict[str, object],
+        settings: dict[str, Any],
     ) -> result.Result:
-        """Runs all stages."""
+        """Runs all stages.
+
+        Args:
+            names: of the flights to fit, and of those that are held out.
+            kinds: of the effects to try.
+            with_signs: whether angles may be logged with the other sign.
+            settings: of the run, for the report.
+        """
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
         flights = self._smooth(names[0] if with_signs else ())
         split = Split(fitted=names[0], held_out=names[1])
         everything, split, traced = self._search(flights, split, kinds)
-        task = split.fit_task(everything)
-        everything = split.all_task(everything)
+        task, everything = split.fit_task(everything), split.all_task(everything)
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = self._baseline(flights, task, traced)
         with self.stage("predict", "predicting held-out flights"):
-            models = rollout_models(task, traced, baseline)
             evaluation = evaluate(
-                models,
-                flights.every.among(split.held_out),
-                flights.every.among(split.outlying_held_out),
-                flights.signs,
+                flights,
+                split.held_out,
+                split.outlying_held_out,
+                everything,
+                task,
+                traced,
+                baseline,
+                self.rng,
             )
-            held_out = None
-            if flights.signs.are_right:
-                held_out = evaluate_in_folds(
-                    everything, task, traced, baseline, self.rng
-                )
-            kept = [record.name for record in everything.records]
-            tables = residual_tables(
-                task, traced.model, models, flights.every.among(kept)
-            )
-        return self._result(
-            flights, split, task, traced, evaluation, held_out, tables, settings
-        )
+        return self._result(flights, split, task, traced, evaluation, settings)
 
     def _smooth(self, asked: tuple[str, ...]) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
@@ -167,11 +157,11 @@ class Analysis:
             if not signs.are_right:
                 as_logged = self._records(logged, measure_noise(logged, masks))
         return SmoothedFlights(
-            logged=logged,
             campaign=campaign,
             signs=signs,
             noise=noise,
-            every=FlownRecords(corrected=records, logged=as_logged),
+            corrected=records,
+            logged=as_logged,
         )
 
     def _records(self, campaign: Campaign, noise: Noise) -> list[Record]:
@@ -188,19 +178,17 @@ class Analysis:
         """
         noise, campaign = flights.noise, flights.campaign
         with self.stage("compare", "comparing flights"):
-            everything = make_task(flights.every.corrected, self.vehicle, kinds)
-            ratios = find_outlying(everything, noise)
-            if ratios:
+            everything = make_task(flights.corrected, self.vehicle, kinds)
+            if ratios := find_outlying(everything, noise):
                 outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
                 split = split.without(outlying, campaign)
         with self.stage("trace"):
             task = split.fit_task(everything)
             traced = trace(task, noise, self.rng, self.progress)
             if apart := find_extreme(split.all_task(everything), traced.model):
-                fitted = split.fitted
                 split = split.without(apart, campaign)
-                if again := set(fitted) - set(split.fitted):
-                    self.progress(f"again without {', '.join(sorted(again))}")
+                if again := sorted(r.name for r in task.records if r.name in apart):
+                    self.progress(f"again without {', '.join(again)}")
                     task = split.fit_task(everything)
                     traced = trace(task, noise, self.rng, self.progress)
         return everything, split, traced
@@ -215,7 +203,7 @@ class Analysis:
         bare = dataclasses.replace(
             traced.bare, coordinates=np.zeros(0), free=self.vehicle.baseline_slots
         )
-        return fit_model(task.on(flights.every.among(names).logged), bare)
+        return fit_model(task.on(flights.among(names).logged), bare)
 
     def _result(
         self,
@@ -224,15 +212,14 @@ class Analysis:
         task: Task,
         traced: SearchResult,
         evaluation: Evaluation,
-        held_out: HeldOut | None,
-        tables: tuple[result.ResidualTable, ...],
-        settings: dict[str, object],
+        settings: dict[str, Any],
     ) -> result.Result:
         """Finds standard errors and the verdict, and collects all that was found."""
         signs, noise, vehicle = flights.signs, flights.noise, self.vehicle
-        model, judged = traced.model, traced.judged
-        before, named, after = tables
-        rolling = [(f.name, planarity(f)) for f in flights.logged.flights]
+        model, judged, held_out = traced.model, traced.judged, evaluation.folds
+        before, named, after = evaluation.tables
+        logged = self.inspection.campaign
+        rolling = [(f.name, planarity(f)) for f in logged.flights]
         with self.stage("weigh", "standard errors"):
             carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
             known = uncertainty_of(task, with_allowed_curves(task, judged))
@@ -245,19 +232,17 @@ class Analysis:
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
+        is_still = model.scales.air < STILL * FLOOR.air
         return result.Result(
-            campaign=flights.logged.name,
-            path=flights.logged.path,
+            campaign=logged.name,
+            path=logged.path,
             flights=result.FlightNames(
                 fit=split.fitted, held_out=tuple(f.name for f in evaluation.held_out)
             ),
             verdict=verdict,
             reason=reason,
             effects=effects,
-            errors={
-                model: evaluation.errors.get(model)
-                for model in (*result.MODELS, result.CALIBRATED)
-            },
+            errors=evaluation.errors,
             outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
@@ -269,18 +254,15 @@ class Analysis:
             evidence_threshold=traced.threshold,
             correlations=outcome.correlations_of(task, model, known),
             spreads=spreads,
-            air=_air(model),
-            curves=outcome.curves_of(before, named),
-            vehicle=outcome.vehicle_of(vehicle, model, known),
-            knows_forces=vehicle.knows_forces,
-            warnings=(
-                *self.inspection.warnings,
-                *_past_limits(flights),
-                *_without_elevator(flights.every.corrected),
-                *(_UNPREDICTED.format(name) for name in evaluation.unpredicted),
-                *_losses(held_out, verdict),
+            air=result.Air(
+                std_m_s=0.0 if is_still else model.scales.air,
+                correlation_s=model.scales.air_time,
             ),
-            set_aside=_excluded(self.inspection, split.outlying),
+            curves=outcome.curves_of(before, named),
+            vehicle=outcome.vehicle_of(task, model, known),
+            knows_forces=vehicle.knows_forces,
+            warnings=tuple(self._warnings(flights, evaluation, verdict)),
+            set_aside=self._excluded(split.outlying),
             planarity={f: p.sentence for f, p in rolling if p is not None},
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
@@ -293,48 +275,52 @@ class Analysis:
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
             own_effects=vehicle.layout.user_kinds,
-            seed=int(str(settings["seed"])),
+            seed=settings["seed"],
             settings={**settings, "notes": list(vehicle.notes)},
         )
 
+    def _excluded(self, outlying: Mapping[str, str]) -> tuple[ExcludedRows, ...]:
+        """All that is not used: rows that are faulty, flights that stand out."""
+        rows = [s for s in self.inspection.excluded if s.file not in outlying]
+        rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
+        return tuple(sorted(rows, key=lambda s: s.file))
 
-def _air(model: FitResult) -> result.Air:
-    """Strength of the moving air; below what a log shows it is still."""
-    scales = model.scales
-    is_still = scales.air < STILL * FLOOR.air
-    return result.Air(
-        std_m_s=0.0 if is_still else scales.air, correlation_s=scales.air_time
-    )
-
-
-STILL = 2.0
-"""Strength of the air over the least that is looked for, below which it is none."""
-
-
-_UNLIKE = (
-    "no model explains it with the others: its mean squared error is {:.3g} times the "
-    "median (another clock, axis, unit or glider, or a hit?)"
-)
-"""Why a flight that stands out is excluded."""
-
-_UNPREDICTED = (
-    "{}: every model diverges on this held-out flight; it is excluded from the errors."
-)
-
-
-def _excluded(
-    inspection: Inspection, outlying: Mapping[str, str]
-) -> tuple[ExcludedRows, ...]:
-    """Returns all that is not used: rows that are faulty, flights that stand out."""
-    rows = [s for s in inspection.excluded if s.file not in outlying]
-    flights = [ExcludedRows(file=n, rows=ALL, why=why) for n, why in outlying.items()]
-    return tuple(sorted(rows + flights, key=lambda s: s.file))
+    def _warnings(
+        self, flights: SmoothedFlights, evaluation: Evaluation, verdict: str
+    ) -> Iterator[str]:
+        """Yields sentences about the campaign and the result."""
+        yield from self.inspection.warnings
+        limits, stops = flights.campaign.elevator_limits, flights.corrected[0].limits
+        if limits is not None and stops is not None and stops != limits:
+            yield (
+                f"The elevator passes its limits of {limits[0]:.3g} and "
+                f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
+                f"{stops[1]:.3g}."
+            )
+        for record in flights.corrected:
+            rows = beginning_rows(record, per_flight_trims=False)
+            if record.has_servo and not record.seen[:rows, 3].any():
+                yield (
+                    f"{record.name}: no elevator row counts in the beginning of the "
+                    "flight, which its launch is fitted on; the elevator is assumed "
+                    "where its commands have it."
+                )
+        for name in evaluation.unpredicted:
+            yield (
+                f"{name}: every model diverges on this held-out flight; it is excluded "
+                "from the errors."
+            )
+        if evaluation.folds is not None and verdict != "no_effect":
+            gains = evaluation.folds.gain.values
+            lost = int(np.sum(gains < 0.0))
+            if lost > MOST_LOST * len(gains):
+                yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 
 def _left(
     task: Task, model: FitResult, corrected: result.Errors, noise: Noise
 ) -> result.Residual:
-    """Returns the residual of the corrected model, and over what it varies."""
+    """Finds the residual of the corrected model, and over what it varies."""
     found = survey(task, model).gains
     real = [key for key, gain in found.items() if gain > FIELD_THRESHOLD]
     real.sort(key=lambda key: -found[key])
@@ -343,40 +329,3 @@ def _left(
         position_m=corrected.position_rms_m,
         depends_on=tuple(dict.fromkeys(variable for _, variable in real[:3])),
     )
-
-
-def _past_limits(flights: SmoothedFlights) -> tuple[str, ...]:
-    """Returns a warning where the elevator passes its limits."""
-    limits, stops = flights.campaign.elevator_limits, flights.every.corrected[0].limits
-    if limits is None or stops is None or stops == limits:
-        return ()
-    return (
-        f"The elevator passes its limits of {limits[0]:.3g} and {limits[1]:.3g} rad: "
-        f"it is assumed to stop at {stops[0]:.3g} and {stops[1]:.3g}.",
-    )
-
-
-def _without_elevator(records: Sequence[Record]) -> tuple[str, ...]:
-    """Returns warnings about flights whose elevator is not seen where they begin."""
-    return tuple(
-        f"{record.name}: no elevator row counts in the beginning of the flight, which "
-        "its launch is fitted on; the elevator is assumed where its commands have it."
-        for record in records
-        if record.has_servo
-        and not record.seen[: beginning_rows(record, per_flight_trims=False), 3].any()
-    )
-
-
-def _losses(held_out: HeldOut | None, verdict: str) -> tuple[str, ...]:
-    """Returns a warning where many held-out flights do not gain."""
-    if held_out is None or verdict == "no_effect":
-        return ()
-    gains = held_out.gain.values
-    lost = int(np.sum(gains < 0.0))
-    if lost > MOST_LOST * len(gains):
-        return (f"The correction does not improve {lost} of {len(gains)} flights.",)
-    return ()
-
-
-MOST_LOST = 0.25
-"""Share of the flights that may lose by a correction without a warning."""

@@ -5,14 +5,15 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.logs import Campaign
 from glider.sysid.fit import prediction
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.record import Record
+from glider.sysid.replay.record import Record, Signs
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.signs import Signs
+from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import (
     CALIBRATED,
     MODELS,
@@ -25,14 +26,20 @@ from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
 from glider.sysid.verdict import changes_baseline_alone
 
+Models = Mapping[str, prediction.RolloutModel]
+"""Models by name; the nominal one only where it is known."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FlownRecords:
+class SmoothedFlights:
     """Flights as the corrected model takes them, and as those before it do.
 
     They differ where angles were logged with the other sign.
     """
 
+    campaign: Campaign  # With wrong signs turned.
+    signs: Signs  # Of the logged angles.
+    noise: Noise  # Of the sensors.
     corrected: Sequence[Record]  # With the signs turned.
     logged: Sequence[Record]  # As they were logged, in the same order.
 
@@ -40,9 +47,10 @@ class FlownRecords:
         """Returns the flights for a model, by its name."""
         return self.corrected if model == "corrected" else self.logged
 
-    def among(self, names: Collection[str]) -> "FlownRecords":
+    def among(self, names: Collection[str]) -> "SmoothedFlights":
         """Returns some of the flights."""
-        return FlownRecords(
+        return dataclasses.replace(
+            self,
             corrected=[r for r in self.corrected if r.name in names],
             logged=[r for r in self.logged if r.name in names],
         )
@@ -55,7 +63,7 @@ class FlownRecords:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """Errors of models, by name."""
+    """Errors of models, by name; None of a model that there is not."""
 
     errors: dict[str, Errors | None]  # On held-out flights.
     held_out: tuple[HeldOutFlight, ...]  # Those flights, measured and flown.
@@ -63,15 +71,35 @@ class Evaluation:
     unpredicted: tuple[str, ...]
     # Errors on held-out flights that stand out; None without any.
     outlying: OutlyingFlights | None
+    folds: HeldOut | None  # Each flight held out once; None where signs are wrong.
+    # Residual of the nominal model, of the named effects and of the corrected model.
+    tables: tuple[ResidualTable, ResidualTable, ResidualTable]
 
 
 def evaluate(
-    models: Mapping[str, prediction.RolloutModel],
-    unseen: FlownRecords,
-    outlying: FlownRecords,
-    signs: Signs,
+    flights: SmoothedFlights,
+    held_out: Collection[str],
+    outlying: Collection[str],
+    everything: Task,
+    task: Task,
+    traced: SearchResult,
+    baseline: FitResult,
+    rng: np.random.Generator,
 ) -> Evaluation:
-    """Predicts held-out flights by all models."""
+    """Predicts held-out flights by all models.
+
+    Args:
+        flights: all of them.
+        held_out: names of those that errors are measured on.
+        outlying: names of held-out flights that stand out.
+        everything: task on all flights that do not stand out.
+        task: on the flights that were fitted.
+        traced: the corrected model.
+        baseline: refitted to those flights.
+        rng: of the folds.
+    """
+    models = _rollout_models(task, traced, baseline)
+    unseen, apart = flights.among(held_out), flights.among(outlying)
     predictions = {
         name: prediction.measure_errors(model, unseen.of(name))[1]
         for name, model in models.items()
@@ -79,34 +107,32 @@ def evaluate(
     keep = predictable(list(predictions.values())) or range(len(unseen.names))
     predictions = {name: [p[i] for i in keep] for name, p in predictions.items()}
     kept = unseen.among([unseen.names[i] for i in keep])
-    errors: dict[str, Errors | None] = {
-        name: prediction.errors_of(model, kept.of(name), predictions[name])
-        for name, model in models.items()
+    errors: dict[str, Errors | None] = dict.fromkeys((*MODELS, CALIBRATED))
+    for name, model in models.items():
+        errors[name] = prediction.errors_of(model, kept.of(name), predictions[name])
+    of_outlying: dict[str, Errors | None] = {
+        name: prediction.measure_errors(model, apart.of(name))[0]
+        for name, model in (models if apart.names else {}).items()
     }
-    apart = None
-    if outlying.names:
-        apart = OutlyingFlights(
-            flights=outlying.names,
-            errors={
-                name: prediction.measure_errors(model, outlying.of(name))[0]
-                for name, model in models.items()
-            },
-        )
-    per_flight_trims = models["corrected"].per_flight_trims
+    folds = None
+    if flights.signs.are_right:
+        folds = _hold_out(everything, task, traced, baseline, rng)
+    fitting = flights.among([record.name for record in everything.records])
     return Evaluation(
         errors=errors,
-        held_out=_flights(kept.corrected, predictions, per_flight_trims, signs),
+        held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
         unpredicted=tuple(n for n in unseen.names if n not in kept.names),
-        outlying=apart,
+        outlying=OutlyingFlights(flights=apart.names, errors=of_outlying)
+        if apart.names
+        else None,
+        folds=folds,
+        tables=_residual_tables(task, traced.model, models, fitting),
     )
 
 
-def rollout_models(
-    task: Task, traced: SearchResult, baseline: FitResult
-) -> dict[str, prediction.RolloutModel]:
-    """Returns the models to evaluate, by name; the nominal one only where known."""
-    vehicle, layout = task.vehicle, task.layout
-    offset = layout.slots_of("pitch_offset")
+def _rollout_models(task: Task, traced: SearchResult, baseline: FitResult) -> Models:
+    """The models to evaluate, by name."""
+    vehicle, offset = task.vehicle, task.layout.slots_of("pitch_offset")
     calibrated = dataclasses.replace(
         baseline, free=tuple(sorted({*baseline.free, *offset}))
     )
@@ -121,7 +147,7 @@ def rollout_models(
     return {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
 
-def evaluate_in_folds(
+def _hold_out(
     everything: Task,
     task: Task,
     traced: SearchResult,
@@ -140,52 +166,47 @@ def evaluate_in_folds(
     return hold_out(everything, baseline, corrected, scales, rng, searched, nominal)
 
 
-def residual_tables(
-    task: Task,
-    model: FitResult,
-    models: Mapping[str, prediction.RolloutModel],
-    records: FlownRecords,
+def _residual_tables(
+    task: Task, model: FitResult, models: Models, flights: SmoothedFlights
 ) -> tuple[ResidualTable, ResidualTable, ResidualTable]:
-    """Returns the residual of the nominal, of the named and of the corrected model."""
+    """The residual of the nominal, of the named and of the corrected model."""
     before = models.get("nominal", models["refitted"])
-    after = _table(models["corrected"], records.corrected)
+    after = _table(models["corrected"], flights.corrected)
     named = after
     if model.has_curves or model.extra is not None:
         bare = dataclasses.replace(model, coordinates=np.zeros(0), extra=None)
-        named = _table(flown_by(task, bare, model.scales), records.corrected)
-    return _table(before, records.logged), named, after
+        named = _table(flown_by(task, bare, model.scales), flights.corrected)
+    return _table(before, flights.logged), named, after
 
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
-    """Returns a model's residual over flights, each with the trim that it has."""
+    """A model's residual over flights, each with the trim that it has."""
     predictions = prediction.measure_errors(flown, records)[1]
     trims = [predicted.trim for predicted in predictions]
     return make_table(records, flown.theta, trims, flown.field)
 
 
 def _flights(
-    records: Sequence[Record],
+    flights: SmoothedFlights,
     predictions: Mapping[str, list[prediction.Prediction]],
     per_flight_trims: bool,
-    signs: Signs,
 ) -> tuple[HeldOutFlight, ...]:
-    """Returns the held-out flights as logged, beside what each model predicted."""
-    flights = []
-    turned = np.array([1.0, 1.0, signs.pitch])
-    as_logged = {"corrected": turned}
-    for i, record in enumerate(records):
+    """Held-out flights as logged, beside what each model predicted."""
+    found = []
+    turned = np.array([1.0, 1.0, flights.signs.pitch])
+    for i, record in enumerate(flights.corrected):
         rows = prediction.beginning_rows(record, per_flight_trims)
-        flights.append(
+        flown = {
+            name: predictions[name][i].pose for name in MODELS if name in predictions
+        }
+        flown["corrected"] = flown["corrected"] * turned
+        found.append(
             HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose * turned,
-                flown={
-                    name: predictions[name][i].pose * as_logged.get(name, 1.0)
-                    for name in MODELS
-                    if name in predictions
-                },
+                flown=flown,
                 fitted_until=float(record.time[rows - 1]),
             )
         )
-    return tuple(flights)
+    return tuple(found)

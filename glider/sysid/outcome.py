@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.physics.covariance import Covariance
-from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects import ANGLE_SIGN, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel
 from glider.sysid import result
@@ -16,9 +16,9 @@ from glider.sysid.likelihood.curves import TERMS
 from glider.sysid.likelihood.model_fit import FitResult, error_flights
 from glider.sysid.likelihood.task import Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.replay.signs import Signs, sign_effect
-from glider.sysid.replay.vehicle import Vehicle, parameters_of
-from glider.sysid.result import Estimate
+from glider.sysid.replay.record import Signs, sign_effect
+from glider.sysid.replay.vehicle import parameters_of
+from glider.sysid.result import Estimate, FoundEffect
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import EVIDENCE_THRESHOLD
 from glider.sysid.search.support import SearchResult
@@ -114,7 +114,7 @@ def effects_of(
     carried: ResidualCurves,
     spreads: dict[str, result.Spread],
     signs: Signs,
-) -> tuple[result.FoundEffect, ...]:
+) -> tuple[FoundEffect, ...]:
     """Returns the effects with their coefficients and standard errors."""
     model, layout, field = traced.model, task.layout, traced.field
     gained = sum(traced.evidence.values()) + (0.0 if field is None else field.evidence)
@@ -124,25 +124,25 @@ def effects_of(
         kind, support = layout.kinds[name], traced.weighed[name]
         mine = {t for t in carried.terms if name in FAMILIES[t].split()}
         left -= mine
-        spread = {}
-        if name in spreads:
-            spread = {SPREAD_KINDS[name][1]: spreads[name].std}
         slots = zip(layout.slots_of(name), kind.coefficients, strict=True)
-        entry = _entry(
-            name,
-            kind.words,
-            {c.name: _estimate(model.theta[i], known.std(i), c.unit) for i, c in slots},
-            kind.depends_on,
-            traced.evidence.get(name, 0.0),
-            gained,
-        )
+        evidence = traced.evidence.get(name, 0.0)
         found.append(
-            dataclasses.replace(
-                entry,
-                indistinguishable_from=support.rivals,
+            FoundEffect(
+                kind=name,
+                words=kind.words,
+                coefficients={
+                    c.name: Estimate(float(model.theta[i]), known.std(i), c.unit)
+                    for i, c in slots
+                },
+                evidence=float(evidence),
+                share_of_residual=_share(evidence, gained),
                 inclusion=support.inclusion,
-                spread_over_flights=spread,
+                spread_over_flights={SPREAD_KINDS[name][1]: spreads[name].std}
+                if name in spreads
+                else {},
                 shape=result.OTHER_SHAPE if mine else result.LIBRARY_SHAPE,
+                indistinguishable_from=support.rivals,
+                depends_on=kind.depends_on,
             )
         )
     if field is not None:
@@ -158,55 +158,39 @@ def effects_of(
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
-def _estimate(value: float, std: float, unit: str) -> result.Estimate:
-    return result.Estimate(value=float(value), std=std, unit=unit)
+def _share(evidence: float, gained: float) -> float:
+    """Evidence over all that was gained [nats], 0 to 1."""
+    return float(np.clip(evidence / max(gained, 1e-9), 0.0, 1.0))
 
 
-def _entry(
-    kind: str,
-    words: str,
-    coefficients: dict[str, result.Estimate],
-    depends_on: tuple[str, ...],
-    evidence: float = math.nan,
-    gained: float = math.nan,
-) -> result.FoundEffect:
-    """Makes an effect whose share is its evidence over all that was gained [nats]."""
-    return result.FoundEffect(
-        kind=kind,
-        words=words,
-        coefficients=coefficients,
-        evidence=float(evidence),
-        share_of_residual=float(np.clip(evidence / max(gained, 1e-9), 0.0, 1.0)),
-        indistinguishable_from=(),
-        depends_on=depends_on,
+def _sign_entry(signs: Signs) -> FoundEffect:
+    return FoundEffect(
+        kind=ANGLE_SIGN.kind,
+        words=ANGLE_SIGN.words,
+        coefficients={
+            name: Estimate(value, 0.0, "-")
+            for name, value in sign_effect(signs).to_dict().items()
+        },
+        evidence=signs.evidence,
+        share_of_residual=signs.share,
+        depends_on=ANGLE_SIGN.depends_on,
     )
 
 
-def _sign_entry(signs: Signs) -> result.FoundEffect:
-    names = ("pitch", "elevator", "command")
-    turned = {name: _estimate(getattr(signs, name), 0.0, "-") for name in names}
-    entry = _entry(ANGLE_SIGN.kind, ANGLE_SIGN.words, turned, ANGLE_SIGN.depends_on)
-    return dataclasses.replace(
-        entry, evidence=signs.evidence, share_of_residual=signs.share
-    )
-
-
-def _field_entry(field: FoundField, gained: float) -> result.FoundEffect:
+def _field_entry(field: FoundField, gained: float) -> FoundEffect:
     assert field.model.extra is not None
     what = {"air": "the air moves", "forces": "forces change"}[field.basis.form]
-    return _entry(
-        "unexplained",
-        f"no effect of the library: {what} with {', '.join(field.depends_on)}",
-        find_peaks(field.model.extra, field.covariance),
-        field.depends_on,
-        field.evidence,
-        gained,
+    return FoundEffect(
+        kind="unexplained",
+        words=f"no effect of the library: {what} with {', '.join(field.depends_on)}",
+        coefficients=find_peaks(field.model.extra, field.covariance),
+        evidence=float(field.evidence),
+        share_of_residual=_share(field.evidence, gained),
+        depends_on=field.depends_on,
     )
 
 
-def _curve_entry(
-    task: Task, model: FitResult, terms: tuple[str, ...]
-) -> result.FoundEffect:
+def _curve_entry(task: Task, model: FitResult, terms: tuple[str, ...]) -> FoundEffect:
     alpha = _central_angles(task)
     values = task.curves.values(model.coordinates, alpha)
     peaks = {}
@@ -214,22 +198,29 @@ def _curve_entry(
         curve = values[:, TERMS.index(term)]
         peak = int(np.argmax(np.abs(curve)))
         unit = "m" if term == "c_moment" else "-"
-        peaks[f"{term}_peak"] = _estimate(curve[peak], math.nan, unit)
-        peaks[f"{term}_peak_at_alpha"] = _estimate(alpha[peak], math.nan, "rad")
-    words = f"no effect of the library: {', '.join(terms)} change with alpha"
-    return _entry("unexplained", words, peaks, ("alpha",))
+        peaks[f"{term}_peak"] = Estimate(float(curve[peak]), math.nan, unit)
+        peaks[f"{term}_peak_at_alpha"] = Estimate(float(alpha[peak]), math.nan, "rad")
+    return FoundEffect(
+        kind="unexplained",
+        words=f"no effect of the library: {', '.join(terms)} change with alpha",
+        coefficients=peaks,
+        depends_on=("alpha",),
+    )
 
 
-def _spread_entry(task: Task, name: str, spread: result.Spread) -> result.FoundEffect:
-    """Returns a flight-to-flight variation as an effect, with the mean over flights."""
-    kind, (_, first, unit) = task.layout.kinds[name], SPREAD_KINDS[name]
+def _spread_entry(task: Task, name: str, spread: result.Spread) -> FoundEffect:
+    """A flight-to-flight variation as an effect, with the mean over flights."""
+    kind, coefficient = task.layout.kinds[name], SPREAD_KINDS[name][1]
     values = list(spread.values.values())
-    mean = _estimate(float(np.mean(values)), spread.std / math.sqrt(len(values)), unit)
-    words = f"{kind.words}, different in each flight"
-    return dataclasses.replace(
-        _entry(name, words, {first: mean}, kind.depends_on),
+    std = spread.std / math.sqrt(len(values))
+    mean = Estimate(float(np.mean(values)), std, spread.unit)
+    return FoundEffect(
+        kind=name,
+        words=f"{kind.words}, different in each flight",
+        coefficients={coefficient: mean},
         inclusion=math.nan,
-        spread_over_flights={first: spread.std},
+        spread_over_flights={coefficient: spread.std},
+        depends_on=kind.depends_on,
     )
 
 
@@ -243,43 +234,32 @@ def model_of(
     """Returns the corrected glider."""
     layout = task.layout
     effects = [] if signs.are_right else [sign_effect(signs)]
-    kinds = list(model.kinds)
-    own = {layout.slots[i][0] for i in task.vehicle.nuisance} - {"parameters"}
-    kinds += [kind for kind in layout.kinds if kind in own and kind not in kinds]
-    for name in kinds:
+    nuisance = {layout.slots[i][0] for i in task.vehicle.nuisance}
+    kinds = [kind for kind in layout.kinds if kind in nuisance - {*model.kinds}]
+    for name in (*model.kinds, *kinds):
         kind = layout.kinds[name]
-        values = model.theta[list(layout.slots_of(name))]
+        values = model.theta[list(layout.slots_of(name))].tolist()
         names = [c.name for c in kind.coefficients]
-        effects.append(kind(**dict(zip(names, map(float, values), strict=True))))
-    field = model.extra
-    if carried.data is not None:
-        field = (
-            carried.data
-            if field is None
-            else dataclasses.replace(field, more=[carried.data])
-        )
-    return GliderModel(
-        parameters=parameters_of(model.theta, campaign),
-        effects=tuple(effects),
-        field=field,
-    )
+        effects.append(kind(**dict(zip(names, values, strict=True))))
+    field = model.extra or carried.data
+    if model.extra is not None and carried.data is not None:
+        field = dataclasses.replace(model.extra, more=[carried.data])
+    parameters = parameters_of(model.theta, campaign)
+    return GliderModel(parameters=parameters, effects=tuple(effects), field=field)
 
 
-def vehicle_of(vehicle: Vehicle, model: FitResult, known: Uncertainty) -> dict:
+def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict:
     """Returns the unknown parameters of the vehicle, with standard errors."""
-    units = {"wing_offset": "m", "mass": "kg", "pitch_inertia": "kg m²"}
-    if vehicle.is_per_mass:
-        units["pitch_inertia"] = "m²"
-    area = "m²/kg" if vehicle.is_per_mass else "m²"
+    is_per_mass = task.vehicle.is_per_mass
+    units = {"wing_offset": "m", "mass": "kg"}
+    units["pitch_inertia"] = "m²" if is_per_mass else "kg m²"
     found = {}
-    for slot in vehicle.nuisance:
-        kind, name = vehicle.layout.slots[slot]
-        label = name if kind == "parameters" else f"{kind}.{name}"
-        unit = units.get(name, area)
-        if kind != "parameters":
-            kind_of = vehicle.layout.kinds[kind]
-            unit = next(c.unit for c in kind_of.coefficients if c.name == name)
-        found[label] = _estimate(model.theta[slot], known.std(slot), unit)
+    for slot in task.vehicle.nuisance:
+        kind, name = task.layout.slots[slot]
+        label, unit = name, units.get(name, "m²/kg" if is_per_mass else "m²")
+        if coefficient := task.coefficient(slot):
+            label, unit = f"{kind}.{name}", coefficient.unit
+        found[label] = Estimate(float(model.theta[slot]), known.std(slot), unit)
     return found
 
 
@@ -331,50 +311,41 @@ def curves_of(
     alpha = before.variables["alpha"]
     edges = np.unique(np.quantile(alpha, np.linspace(0.0, 1.0, _BINS + 1)))
     place = np.clip(np.searchsorted(edges, alpha, side="right") - 1, 0, len(edges) - 2)
-    lack, rest = _lack_of(before), _lack_of(named)
+    lack = _lack_of(before)
     # Effects change airspeed and areas too: the rest in units of the flat plate.
-    force, moment = (named.unit / before.unit).T
-    explained = {
-        "c_normal": lack["c_normal"] - force * rest["c_normal"],
-        "c_axial": lack["c_axial"] - force * rest["c_axial"],
-        "c_moment": lack["c_moment"] - moment * rest["c_moment"],
-    }
-    curves = []
-    for term in lack:
-        rows = []
-        for b in range(len(edges) - 1):
-            here = place == b
-            flights = np.unique(before.flight[here])
-            rows_of = [here & (before.flight == f) for f in flights]
-            if len(rows_of) < 2:
-                continue
-            means = [np.mean(lack[term][of_flight]) for of_flight in rows_of]
-            parts = [np.mean(explained[term][of_flight]) for of_flight in rows_of]
-            error = np.std(means, ddof=1) / np.sqrt(len(means))
-            rows.append((np.mean(alpha[here]), np.mean(means), error, np.mean(parts)))
-        angles, total, std, named_part = np.array(rows).reshape(-1, 4).T
-        curves.append(
-            result.Curve(term=term, alpha=angles, lack=total, std=std, named=named_part)
-        )
-    return tuple(curves)
+    explained = lack - (named.unit / before.unit)[:, [0, 0, 1]] * _lack_of(named)
+    bins = []
+    for b in range(len(edges) - 1):
+        here = place == b
+        flights = np.unique(before.flight[here])
+        if len(flights) < 2:
+            continue
+        rows_of = [here & (before.flight == f) for f in flights]
+        means = np.array([lack[rows].mean(axis=0) for rows in rows_of])
+        parts = np.array([explained[rows].mean(axis=0) for rows in rows_of])
+        std = means.std(axis=0, ddof=1) / np.sqrt(len(flights))
+        middle = np.full(3, alpha[here].mean())
+        bins.append([middle, means.mean(axis=0), std, parts.mean(axis=0)])
+    columns = np.array(bins).reshape(-1, 4, 3)
+    return tuple(
+        result.Curve(term=term, **dict(zip(_CURVE, columns[:, :, k].T, strict=True)))
+        for k, term in enumerate(result.CURVE_TERMS[:3])
+    )
 
 
-def _lack_of(table: result.ResidualTable) -> dict[str, np.ndarray]:
-    """Returns measured minus modelled coefficients along and across the wing."""
+_BINS = 15
+_CURVE = ("alpha", "lack", "std", "named")
+
+
+def _lack_of(table: result.ResidualTable) -> np.ndarray:
+    """Measured minus modelled coefficients: normal, axial, of the moment (N, 3)."""
     alpha = table.variables["alpha"]
     s, c = np.sin(alpha), np.cos(alpha)
     lift, drag, moment = (
         table.coefficients[name] - table.modelled[name]
         for name in ("c_lift", "c_drag", "c_moment")
     )
-    return {
-        "c_normal": lift * c + drag * s,
-        "c_axial": drag * c - lift * s,
-        "c_moment": moment,
-    }
-
-
-_BINS = 15
+    return np.column_stack([lift * c + drag * s, drag * c - lift * s, moment])
 
 
 def find_peaks(data: FieldData, covariance_of_all: np.ndarray) -> dict[str, Estimate]:
@@ -399,31 +370,22 @@ def find_peaks(data: FieldData, covariance_of_all: np.ndarray) -> dict[str, Esti
         height, place = basis[peak], grid[peak]
         slope = -scaled[peak] / width * height
         curvature = (scaled[peak] ** 2 - 1.0) / width**2 * height @ weights
-        is_inside = 0 < peak < len(grid) - 1
         unit = "m/s" if term.startswith("wind") else ("m" if "moment" in term else "-")
-        found[f"{term}_peak"] = Estimate(
-            value=float(height @ weights),
-            std=float(np.sqrt(height @ covariance @ height)),
-            unit=unit,
-        )
-        found[f"{term}_peak_at_{variable}"] = Estimate(
-            value=float(place),
-            std=float(np.sqrt(slope @ covariance @ slope) / abs(curvature))
-            if is_inside and curvature != 0.0
-            else math.nan,
-            unit=_UNITS[variable],
-        )
+        std = float(np.sqrt(height @ covariance @ height))
+        found[f"{term}_peak"] = Estimate(float(height @ weights), std, unit)
+        place_std = math.nan
+        if 0 < peak < len(grid) - 1 and curvature != 0.0:
+            place_std = float(np.sqrt(slope @ covariance @ slope) / abs(curvature))
+        at = Estimate(float(place), place_std, _UNITS[variable])
+        found[f"{term}_peak_at_{variable}"] = at
     return found
 
 
-_UNITS = {
-    "x": "m",
-    "z": "m",
-    "t": "s",
-    "pitch": "rad",
-    "V": "m/s",
-    "alpha": "rad",
-    "pitchdot": "rad/s",
-    "elevator": "rad",
-    "elevator_rate": "rad/s",
-}
+_UNITS = dict(
+    zip(
+        FIELD_VARIABLES,
+        ("m", "m", "s", "rad", "m/s", "rad", "rad/s", "rad", "rad/s"),
+        strict=True,
+    )
+)
+"""Variable of a field to its unit."""

@@ -5,9 +5,10 @@
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Estimate:
     """A coefficient: value, standard error and unit."""
 
@@ -70,12 +71,12 @@ class ReportedEffect:
 
     kind: str
     coefficients: dict[str, Estimate]
-    evidence: Number
-    share_of_residual: Number
+    evidence: Number = math.nan
+    share_of_residual: Number = math.nan
     inclusion: Number = 1.0
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE
-    indistinguishable_from: tuple[str, ...]
+    indistinguishable_from: tuple[str, ...] = ()
     depends_on: tuple[str, ...]
 
 
@@ -211,7 +212,7 @@ class PathErrors:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Errors of one model on held-out flights; the properties are shorthands."""
+    """Errors of one model on held-out flights."""
 
     equation: EquationErrors
     rollout: RolloutErrors
@@ -221,21 +222,6 @@ class Errors:
     def position_rms_m(self) -> float:
         """RMS of the position of free rollouts [m]."""
         return self.rollout.position_rms_m
-
-    @property
-    def position_end_m(self) -> float:
-        """Mean distance at the end of free rollouts [m]."""
-        return self.rollout.position_end_m
-
-    @property
-    def pitch_rms_rad(self) -> float:
-        """RMS of the pitch of free rollouts [rad]."""
-        return self.rollout.pitch_rms_rad
-
-    @property
-    def measured_pitch_position_rms_m(self) -> float:
-        """RMS of the position along the measured pitch [m]."""
-        return self.rollout_measured_pitch.position_rms_m
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -451,15 +437,10 @@ class Result(Report):
     @property
     def report(self) -> Report:
         """The part that report.json holds."""
-        effects = tuple(_only(ReportedEffect, effect) for effect in self.effects)
+        shown = dataclasses.fields(ReportedEffect)
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(Report)}
-        return Report(**values | {"effects": effects})
-
-
-T = TypeVar("T")
-
-
-def _only(kind: type[T], value: T) -> T:
-    """The part of a value that a parent of its class has."""
-    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
-    return kind(**{field.name: getattr(value, field.name) for field in fields})
+        values["effects"] = tuple(
+            ReportedEffect(**{f.name: getattr(effect, f.name) for f in shown})
+            for effect in self.effects
+        )
+        return Report(**values)

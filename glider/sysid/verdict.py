@@ -6,7 +6,7 @@ happens where a log is inconsistent in a way that no check of its rows detects, 
 the commands of another flight or a clock that runs slow.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import ResidualCurves
-from glider.sysid.replay.record import Record
+from glider.sysid.replay.record import Record, Signs
 from glider.sysid.replay.signals import logged_elevator
-from glider.sysid.replay.signs import Signs
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
@@ -55,7 +54,11 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
     if not task.vehicle.knows_forces:
         return None
-    found = [*_at_ceilings(model)]
+    found = [
+        words.format(getattr(model.scales, name))
+        for name, words in BOUNDED.items()
+        if getattr(model.scales, name) > NEAR_CEILING * getattr(CEILING, name)
+    ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
     if model.scales.moment > MOMENT_SHARE * usual:
@@ -74,44 +77,29 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     return None
 
 
-def _at_ceilings(model: FitResult) -> list[str]:
-    """Returns words for the scales that are as large as they may be."""
-    return [
-        words.format(getattr(model.scales, name))
-        for name, words in BOUNDED.items()
-        if getattr(model.scales, name) > NEAR_CEILING * getattr(CEILING, name)
-    ]
-
-
 def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
     The median over flights of regressions of travel on travel; 1 and infinity where
     there is no servo.
     """
-    gains = [
-        gain
-        for record in task.records
-        if record.has_servo and (gain := _gain_of(record, model)) is not None
-    ]
+    found = [_gain_of(record, model) for record in task.records if record.has_servo]
+    gains = np.array([gain for gain in found if gain is not None])
     if len(gains) < 3:
         return 1.0, np.inf
-    middle = float(np.median(gains))
-    spread = float(robust_std(np.array(gains) - middle))
-    return middle, 1.2533 * spread / np.sqrt(len(gains))
+    median = float(np.median(gains))
+    return median, 1.2533 * float(robust_std(gains - median)) / np.sqrt(len(gains))
 
 
 def _gain_of(record: Record, model: FitResult) -> float | None:
-    """Returns a flight's gain; None where its elevator barely moves."""
+    """A flight's gain; None where its elevator barely moves."""
     rows = np.flatnonzero(record.seen[:, 3])
     time, measured = record.time[rows], record.elevator[rows]
-    modeled = logged_elevator(record, model.theta)[rows]
+    modelled = logged_elevator(record, model.theta)[rows]
     ends = np.searchsorted(time, time + WINDOW)
     first = np.flatnonzero(ends < len(time))
-    if len(first) == 0:
-        return None
     travel = measured[ends[first]] - measured[first]
-    ordered = modeled[ends[first]] - modeled[first]
+    ordered = modelled[ends[first]] - modelled[first]
     known = float(ordered @ ordered)
     return float(ordered @ travel) / known if known > LEAST_TRAVEL else None
 
@@ -135,9 +123,8 @@ def judge(
     doubt: str | None,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
-    model = traced.model
-    nothing = not model.kinds and traced.field is None and not carried.terms
-    if nothing and signs.are_right:
+    kinds, right = traced.model.kinds, signs.are_right
+    if not kinds and traced.field is None and not carried.terms and right:
         if traced.forces is not None and left.depends_on:
             return "unexplained", (
                 "What the flat plate lacks depends on "
@@ -151,28 +138,27 @@ def judge(
         doubt, as_plate = _over_nominal(held_out, held_out.over_nominal, errors), True
     if doubt is not None:
         return "not_trusted", doubt
-    unnamed = [e for e in effects if e.kind == "unexplained"]
-    if unnamed and not (model.kinds or not signs.are_right):
-        return (
-            "unexplained",
-            "No effect of the library explains what the flat plate lacks.",
-        )
-    if unnamed:
+    if any(e.kind == "unexplained" for e in effects):
+        if right and not kinds:
+            return (
+                "unexplained",
+                "No effect of the library explains what the flat plate lacks.",
+            )
         return "partly_explained", (
             "Effects of the library explain part of what the flat plate lacks."
         )
+    reason = "The effects are identified and hold on held-out flights"
     if any(e.shape != LIBRARY_SHAPE for e in effects):
-        return "effect_found", (
+        reason = (
             "The effects are identified; where a formula has not the right shape, the "
-            "model carries a curve beside it."
+            "model carries a curve beside it"
         )
-    if as_plate:
-        return "effect_found", (
-            "The effects are identified and hold on held-out flights: the glider "
-            "differs from its nominal model, and the flat plate with refitted "
-            "parameters predicts about as well."
+    elif as_plate:
+        reason += (
+            ": the glider differs from its nominal model, and the flat plate with "
+            "refitted parameters predicts about as well"
         )
-    return "effect_found", "The effects are identified and hold on held-out flights."
+    return "effect_found", f"{reason}."
 
 
 def changes_baseline_alone(model: FitResult) -> bool:
@@ -187,13 +173,12 @@ def changes_baseline_alone(model: FitResult) -> bool:
 
 def _over_baseline(held_out: HeldOut | None, errors: AllErrors) -> str | None:
     """Finds the reason why a correction does not beat the baseline, or None."""
-    if held_out is not None and not held_out.gain.are_significant:
-        return _no_gain(held_out.gain, "refitted baseline")
-    ratios = [
-        _ratios(errors, "refitted"),
-        *([] if held_out is None else [held_out.ratios]),
-    ]
-    return _worse(list(np.max(ratios, axis=0)), "refitted baseline")
+    ratios = _ratios(errors, "refitted")
+    if held_out is not None:
+        if not held_out.gain.are_significant:
+            return _no_gain(held_out.gain, "refitted baseline")
+        ratios = np.maximum(ratios, held_out.ratios)
+    return _worse(ratios, "refitted baseline")
 
 
 def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | None:
@@ -202,8 +187,8 @@ def _over_nominal(held_out: HeldOut, gain: Gains, errors: AllErrors) -> str | No
         return _no_gain(gain, "nominal model")
     if held_out.gain.t < -held_out.gain.least_t:
         return _no_gain(held_out.gain, "refitted baseline: it loses")
-    free, _ = _ratios(errors, "nominal")  # Along the pitch, turning shows nothing.
-    return _worse([free], "nominal model")
+    # Along the pitch, turning shows nothing.
+    return _worse(_ratios(errors, "nominal")[:1], "nominal model")
 
 
 def _no_gain(gain: Gains, over: str) -> str:
@@ -219,7 +204,7 @@ def _no_gain(gain: Gains, over: str) -> str:
     )
 
 
-def _worse(ratios: Sequence[float], than: str) -> str | None:
+def _worse(ratios: np.ndarray, than: str) -> str | None:
     """Sentence about a correction that makes held-out flights worse, or None."""
     for words, worse, ratio in zip(FLOWN, WORSE, ratios, strict=False):
         if ratio > worse:
@@ -235,13 +220,10 @@ def _worse(ratios: Sequence[float], than: str) -> str | None:
 FLOWN = "flown freely", "along the measured pitch"
 
 
-def _ratios(errors: AllErrors, model: str) -> tuple[float, float]:
-    """Returns the corrected model's errors by another's, as FLOWN."""
+def _ratios(errors: AllErrors, model: str) -> np.ndarray:
+    """The corrected model's errors over another's, as FLOWN."""
     before, after = errors[model], errors["corrected"]
     assert before is not None and after is not None
-    return (
-        ratio_of(before.position_rms_m, after.position_rms_m),
-        ratio_of(
-            before.measured_pitch_position_rms_m, after.measured_pitch_position_rms_m
-        ),
-    )
+    free = ratio_of(before.position_rms_m, after.position_rms_m)
+    old, new = before.rollout_measured_pitch, after.rollout_measured_pitch
+    return np.array([free, ratio_of(old.position_rms_m, new.position_rms_m)])

@@ -10,12 +10,9 @@ import pytest
 from rich.console import Console
 
 from glider.__main__ import main
-from glider.comparison.as_json import to_json
+from glider.comparison.as_text import headline, print_comparison, to_json
 from glider.comparison.comparison_page import to_html
-from glider.comparison.differences import FALSE_ALARM, compare
-from glider.comparison.saved import load_report
-from glider.comparison.terminal import print_comparison
-from glider.comparison.wording import headline
+from glider.comparison.differences import FALSE_ALARM, compare, load_report
 from glider.errors import InputError
 from glider.files.schema import json_text
 from glider.sysid.result import Estimate
@@ -105,6 +102,8 @@ def test_an_effect_under_another_name_is_told(tmp_path):
     comparison = compare(load_report(first), load_report(second))
     notes = {d.note for d in comparison.differences if d.kind == "wind"}
     assert notes == {"may be its frame_tilt: indistinguishable on these flights"}
+    only_b = "Only B shows a motion-capture frame that is not level."
+    assert f"Only A shows a steady wind. {only_b}" in headline(comparison)
 
 
 def test_numbers_of_other_units_are_not_subtracted(tmp_path):
@@ -203,6 +202,17 @@ def test_the_command_prints_and_writes(tmp_path, capsys):
     assert wind["is_significant"] is True
     assert main(["compare", str(first), str(tmp_path / "none")]) == 2
     assert "there is no such file" in capsys.readouterr().err
+
+
+def test_the_command_checks_its_output_before_it_compares(
+    tmp_path, capsys, monkeypatch
+):
+    folder, file = save(tmp_path / "a", make_result()), tmp_path / "file"
+    file.write_text("in the way")
+    monkeypatch.setattr("glider.comparison.differences.compare", pytest.fail)
+    command = ["compare", str(folder), str(folder), "--out", str(file / "deep")]
+    assert main(command) == 2
+    assert f"{file}: is a file; expected a folder." in capsys.readouterr().err
 
 
 @pytest.mark.skipif(why_not() is not None, reason=str(why_not()))

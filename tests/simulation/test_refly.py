@@ -20,8 +20,7 @@ from glider.simulation.refly import (
     refly,
 )
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.record import prepare
-from glider.sysid.replay.signs import Signs, turn_campaign
+from glider.sysid.replay.record import Signs, prepare, turn_campaign
 from glider.sysid.replay.smoothing import measure_noise
 from tests.helpers.campaigns import campaign_path
 

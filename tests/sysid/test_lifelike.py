@@ -83,8 +83,8 @@ def test_unseen_flights_get_better(name):
     pairs += [(fold.refitted, fold.corrected) for fold in result.folds]
     for before, after in pairs:
         assert after.position_rms_m < 0.5 * before.position_rms_m
-        along = before.measured_pitch_position_rms_m
-        assert after.measured_pitch_position_rms_m < 0.5 * along
+        along = before.rollout_measured_pitch.position_rms_m
+        assert after.rollout_measured_pitch.position_rms_m < 0.5 * along
 
 
 @pytest.mark.parametrize("name", campaigns(DIFFERS))

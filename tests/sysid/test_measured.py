@@ -47,8 +47,8 @@ def test_each_throw_has_its_trim(throws):
 def test_forces_predict_unseen_throws_better(throws):
     plate, corrected = throws.errors["refitted"], throws.errors["corrected"]
     assert throws.errors["nominal"] is None
-    before = plate.measured_pitch_position_rms_m
-    assert corrected.measured_pitch_position_rms_m < min(before / 2.0, 0.055)
+    before = plate.rollout_measured_pitch.position_rms_m
+    assert corrected.rollout_measured_pitch.position_rms_m < min(before / 2.0, 0.055)
     assert corrected.position_rms_m < min(plate.position_rms_m / 2.0, 0.08)
     for model in ("refitted", "corrected"):
         assert all(np.isfinite(getattr(f, model).position_rms_m) for f in throws.folds)

@@ -16,7 +16,7 @@ from glider.sysid.outcome import (
     model_of,
     spreads_of,
 )
-from glider.sysid.replay.signs import Signs
+from glider.sysid.replay.record import Signs
 from glider.sysid.result import ResidualTable
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of

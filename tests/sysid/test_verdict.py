@@ -6,7 +6,7 @@ import pytest
 
 from glider.sysid.fit.folds import LEAST_UNSEEN_GAIN, WORSE
 from glider.sysid.outcome import ResidualCurves
-from glider.sysid.replay.signs import Signs
+from glider.sysid.replay.record import Signs
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,

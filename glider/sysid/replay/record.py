@@ -1,4 +1,4 @@
-"""A flight's log made ready to be flown again: smoothed states, clean signals."""
+"""A flight's log made ready to be flown again: signs turned, states smoothed."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -11,14 +11,17 @@ from glider.campaign.checks.planarity import normal
 from glider.campaign.checks.rows import pieces_with_commands
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.actuator_replay import command_steps, elevator_path
-from glider.physics.effects import Replay
+from glider.physics.effects import ANGLE_SIGN, Effect, Replay
+from glider.physics.model import GliderModel
 from glider.sysid.replay.smoothing import Noise, smoothing_maps
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
 
-_OF_NODES = (  # Arrays of a record with one row for each node.
+_OF_NODES = (
     *("time", "pose", "elevator", "seen", "nodes"),
     *("acceleration", "acceleration_std"),
 )
+_OF_INTERVALS = ("pitch", "bank", "side_wind")
+"""Arrays of a record with a row for each node, and for each interval."""
 
 _GAP = 1.6
 """Time between two rows, over the usual one, above which nodes are inserted."""
@@ -35,30 +38,21 @@ class Record:
     pose: np.ndarray  # (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  # (n,) measured [rad]; zero where not seen.
     seen: np.ndarray  # (n, 4) which of x, z, pitch and elevator count as measured.
-    # (n, layout.num_states) smoothed states, those of the effects at zero.
-    nodes: np.ndarray
-    # (n - 1, 3, 2) smoothed pitch and its rate at the start, middle and end of each
-    # interval.
-    pitch: np.ndarray
+    nodes: np.ndarray  # (n, num_states) smoothed states, those of effects at zero.
+    pitch: np.ndarray  # (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
     acceleration: np.ndarray  # (n, 3) smoothed ẍ, z̈, θ̈.
     acceleration_std: np.ndarray  # (n, 3) of them, from the measurement noise alone.
     switch_times: np.ndarray  # (k,) of the commands, on the same clock [s].
     commands: np.ndarray  # (k,) [rad/s].
     limits: tuple[float, float] | None  # Where the elevator stops [rad], or None.
     rest: float  # Where the elevator stood before the first command [rad].
-    # Whether a per-flight elevator trim makes a moment and no force, see
-    # `glider.sysid.replay.signals.trimmed`.
-    trim_is_moment: bool
-    # (n - 1,) factor of the wing's force in the plane where it is rolled, see
-    # `glider.sysid.replay.record`; one without attitude.
-    bank: np.ndarray
+    trim_is_moment: bool  # Whether a trim makes no force, see `signals.trimmed`.
+    bank: np.ndarray  # (n - 1,) factor of the wing's force where it is rolled, or one.
     side_wind: np.ndarray  # (n - 1, 2) air that a sideways motion is like [m/s].
-    # Cache of `glider.sysid.replay.signals`, by its settings.
+    # Caches of `signals`: by replay settings, by parameters of vehicle and sensors.
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
-    # Cache of `glider.sysid.replay.signals`, by the parameters of the vehicle and of
-    # its sensors.
     undone: dict[bytes, np.ndarray] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )
@@ -69,18 +63,8 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        rows = [
-            "time",
-            "pose",
-            "elevator",
-            "seen",
-            "nodes",
-            "acceleration",
-            "acceleration_std",
-        ]
-        cut = {name: getattr(self, name)[:count] for name in rows}
-        for name in ("pitch", "bank", "side_wind"):  # Of intervals.
-            cut[name] = getattr(self, name)[: count - 1]
+        cut = {name: getattr(self, name)[:count] for name in _OF_NODES}
+        cut |= {name: getattr(self, name)[: count - 1] for name in _OF_INTERVALS}
         return dataclasses.replace(self, **cut, replays={}, undone={})
 
 
@@ -93,15 +77,12 @@ def prepare(
     maps: dict[bytes, list[np.ndarray]] | None = None,
 ) -> list[Record]:
     """Smooths flights; the maps of equal time grids are shared."""
-    maps = {} if maps is None else maps
+    maps, masks = {} if maps is None else maps, masks or {}
     stops = None
     if campaign.elevator == "servo":
-        stops = find_stops(campaign, masks or {}, noise.elevator)
-    records = []
-    for flight in flights:
-        mask = (masks or {}).get(flight.name, no_masks(flight))
-        records.append(_record(flight, mask, stops, maps, campaign, noise, layout))
-    return records
+        stops = find_stops(campaign, masks, noise.elevator)
+    of_campaign = stops, maps, campaign, noise, layout
+    return [_record(f, masks.get(f.name) or no_masks(f), *of_campaign) for f in flights]
 
 
 def _record(
@@ -191,13 +172,8 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(time)
     usual = np.median(steps)
     more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
-    if np.all(more == 1):
-        return time, np.arange(len(time))
-    parts = [
-        time[k] + steps[k] * np.arange(more[k]) / more[k] for k in range(len(steps))
-    ]
-    filled = np.concatenate([*parts, time[-1:]])
-    return filled, np.concatenate([[0], np.cumsum(more)])
+    place = np.concatenate([[0], np.cumsum(more)])
+    return np.interp(np.arange(place[-1] + 1), place, time), place
 
 
 def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
@@ -225,8 +201,56 @@ def in_plane(
     n = normal(pitch, *roll_and_yaw.T)
     square = n[:, 0] ** 2 + n[:, 2] ** 2
     air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
-    return _middle(square), _middle(air)
+    return 0.5 * (square[1:] + square[:-1]), 0.5 * (air[1:] + air[:-1])
 
 
-def _middle(values: np.ndarray) -> np.ndarray:
-    return 0.5 * (values[1:] + values[:-1])
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Signs:
+    """The signs of the logged pitch, elevator and command, and their evidence."""
+
+    pitch: int = 1  # +1, or -1 where the log has the other sign.
+    elevator: int = 1  # Likewise.
+    command: int = 1  # Likewise.
+    evidence: float = 0.0  # Log-likelihood gained by them [nats].
+    share: float = 0.0  # Of the error that they remove.
+
+    @property
+    def are_right(self) -> bool:
+        """Whether the log has the right signs."""
+        return (self.pitch, self.elevator, self.command) == (1, 1, 1)
+
+
+def turn(flight: Flight, signs: Signs) -> Flight:
+    """Returns the flight with wrong signs undone."""
+    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
+    if flight.elevator is None or flight.command is None:
+        return dataclasses.replace(flight, pose=pose)
+    return dataclasses.replace(
+        flight,
+        pose=pose,
+        elevator=flight.elevator * signs.elevator,
+        command=flight.command * signs.command,
+    )
+
+
+def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
+    """Returns the campaign with wrong signs undone."""
+    flights = tuple(turn(f, signs) for f in campaign.flights)
+    return dataclasses.replace(campaign, flights=flights)
+
+
+def signs_of(model: GliderModel) -> Signs:
+    """Returns the signs that a model says its logs have."""
+    for effect in model.effects:
+        if effect.kind.stage == "log":
+            return Signs(**{name: round(v) for name, v in effect.to_dict().items()})
+    return Signs()
+
+
+def sign_effect(signs: Signs) -> Effect:
+    """Returns the signs as an effect of a model."""
+    return ANGLE_SIGN(
+        pitch=float(signs.pitch),
+        elevator=float(signs.elevator),
+        command=float(signs.command),
+    )

@@ -70,55 +70,53 @@ def make_table(
     field: Field = NO_FIELD,
 ) -> ResidualTable:
     """Stacks the residual of flights, each with its elevator trim [rad]."""
-    index = records[0].layout.index
+    flights = [
+        _columns(record, theta, trim, field)
+        for record, trim in zip(records, trims, strict=True)
+    ]
+    stacked = {name: np.concatenate([f[name] for f in flights]) for name in flights[0]}
+    return ResidualTable(
+        variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
+        residual=stacked["residual"],
+        coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
+        modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
+        flight=np.repeat(np.arange(len(flights)), [len(f["t"]) for f in flights]),
+        names=tuple(record.name for record in records),
+        noise=stacked["noise"],
+        unit=stacked["unit"],
+    )
+
+
+def _columns(
+    record: Record, theta: np.ndarray, trim: float, field: Field
+) -> dict[str, np.ndarray]:
+    """The columns of a table along one flight, without its ends."""
+    index = record.layout.index
     mass, area, inertia, density, gravity = (
         theta[index["parameters", name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
     )
-    rows: dict[str, list[np.ndarray]] = {}
-
-    def put(name: str, values: np.ndarray) -> None:
-        rows.setdefault(name, []).append(values[_EDGE:-_EDGE])
-
-    for number, (record, trim) in enumerate(zip(records, trims, strict=True)):
-        nodes, flow = flow_along(record, theta, field, trim)
-        _, rate = node_signals(record, theta)
-        speed, _, _, air_x, air_z = flow[:, :5].T
-        variables = _variables(record, nodes, flow, rate)
-        variables["alpha"] = np.unwrap(variables["alpha"])
-        variables["alphadot"] = np.gradient(variables["alpha"], record.time)
-        for name in (*FIELD_VARIABLES, "alphadot"):
-            put(name, variables[name])
-        put("flight", np.full(len(record.time), number))
-        sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
-        error = record.acceleration - flow[:, 5:8]
-        put("tangential", error[:, 0] * cosine - error[:, 1] * sine)
-        put("normal", error[:, 0] * sine + error[:, 1] * cosine)
-        put("angular", error[:, 2])
-        std_x, std_z, std_angular = record.acceleration_std.T
-        put("tangential noise", np.hypot(std_x * cosine, std_z * sine))
-        put("normal noise", np.hypot(std_x * sine, std_z * cosine))
-        put("angular noise", std_angular)
-        pressure = 0.5 * density * speed**2 * area
-        put("unit of force", pressure / mass)
-        put("unit of moment", pressure / inertia)
-        for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
-            force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
-            lift = (force_z * air_x - force_x * air_z) / speed
-            drag = -(force_x * air_x + force_z * air_z) / speed
-            put(f"c_lift {label}", lift / pressure)
-            put(f"c_drag {label}", drag / pressure)
-            put(f"c_moment {label}", inertia * a[:, 2] / pressure)
-
-    stacked = {name: np.concatenate(parts) for name, parts in rows.items()}
-    directions = ("tangential", "normal", "angular")
-    return ResidualTable(
-        variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
-        residual=np.stack([stacked[name] for name in directions], axis=1),
-        coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
-        modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
-        flight=stacked["flight"],
-        names=tuple(record.name for record in records),
-        noise=np.stack([stacked[f"{name} noise"] for name in directions], axis=1),
-        unit=np.stack([stacked["unit of force"], stacked["unit of moment"]], axis=1),
+    nodes, flow = flow_along(record, theta, field, trim)
+    speed, _, _, air_x, air_z = flow[:, :5].T
+    columns = _variables(record, nodes, flow, node_signals(record, theta)[1])
+    columns["alpha"] = np.unwrap(columns["alpha"])
+    columns["alphadot"] = np.gradient(columns["alpha"], record.time)
+    sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
+    x, z, angular = (record.acceleration - flow[:, 5:8]).T
+    columns["residual"] = np.column_stack(
+        [x * cosine - z * sine, x * sine + z * cosine, angular]
     )
+    x, z, angular = record.acceleration_std.T
+    columns["noise"] = np.column_stack(
+        [np.hypot(x * cosine, z * sine), np.hypot(x * sine, z * cosine), angular]
+    )
+    pressure = 0.5 * density * speed**2 * area
+    columns["unit"] = np.column_stack([pressure / mass, pressure / inertia])
+    for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
+        force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
+        lift = (force_z * air_x - force_x * air_z) / speed
+        drag = -(force_x * air_x + force_z * air_z) / speed
+        columns[f"c_lift {label}"] = lift / pressure
+        columns[f"c_drag {label}"] = drag / pressure
+        columns[f"c_moment {label}"] = inertia * a[:, 2] / pressure
+    return {name: values[_EDGE:-_EDGE] for name, values in columns.items()}

@@ -15,8 +15,8 @@ from glider.sysid.replay.theta import OFFSET, Layout
 def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns the elevator's path over each interval and its mean rate there.
 
-    Shapes (n - 1, 3) at start, middle, end [rad], and (n - 1,) [rad/s]. A pose
-    latency means that the row of time t shows the flight at t - latency.
+    Shapes (n - 1, 3) at start, middle, end [rad], and (n - 1,) [rad/s]. With a pose
+    latency the row of time t shows the flight at t - latency.
     """
     elevator, rate, _ = _signals(record, theta)
     return elevator, rate
@@ -57,14 +57,9 @@ def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
     if record.has_servo:
         middle = 0.5 * (record.time[1:] + record.time[:-1])
         query = np.concatenate([record.time, middle]) - replay.latency
-        path = replayed_path(
-            replay,
-            record.switch_times,
-            record.commands,
-            np.concatenate([query, record.time]),
-            start=record.rest,
-            limits=record.limits,
-        )
+        query = np.concatenate([query, record.time])
+        tape, rest = (record.switch_times, record.commands), record.rest
+        path = replayed_path(replay, *tape, query, start=rest, limits=record.limits)
         here, middle, logged = path[:n], path[n : 2 * n - 1], path[2 * n - 1 :]
         elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
         rate = np.diff(here) / np.diff(record.time)
@@ -85,39 +80,18 @@ def replayed_path(
     start: float = 0.0,
     limits: tuple[float, float] | None = None,
 ) -> np.ndarray:
-    """Returns the elevator's angle at the query times [rad].
+    """Returns the elevator's angle at the query times [rad], see `elevator_path`.
 
     Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
-
-    Args:
-        replay: of the actuators.
-        switch_times: (k,) when each command was given [s], increasing.
-        commands: (k,) elevator rates, each held until the next [rad/s].
-        query: (m,) times, increasing or not [s].
-        start: angle before the first command [rad].
-        limits: travel of the elevator [rad], or None.
     """
-    if not replay.actuators:
-        return elevator_path(
-            switch_times,
-            commands,
-            query,
-            delay=replay.delay,
-            time_constant=replay.time_constant,
-            start=start,
-            limits=limits,
-        )
-    actuators = replay.actuators
-    if replay.time_constant > 0.0:
-        actuators = ((SERVO_LAG, (replay.time_constant,)), *actuators)
-    return turn_elevator(
-        actuators,
-        switch_times + replay.delay,
-        commands,
-        query,
-        start,
-        (-np.inf, np.inf) if limits is None else limits,
-    )
+    actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
+    if not actuators:
+        return elevator_path(switch_times, commands, query, delay, lag, start, limits)
+    if lag > 0.0:
+        actuators = ((SERVO_LAG, (lag,)), *actuators)
+    stops = (-np.inf, np.inf) if limits is None else limits
+    times = switch_times + delay
+    return turn_elevator(actuators, times, commands, query, start, stops)
 
 
 def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -147,9 +121,12 @@ def true_nodes(
         if seen.any():  # Else the offset is unknown.
             path = logged_elevator(record, theta)
             nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
-    nodes[0, NUM_STATES:] = launch_steady_states(record, theta, nodes[0])
-    along = log_path(record.time, *pose_signals(record, theta))
-    dynamics = layout.dynamics(theta)
+    elevator, rate = pose_signals(record, theta)
+    start = nodes[0].copy()
+    start[OFFSET] += elevator[0, 0]
+    first = record.time[0], start, rate[0]
+    nodes[0, NUM_STATES:] = layout.steady_states(*first, theta)
+    along, dynamics = log_path(record.time, elevator, rate), layout.dynamics(theta)
     return with_extras(layout.compiled_kinds, along, nodes, dynamics, field)
 
 
@@ -174,13 +151,3 @@ def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
         record.undone.clear()
     record.undone[key] = nodes
     return nodes
-
-
-def launch_steady_states(
-    record: Record, theta: np.ndarray, start: np.ndarray
-) -> np.ndarray:
-    """Returns the effects' states at rest at a flight's first row."""
-    elevator, rate = pose_signals(record, theta)
-    state = start.copy()
-    state[OFFSET] += elevator[0, 0]
-    return record.layout.steady_states(record.time[0], state, rate[0], theta)

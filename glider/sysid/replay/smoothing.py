@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from glider.campaign.checks.masks import Masks, no_masks
-from glider.campaign.logs import Campaign, Flight
+from glider.campaign.logs import Campaign
 from glider.physics.actuator_replay import command_steps, elevator_path
 
 _NUM_POLYNOMIAL = 3
@@ -26,21 +26,18 @@ class Smoothing:
 
     noise: float  # Standard deviation of the measurement [unit of the channel].
     ratio: float  # Power of the third derivative over noise² [1/s⁵].
-    noise_std: float  # Standard error of `noise`.
 
 
-def _covariance(s: np.ndarray, t: np.ndarray, i: int, j: int) -> np.ndarray:
-    """Covariance of the i-th derivative at s and the j-th at t (unit power).
+def _covariance(s: np.ndarray, t: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """Covariance of a derivative at s and the value at t (unit power).
 
-    ∫₀^min(s,t) (s-u)^(2-i)/(2-i)! · (t-u)^(2-j)/(2-j)! du.
+    ∫₀^min(s,t) (s-u)^(2-i)/(2-i)! · (t-u)²/2 du, for the i-th derivative.
     """
     low = np.minimum.outer(s, t)
-    a = np.subtract(s[:, None], low)
-    b = np.subtract(t[None, :], low)
-    first, second = _power(a, 2 - i), _power(b, 2 - j)
+    at_s, at_t = _power(s[:, None] - low, 2 - derivative), _power(t - low, 2)
     total = np.zeros_like(low)
-    for m, u in enumerate(first):
-        for n, v in enumerate(second):
+    for m, u in enumerate(at_s):
+        for n, v in enumerate(at_t):
             total += u * v * low ** (m + n + 1) / (m + n + 1)
     return total
 
@@ -51,11 +48,10 @@ def _power(a: np.ndarray, order: int) -> list[np.ndarray]:
     return [[one], [a, one], [0.5 * a * a, a, 0.5 * one]][order]
 
 
-def _polynomial(t: np.ndarray, derivative: int) -> np.ndarray:
-    one, zero = np.ones_like(t), np.zeros_like(t)
-    return np.stack(
-        [[one, t, 0.5 * t * t], [zero, one, t], [zero, zero, one]][derivative], axis=1
-    )
+def _polynomial(t: np.ndarray, derivative: int = 0) -> np.ndarray:
+    zero = np.zeros_like(t)
+    columns = [zero, zero, np.ones_like(t), t, 0.5 * t * t]
+    return np.stack(columns[2 - derivative : 5 - derivative], axis=1)
 
 
 def estimate_noise(
@@ -66,9 +62,6 @@ def estimate_noise(
     Args:
         times: one array (n,) a flight [s].
         values: one array (n, channels) a flight.
-
-    Returns:
-        One Smoothing a channel.
     """
     spectra, data = [], []
     grids: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
@@ -76,9 +69,9 @@ def estimate_noise(
         t = time - time[0]
         key = np.round(t, 7).tobytes()
         if key not in grids:
-            q, _ = np.linalg.qr(_polynomial(t, 0), mode="complete")
+            q, _ = np.linalg.qr(_polynomial(t), mode="complete")
             null = q[:, _NUM_POLYNOMIAL:]
-            covariance = null.T @ _covariance(t, t, 0, 0) @ null
+            covariance = null.T @ _covariance(t, t) @ null
             eigenvalues, vectors = np.linalg.eigh(covariance)
             grids[key] = np.maximum(eigenvalues, 0.0), null @ vectors
         eigenvalues, basis = grids[key]
@@ -102,11 +95,7 @@ def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
     )
     ratio = float(np.exp(result.x))
     scale = 1.0 + ratio * eigenvalues
-    noise = float(np.sqrt(np.mean(z * z / scale)))
-    informed = np.sum(1.0 / scale**2)
-    return Smoothing(
-        noise=noise, ratio=ratio, noise_std=float(noise / np.sqrt(2.0 * informed))
-    )
+    return Smoothing(noise=float(np.sqrt(np.mean(z * z / scale))), ratio=ratio)
 
 
 def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndarray:
@@ -117,23 +106,19 @@ def smoothing_maps(time: np.ndarray, query: np.ndarray, ratio: float) -> np.ndar
     map's row) in the curve.
 
     Args:
-        time: (n,) sample times [s].
-        query: (m,) where the curves are wanted [s].
+        time: (n,) of the samples [s].
+        query: (m,) of the curves [s].
         ratio: as in Smoothing.
     """
     t, s = time - time[0], query - time[0]
     n = len(t)
     system = np.zeros((n + _NUM_POLYNOMIAL, n + _NUM_POLYNOMIAL))
-    system[:n, :n] = ratio * _covariance(t, t, 0, 0) + np.eye(n)
-    system[:n, n:] = _polynomial(t, 0)
+    system[:n, :n] = ratio * _covariance(t, t) + np.eye(n)
+    system[:n, n:] = _polynomial(t)
     system[n:, :n] = system[:n, n:].T
     inverse = np.linalg.inv(system)[:, :n]
-    return np.stack(
-        [
-            np.hstack([ratio * _covariance(s, t, d, 0), _polynomial(s, d)]) @ inverse
-            for d in range(3)
-        ]
-    )
+    curves = [[ratio * _covariance(s, t, d), _polynomial(s, d)] for d in range(3)]
+    return np.stack([np.hstack(curve) @ inverse for curve in curves])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -150,8 +135,8 @@ def measure_noise(
     campaign: Campaign, masks: Mapping[str, Masks] | None = None
 ) -> Noise:
     """Finds the noise of a campaign's channels from all its flights."""
-    of_flights = [(masks or {}).get(f.name, no_masks(f)) for f in campaign.flights]
-    pairs = list(zip(campaign.flights, of_flights, strict=True))
+    masks = masks or {}
+    pairs = [(f, masks.get(f.name) or no_masks(f)) for f in campaign.flights]
     times = [f.time[m.usable] for f, m in pairs]
     smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
     position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
@@ -159,7 +144,9 @@ def measure_noise(
     for flight, mask in pairs if campaign.elevator == "servo" else ():
         seen = ~mask.elevator
         if np.count_nonzero(seen) >= _FEWEST_ROWS:
-            error = _elevator_error(flight, campaign.command_rate)
+            assert flight.command is not None and flight.elevator is not None
+            tape = command_steps(flight.time, flight.command, campaign.command_rate)
+            error = flight.elevator - elevator_path(*tape, flight.time)
             times.append(flight.time[seen])
             errors.append(error[seen, None])
     if errors:
@@ -178,10 +165,3 @@ _FEWEST_ROWS = 10
 _LEAST_POSITION = 1e-6
 _LEAST_ANGLE = 1e-5
 """Least noise of a log [m, rad]; a computed column has no noise at all."""
-
-
-def _elevator_error(flight: Flight, command_rate: float | None) -> np.ndarray:
-    """Logged elevator minus the integrated commands [rad]."""
-    assert flight.command is not None and flight.elevator is not None
-    switches, commands = command_steps(flight.time, flight.command, command_rate)
-    return flight.elevator - elevator_path(switches, commands, flight.time)

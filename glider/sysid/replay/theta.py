@@ -49,6 +49,7 @@ class Layout:
     scale: np.ndarray  # Typical sizes of theta's entries.
     state_scale: np.ndarray  # Typical sizes of the effects' states.
     sensor_slots: tuple[int, ...]  # Indices into theta of the compiled sensor effects.
+    places: dict[str, tuple[int, ...]]  # Kind to the indices of its coefficients.
 
     def __reduce__(self):
         """Another process makes it from the user effects, once."""
@@ -56,23 +57,13 @@ class Layout:
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Indices of a kind's coefficients in theta."""
-        return self._slots_of_kinds.get(kind, ())
-
-    @functools.cached_property
-    def _slots_of_kinds(self) -> dict[str, tuple[int, ...]]:
-        places: dict[str, tuple[int, ...]] = {}
-        for i, (kind, _) in enumerate(self.slots):
-            places[kind] = (*places.get(kind, ()), i)
-        return places
+        return self.places.get(kind, ())
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
-        coefficients = [
-            c.default
-            for e in (*self.compiled_kinds, *self.replayed_kinds)
-            for c in e.coefficients
-        ]
-        return np.concatenate([parameters.numbers, coefficients])
+        kinds = (*self.compiled_kinds, *self.replayed_kinds)
+        defaults = [c.default for kind in kinds for c in kind.coefficients]
+        return np.concatenate([parameters.numbers, defaults])
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
         """Returns the part of theta that the compiled dynamics take."""
@@ -121,6 +112,9 @@ def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
     ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
     lower, upper, scale = np.array(bounds).T.copy()
     state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
+    places: dict[str, tuple[int, ...]] = {}
+    for i, (kind, _) in enumerate(slots):
+        places[kind] = (*places.get(kind, ()), i)
     return Layout(
         user_kinds=user_kinds,
         kinds=kinds,
@@ -135,12 +129,9 @@ def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
         scale=scale,
         state_scale=np.array(state_scale),
         sensor_slots=tuple(
-            i
-            for i, (kind, _) in enumerate(slots)
-            if kind in kinds
-            and kinds[kind].stage == "sensor"
-            and not kinds[kind].is_replayed
+            i for e in held if e.stage == "sensor" for i in places.get(e.kind, ())
         ),
+        places=places,
     )
 
 

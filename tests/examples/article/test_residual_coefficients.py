@@ -105,8 +105,8 @@ def test_the_result_is_reported(output, found):
             },
             "rollout": {
                 "position_rms_m": e.position_rms_m,
-                "position_end_m": e.position_end_m,
-                "pitch_rms_rad": e.pitch_rms_rad,
+                "position_end_m": e.rollout.position_end_m,
+                "pitch_rms_rad": e.rollout.pitch_rms_rad,
             },
         }
     assert "126 weights: C_L 0." in output.words

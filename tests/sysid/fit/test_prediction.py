@@ -63,9 +63,10 @@ def test_errors_tell_the_truth_from_the_plate(windy):
     wrong, _ = measure_errors(plate, task.records)
     assert len(predictions) == len(task.records)
     assert right.position_rms_m < 0.2 * wrong.position_rms_m
-    assert right.position_end_m < 0.2 * wrong.position_end_m
+    assert right.rollout.position_end_m < 0.2 * wrong.rollout.position_end_m
     assert (
-        right.measured_pitch_position_rms_m < 0.2 * wrong.measured_pitch_position_rms_m
+        right.rollout_measured_pitch.position_rms_m
+        < 0.2 * wrong.rollout_measured_pitch.position_rms_m
     )
     assert right.equation.tangential < wrong.equation.tangential
 
@@ -105,7 +106,7 @@ def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
     # Its scales are fitted too, and not left where they start.
     assert model.scales.position != start.position
     errors, _ = measure_errors(model, task.records[:1])
-    assert errors.position_rms_m < 0.05 and np.isfinite(errors.pitch_rms_rad)
+    assert errors.position_rms_m < 0.05 and np.isfinite(errors.rollout.pitch_rms_rad)
 
 
 def test_a_flight_without_any_elevator_row_is_flown_by_its_commands():

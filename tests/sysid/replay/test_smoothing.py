@@ -16,8 +16,8 @@ def test_noise_is_found_within_its_standard_error(noise):
     times = [np.arange(100) / 120.0 for _ in range(20)]
     values = [(wave(t)[0] + noise * rng.normal(size=100))[:, None] for t in times]
     (found,) = estimate_noise(times, values)
-    assert abs(found.noise - noise) < 4.0 * found.noise_std
-    assert found.noise_std < 0.05 * noise
+    standard_error = noise / np.sqrt(2.0 * 20 * 100)
+    assert abs(found.noise - noise) < 4.0 * standard_error
 
 
 def test_channels_are_told_apart():

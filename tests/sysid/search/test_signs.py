@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.replay.signs import Signs, turn_campaign
+from glider.sysid.replay.record import Signs, turn_campaign
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.sysid.search.signs import find_signs
 from tests.helpers.tasks import fly
