@@ -14,9 +14,7 @@ from glider.verification.funnel.growth import largest_values
 from glider.verification.sos.exact import (
     Exact,
     at_least,
-    dyadic,
     exact,
-    fractions,
     is_positive_definite,
     leaves_definite,
     rounded,
@@ -154,19 +152,11 @@ def test_doubles_become_whole_numbers_without_rounding(values):
 
 def test_what_is_no_number_has_no_exact_value():
     for bad in (np.nan, np.inf, -np.inf):
-        for make in (exact, fractions, lambda values: rounded(values, 30)):
+        for make in (exact, lambda values: rounded(values, 30)):
             with pytest.raises(ValueError, match="finite"):
                 make(np.array([1.0, bad]))
     with pytest.raises(ValueError, match="finite"):
         rounded(np.array([1e305]), 30)  # It overflows.
-
-
-@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
-def test_fractions_become_whole_numbers_without_rounding(values):
-    whole = dyadic(fractions(np.array(values)) ** 2)
-    assert list(whole.numbers) == [
-        Fraction(value) ** 2 / Fraction(2) ** whole.exponent for value in values
-    ]
 
 
 @given(st.floats(0.0, 1e200), st.floats(1e-200, 1e200))

@@ -96,16 +96,12 @@ def make_funnel(
     parts = nominal, settings, directions, center
     S = _shape(ShapeFlow(*parts), say, "shape")
     say("funnel: its size")
-    sets = Gauge(*parts).scaled(S)
+    sets, forms = Gauge(*parts).scaled(S)
     say("funnel: its certificate")
-    grams = certify(nominal.times, sets.forms, settings.margin)
+    grams = certify(nominal.times, forms, settings.margin)
     return Funnel(
-        nominal=nominal,
+        **{field.name: getattr(sets, field.name) for field in dataclasses.fields(sets)},
         settings=settings,
-        S=sets.S,
-        slopes=sets.slopes,
-        beta=sets.beta,
-        weights=sets.weights,
         grams=grams,
         solver=next(iter(SOLVERS)),
         seconds=time.perf_counter() - began,

@@ -1,12 +1,10 @@
 """A funnel: a tube of states about a nominal flight, saved and loaded whole."""
 
 import dataclasses
-import functools
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from glider.errors import InputError
 from glider.physics.covariance import check_names, covariance_of_rows
@@ -21,23 +19,16 @@ from glider.verification.funnel.file import (
     read_file,
     write_file,
 )
+from glider.verification.funnel.growth import BoundarySets
 from glider.verification.funnel.settings import FunnelSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Funnel:
-    """The sets {x : (x - x₀(t))ᵀ S(t) (x - x₀(t)) <= 1}, from the launch to the goal.
-
-    S is the cubic Hermite polynomial through its values and slopes. The names of the
-    arrays are keys in the file.
+class Funnel(BoundarySets):
+    """The sets that no flight leaves, from the launch to the goal, and their proof.
 
     Attributes:
-        nominal: nominal flight x₀, and the feedback that keeps the glider inside.
         settings: settings that it was made with; the goal is there.
-        S: matrices S (T, n, n).
-        slopes: slopes Ṡ (T, n, n) [1/s].
-        beta: bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-        weights: weights λ (T, n) of `glider.verification.funnel.remainder`.
         grams: Gram matrices (T, E), one a time: the certificate.
         solver: name of the solver that was tried first.
         seconds: duration of the computation [s].
@@ -46,12 +37,7 @@ class Funnel:
             where it is of the model's own alone.
     """
 
-    nominal: Nominal
     settings: FunnelSettings
-    S: np.ndarray
-    slopes: np.ndarray
-    beta: np.ndarray
-    weights: np.ndarray
     grams: np.ndarray
     solver: str
     seconds: float
@@ -62,11 +48,6 @@ class Funnel:
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
         return self.S.shape[1]
-
-    @functools.cached_property
-    def curve(self) -> CubicHermiteSpline:
-        """S as a function of time."""
-        return CubicHermiteSpline(self.nominal.times, self.S, self.slopes)
 
     def some_times(self, every: int) -> list[int]:
         """Returns the indices of every so many times, the first and last included."""

@@ -6,6 +6,8 @@ and in all cases seen the truth itself, or nearly. It only guides the choice of 
 funnel, which sums of squares then certify.
 """
 
+import dataclasses
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -28,6 +30,33 @@ down; it could not be proven."""
 
 NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BoundarySets:
+    """The sets {x₀ + e: eᵀ S e <= 1} along a flight, and the remainder in their growth.
+
+    S is the cubic Hermite polynomial through its values and slopes. The names of the
+    arrays are keys in a funnel's file.
+
+    Attributes:
+        nominal: nominal flight x₀, and the feedback that keeps the glider inside.
+        S: matrices S (T, n, n).
+        slopes: slopes Ṡ (T, n, n) [1/s].
+        beta: bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+        weights: weights λ (T, n) of `glider.verification.funnel.remainder`.
+    """
+
+    nominal: Nominal
+    S: np.ndarray
+    slopes: np.ndarray
+    beta: np.ndarray
+    weights: np.ndarray
+
+    @functools.cached_property
+    def curve(self) -> CubicHermiteSpline:
+        """S as a function of time."""
+        return CubicHermiteSpline(self.nominal.times, self.S, self.slopes)
 
 
 class BoundaryForms(NamedTuple):
@@ -98,50 +127,25 @@ def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
     return value
 
 
-class GrowthBetween:
-    """V̇/V on the boundary at one point of each interval between two times."""
+def growth_between(
+    sets: BoundarySets, share: float, here: Nominal, starts: np.ndarray, every: int = 1
+) -> np.ndarray:
+    """Returns the largest V̇/V found by ascent at one point of each interval [1/s].
 
-    def __init__(self, nominal: Nominal, share: float, every: int = 1):
-        """Expands the dynamics there.
+    Args:
+        share: of an interval, where the point is; from 0 to 1.
+        here: the nominal flight at these points.
+        starts: (B, n) where the ascent starts, besides the axes.
+        every: `here` is of every so many intervals only.
+    """
 
-        Args:
-            share: of an interval, where the point is; from 0 to 1.
-            every: take every so many intervals only.
-        """
-        self._share, self._every = share, every
-        self._times = nominal.times
-        here = nominal.between(share).part(slice(None, None, every))
-        self._at = here.times
-        self._coefficients = here.closed_loop
+    def mixed(values):
+        return ((1.0 - share) * values[:-1] + share * values[1:])[::every]
 
-    def largest(
-        self,
-        S: np.ndarray,
-        slopes: np.ndarray,
-        beta: np.ndarray,
-        weights: np.ndarray,
-        starts: np.ndarray,
-    ) -> np.ndarray:
-        """Returns the largest V̇/V found by ascent, one an interval [1/s].
-
-        Args:
-            S: (T, n, n).
-            slopes: (T, n, n) Ṡ.
-            beta: (T, n) bounds of the remainder.
-            weights: (T, n) λ of `remainder_form`.
-            starts: (B, n) where the ascent starts, besides the axes.
-        """
-        curve = CubicHermiteSpline(self._times, S, slopes)
-        here = curve(self._at)
-        disturbance = remainder_form(here, self._mix(beta), self._mix(weights))
-        forms = boundary_forms(
-            here, curve(self._at, 1), self._coefficients, disturbance
-        )
-        return largest_growth(forms, starts)
-
-    def _mix(self, values):
-        mixed = (1.0 - self._share) * values[:-1] + self._share * values[1:]
-        return mixed[:: self._every]
+    S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
+    disturbance = remainder_form(S, mixed(sets.beta), mixed(sets.weights))
+    forms = boundary_forms(S, slopes, here.closed_loop, disturbance)
+    return largest_growth(forms, starts)
 
 
 ROUNDS = 40

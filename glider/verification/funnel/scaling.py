@@ -7,8 +7,6 @@ integrated backward from ρ(T) = 1. Here h is found by ascent, and the set S/ρ 
 then certified, with a margin.
 """
 
-import dataclasses
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -18,8 +16,9 @@ from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import (
     SHARES,
     BoundaryForms,
-    GrowthBetween,
+    BoundarySets,
     boundary_forms,
+    growth_between,
     largest_growth,
     remainder_form,
 )
@@ -46,25 +45,6 @@ quadratic part. With 12, and none from neighbors in time, it missed so much that
 funnel was not certified, and another not proven between two times."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BoundarySets:
-    """Sets along a flight, with all that makes V̇ on their boundaries.
-
-    Attributes:
-        S: matrices S (T, n, n).
-        slopes: Ṡ (T, n, n) of the cubic spline through S [1/s].
-        beta: bounds β (T, n) of the remainder [m/s², rad/s²].
-        weights: weights λ (T, n) of the remainder.
-        forms: V̇/V on the boundaries.
-    """
-
-    S: np.ndarray
-    slopes: np.ndarray
-    beta: np.ndarray
-    weights: np.ndarray
-    forms: BoundaryForms
-
-
 class Gauge:
     """A gauge of sets S (T, n, n) along a flight: their growth, the servo's margin."""
 
@@ -83,11 +63,11 @@ class Gauge:
         self._starts = directions[:STARTS]
         if center is not None:
             self._starts = normalized(self._starts[:, :n])
-        self._between = [GrowthBetween(nominal, share) for share in SHARES]
+        self._between = {share: nominal.between(share) for share in SHARES}
         self._defect = defect_bounds(nominal)
 
-    def scaled(self, S: np.ndarray) -> BoundarySets:
-        """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary.
+    def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
+        """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.
 
         Raises:
             SolverError: the sets cannot be evaluated between their times.
@@ -97,7 +77,7 @@ class Gauge:
                 "The plan's flight cannot be enclosed; a shorter step may help."
             )
         try:
-            return self.sets(self._scale(S))
+            return self._sets(self._scale(S))
         except np.linalg.LinAlgError:
             raise SolverError(
                 "The funnel changes too fast between its times; a shorter step may "
@@ -116,27 +96,28 @@ class Gauge:
             S = S / _levels(times, excess, largest)
         return S
 
-    def sets(self, S: np.ndarray) -> BoundarySets:
-        """Returns the sets with their slopes, remainders and forms."""
-        times = self._nominal.times
-        slopes = CubicSpline(times, S)(times, 1)
-        beta = self._beta(S)
+    def _sets(self, S):
+        """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
+        times, beta = self._nominal.times, self._beta(S)
         weights = remainder_weights(S, beta, self._sizes)
+        slopes = CubicSpline(times, S)(times, 1)
         disturbance = remainder_form(S, beta, weights)
         disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
         forms = boundary_forms(S, slopes, self._nominal.closed_loop, disturbance)
-        return BoundarySets(S=S, slopes=slopes, beta=beta, weights=weights, forms=forms)
+        sets = BoundarySets(
+            nominal=self._nominal, S=S, slopes=slopes, beta=beta, weights=weights
+        )
+        return sets, forms
 
     def growth(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest V̇/V (T,) at and around each time [1/s]."""
-        sets, starts = self.sets(S), self._starts
-        growth = largest_growth(sets.forms, starts)
+        (sets, forms), starts = self._sets(S), self._starts
+        growth = largest_growth(forms, starts)
         drift = self._drift(S)
         drift = np.maximum(drift[:-1], drift[1:])
         # Between the times it is looked for only where it is good at them.
-        for between in self._between if growth.max() < 0.0 else ():
-            found = between.largest(S, sets.slopes, sets.beta, sets.weights, starts)
-            found = found + drift
+        for share, here in self._between.items() if growth.max() < 0.0 else ():
+            found = growth_between(sets, share, here, starts) + drift
             growth[1:] = np.maximum(growth[1:], found)
             growth[:-1] = np.maximum(growth[:-1], found)
         return growth

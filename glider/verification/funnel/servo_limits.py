@@ -12,8 +12,6 @@ against Bᵀ S e, and the linear feedback along that,
 nowhere meets the limit on eᵀ S e <= 1, however wide the set.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from glider.errors import InputError
@@ -28,27 +26,17 @@ reach 0.9942 of them."""
 
 
 def servo_bounds(
-    nominal: Nominal,
-    shrink: float = SHRINK,
-    number: Callable[..., np.ndarray] = np.asarray,
+    nominal: Nominal, shrink: float = SHRINK
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
-
-    Args:
-        number: makes arrays of what is computed with: of doubles, or by
-            `glider.verification.sos.exact.fractions` without rounding.
-    """
-    servo = nominal.model.parameters.servo
-    low, high, rate, ahead_by, factor = number([*servo, STOPPING_TIME, shrink])
-    inputs, gains = number(nominal.inputs), number(nominal.gains)
-    ahead = number(nominal.states[:, ELEVATOR]) + ahead_by * inputs
-    travel = -ahead_by * gains
-    travel[:, ELEVATOR] += 1
-    directions = np.stack([gains, travel], axis=1)
-    bounds = np.stack(
-        [rate - np.abs(inputs), np.minimum(high - ahead, ahead - low)], axis=1
-    )
-    return directions, factor * bounds
+    """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel."""
+    low, high, rate = nominal.model.parameters.servo
+    ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
+    travel = -STOPPING_TIME * nominal.gains
+    travel[:, ELEVATOR] += 1.0
+    directions = np.stack([nominal.gains, travel], axis=1)
+    rate_left = rate - np.abs(nominal.inputs)
+    bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
+    return directions, shrink * bounds
 
 
 def bounds_about(

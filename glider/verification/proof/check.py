@@ -22,7 +22,7 @@ from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import SHARES, GrowthBetween
+from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     remainder_of,
@@ -202,8 +202,12 @@ def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float
     around = np.maximum(defect[:-1], defect[1:])[::every]
     try:
         found = [
-            GrowthBetween(funnel.nominal, share, every).largest(
-                funnel.S, funnel.slopes, funnel.beta, funnel.weights, starts
+            growth_between(
+                funnel,
+                share,
+                funnel.nominal.between(share).part(slice(None, None, every)),
+                starts,
+                every,
             )
             for share in SHARES
         ]

@@ -11,19 +11,15 @@ more than exact arithmetic.
 """
 
 from collections.abc import Callable, Sequence
-from fractions import Fraction
 
 import numpy as np
 
-from glider.verification.dynamics.nominal import table_of
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.servo_limits import servo_bounds
+from glider.verification.proof.interval import Interval, at_time, keeps_servo
+from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.sos.exact import (
     Exact,
-    at_least,
-    dyadic,
     exact,
-    fractions,
     is_positive_definite,
     leaves_definite,
     rounded,
@@ -33,7 +29,6 @@ from glider.verification.sos.forms import (
     odd_then_even,
     quadratic_product,
     sparse_gram,
-    substituted,
     to_ball,
 )
 from glider.verification.sos.sphere import represent, sphere
@@ -75,26 +70,14 @@ def exact_faults(
         what is wrong, a sentence each, and the largest change of an eigenvalue by what
         rounding left over.
     """
-    nominal = funnel.nominal
-    coefficients = nominal.closed_loop
-    directions, bounds = servo_bounds(nominal, shrink=1.0, number=fractions)
     slack = proven_slack(funnel)
     found: dict[str, list[float]] = {}
     rounding = 0.0
     for number, k in enumerate(at):
-        faults, change = [], 0.0
-        if not np.all(np.isfinite(coefficients[k])):
-            faults = ["The glider's dynamics have no Taylor polynomial"]
-        elif not is_positive_definite(exact(funnel.S[k])):
-            faults = ["The set is not an ellipsoid"]
-        else:
-            if not _keeps_bounds(funnel.S[k], directions[k], bounds[k]):
-                faults = ["The servo would meet its limits"]
-            holds, change = check_time(funnel, coefficients[k], k, slack + defect[k])
-            faults += [] if holds else ["The Gram matrix does not prove that V falls"]
+        faults, change = check_time(funnel, k, slack + defect[k])
         rounding = max(rounding, change)
         for fault in faults:
-            found.setdefault(fault, []).append(nominal.times[k])
+            found.setdefault(fault, []).append(funnel.nominal.times[k])
         if progress:
             progress((number + 1) / len(at))
     sentences = [f"{fault} {_when(times)}." for fault, times in found.items()]
@@ -110,34 +93,31 @@ def _when(times):
     return f"at {len(times)} times, from {times[0]:.4f} to {times[-1]:.4f} s"
 
 
-def check_time(
-    funnel: Funnel, coefficients: np.ndarray, k: int, slack: float
-) -> tuple[bool, float]:
-    """Returns whether V̇ <= -slack V is proven at one time, and what rounding took.
+def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
+    """Returns what is not proven at one time, a clause each, and what rounding took.
 
     Numbers too large or sets too flat for the floating point that proposes a Gram
     matrix prove nothing.
 
     Args:
-        coefficients: (n, M) of `Nominal.closed_loop` at that time.
+        k: index of the time.
+        slack: of V̇ <= -slack V.
     """
-    S, slope = funnel.S[k], funnel.slopes[k]
-    beta, weights = funnel.beta[k], funnel.weights[k]
+    S, beta, weights = funnel.S[k], funnel.beta[k], funnel.weights[k]
+    if not np.all(np.isfinite(funnel.nominal.closed_loop[k])):
+        return ["The glider's dynamics have no Taylor polynomial"], 0.0
+    if not is_positive_definite(exact(S)):
+        return ["The set is not an ellipsoid"], 0.0
+    rises = "The Gram matrix does not prove that V falls"
     if np.any(beta < 0.0) or np.any(weights < 0.0):
-        return False, 0.0
+        return [rises], 0.0
     if np.any((beta > 0.0) & (weights == 0.0)):
-        return False, 0.0
-    tables = sphere(len(S))
+        return [rises], 0.0
+    here, tables = at_time(funnel, k), sphere(len(S))
+    faults = [] if keeps_servo(here) else ["The servo would meet its limits"]
     try:
-        polynomial, metric = growth_polynomial(
-            exact(S),
-            exact(slope),
-            coefficients,
-            rounded(to_ball(S)[1], BALL_BITS),
-            beta,
-            weights,
-            exact(slack),
-        )
+        basis = rounded(to_ball(S)[1], BALL_BITS)
+        polynomial, metric = growth_polynomial(here, basis, exact(slack))
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
         doubles = polynomial.to_float()
@@ -147,64 +127,25 @@ def check_time(
         gram = gram * np.multiply.outer(tables.scales, tables.scales)
         whole = rounded(gram, GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
-        return False, 0.0
+        return [*faults, rises], 0.0
     left_over = polynomial - gram_polynomial(tables, whole, metric)
-    return leaves_definite(whole, sparse_gram(tables, left_over))
+    falls, change = leaves_definite(whole, sparse_gram(tables, left_over))
+    return faults if falls else [*faults, rises], change
 
 
 def growth_polynomial(
-    S: Exact,
-    slope: Exact,
-    coefficients: np.ndarray,
-    L_inv_T: Exact,
-    beta: np.ndarray,
-    weights: np.ndarray,
-    slack: Exact,
+    here: Interval, basis: Exact, slack: Exact
 ) -> tuple[Exact, Exact]:
-    """Returns minus V̇ - slack V on the boundary, and zᵀ G z = V.
-
-    Both are in the coordinates e = L_inv_T z. That is an exact change of variables for
-    any L_inv_T; it is near L⁻ᵀ, so that G is near the identity.
+    """Returns minus V̇ - slack V on the boundary at a time, and zᵀ G z = V.
 
     Args:
-        S: (n, n).
-        slope: (n, n) Ṡ.
-        coefficients: (n, M) of `Nominal.closed_loop`.
-        L_inv_T: (n, n).
-        beta: (n,) bounds of the remainder.
-        weights: (n,) λ, positive where beta is.
+        basis: (n, n) of e = basis z, any; near L⁻ᵀ, so that G is near the identity.
 
     Returns:
         coefficients (C,), odd then even, and G (n, n).
     """
-    table = table_of(len(coefficients))
-    F1, F2, F3 = (exact(coefficients[:, table.of_degree(d)]) for d in (1, 2, 3))
-    L_inv = L_inv_T.T
-    L_T = L_inv @ S
-    metric = L_T @ L_inv_T
-    product = L_T @ F1 @ L_inv_T
-    quadratic = L_inv @ slope @ L_inv_T + product + product.T
-    for k, (b, w) in enumerate(zip(beta, weights, strict=True)):
-        if w > 0.0:
-            across = L_T[:, k : k + 1] @ L_T[:, k : k + 1].T
-            quadratic = quadratic + across * exact(w)
-            ball = at_least(Fraction(b) ** 2 / Fraction(w))
-            quadratic = quadratic + metric * ball
-    quadratic = quadratic + metric * slack
-    cubic = substituted(L_T @ F2, L_inv_T, 2)
-    quartic = substituted(L_T @ F3, L_inv_T, 3) + quadratic_product(quadratic, metric)
-    return -odd_then_even(cubic, quartic), metric
-
-
-def _keeps_bounds(S, directions, bounds):
-    """Returns whether aᵀ S⁻¹ a < b² for each limit, b² S - a aᵀ positive definite."""
-    for a, bound in zip(directions, bounds, strict=True):
-        if not bound > 0:
-            return False
-        across = dyadic(np.multiply.outer(a, a))
-        if not is_positive_definite(exact(S) * dyadic(bound**2) - across):
-            return False
-    return True
+    A, cubic, quartic, G = (form.parts[0] for form in growth_forms(here, basis, slack))
+    return odd_then_even(cubic, quartic + quadratic_product(A, G)), G
 
 
 def _within_goal(funnel):

@@ -91,6 +91,9 @@ def make_interval(piece: Funnel) -> Interval:
     def part(degree):
         return line(*rates[:, rows][..., own & (table.degrees == degree)])
 
+    command, gains = line(*nominal.inputs), line(*nominal.gains)
+    angle, _ = hermite(nominal.states[:, ELEVATOR], nominal.slopes[:, ELEVATOR], step)
+    limits = _limits(nominal, command, gains, angle)
     return Interval(
         step=step,
         rows=rows,
@@ -103,7 +106,8 @@ def make_interval(piece: Funnel) -> Interval:
         cubic=part(3),
         weights=line(*piece.weights),
         bearing=InTime(tuple(map(_bearing, piece.beta, piece.weights))),
-        limits=_limits(piece, step),
+        # The centers of a set of gliders may reach some of b.
+        limits=tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits),
     )
 
 
@@ -117,26 +121,47 @@ def _bearing(beta, weights):
     return Exact([part.at(low) for part in parts], low)
 
 
-def _limits(piece, step):
-    """Returns a and b, of either way of the rate limit and of both stops.
+def at_time(funnel: Funnel, k: int) -> Interval:
+    """Returns the polynomials of a funnel at one of its times: none changes in time.
 
-    A set of gliders takes from b what their centers may reach.
+    They are of the closed loop, so that which and rows are of e alone, and h is 1 s.
     """
-    nominal = piece.nominal
+    nominal, n = funnel.nominal, funnel.num_states
+    rates, table = nominal.closed_loop[k], table_of(n)
+
+    def constant(values):
+        return InTime((exact(values),))
+
+    rows = np.flatnonzero(rates[:, table.degrees > 1].any(axis=1)).tolist()
+    command, gains = constant(nominal.inputs[k]), constant(nominal.gains[k])
+    return Interval(
+        step=exact(1.0),
+        rows=rows,
+        which=list(range(n)),
+        S=constant(funnel.S[k]),
+        rise=constant(funnel.slopes[k]),
+        outputs=constant(np.eye(n)),
+        linear=constant(rates[:, table.of_degree(1)]),
+        quadratic=constant(rates[rows, table.of_degree(2)]),
+        cubic=constant(rates[rows, table.of_degree(3)]),
+        weights=constant(funnel.weights[k]),
+        bearing=InTime((_bearing(funnel.beta[k], funnel.weights[k]),)),
+        limits=_limits(nominal, command, gains, constant(nominal.states[k, ELEVATOR])),
+    )
+
+
+def _limits(nominal, command, gains, angle):
+    """Returns a and b, of either way of the rate limit and of both stops."""
     servo = nominal.model.parameters.servo
     low, high, rate, ahead_by = map(exact, [*servo, STOPPING_TIME])
-    command, gains = line(*nominal.inputs), line(*nominal.gains)
-    slopes = nominal.slopes[:, ELEVATOR]
-    angle, _ = hermite(nominal.states[:, ELEVATOR], slopes, step)
     ahead = angle + ahead_by * command
-    travel = exact(np.eye(piece.num_states)[ELEVATOR]) - ahead_by * gains
-    limits = (
+    travel = exact(np.eye(len(nominal.states[0]))[ELEVATOR]) - ahead_by * gains
+    return (
         (-gains, rate - command),
         (gains, rate + command),
         (travel, high - ahead),
         (-travel, ahead - low),
     )
-    return tuple((a, b - exact(servo_reach(piece, a, step))) for a, b in limits)
 
 
 HALVINGS = 3

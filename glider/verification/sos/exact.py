@@ -110,19 +110,6 @@ def rounded(values: np.ndarray, bits: int) -> Exact:
     return Exact(np.vectorize(int, otypes=[object])(whole), -bits)
 
 
-def fractions(values: np.ndarray | float) -> np.ndarray:
-    """Converts doubles to an array of fractions, without rounding."""
-    return np.vectorize(Fraction, otypes=[object])(_finite(values))
-
-
-def dyadic(values: Any) -> Exact:
-    """Converts fractions whose denominators are powers of 2, without rounding."""
-    array = np.asarray(values, dtype=object)
-    common = max(value.denominator for value in array.ravel())
-    numbers = np.vectorize(lambda value: int(value * common), otypes=[object])(array)
-    return Exact(numbers, 1 - common.bit_length())
-
-
 def at_least(value: Fraction, bits: int = 60) -> Exact:
     """Rounds a fraction up to a number of so many bits, or one more."""
     size = value.numerator.bit_length() - value.denominator.bit_length()
@@ -260,10 +247,11 @@ class InTime:
 
     def at(self, share: Fraction) -> Exact:
         """Returns the value at a time τ whose denominator is a power of 2."""
-        return _sum(
-            part * dyadic(share**j * (1 - share) ** (self.degree - j))
-            for j, part in enumerate(self.parts)
-        )
+        total = Exact(0, 0)
+        for j, part in enumerate(self.parts):
+            power = share**j * (1 - share) ** (self.degree - j)
+            total += part * Exact(power.numerator, 1 - power.denominator.bit_length())
+        return total
 
     def bernstein(self) -> np.ndarray:
         """Returns Bernstein's coefficients (d + 1, ...), the nearest doubles."""

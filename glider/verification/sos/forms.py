@@ -121,20 +121,6 @@ def _gather(n, degree):
     return matrix
 
 
-def substituted(forms: Exact, matrix: Exact, degree: int) -> Exact:
-    """Returns the coefficients of 2 Σ z_i form_i(matrix z), a form of degree + 1.
-
-    Args:
-        forms: (n, C) coefficients of n forms.
-        matrix: (n, n).
-    """
-    n = len(forms)
-    tensor = form_tensor(forms, n, degree)
-    for _ in range(degree):
-        tensor = contracted(tensor, matrix)
-    return gathered(tensor, n, degree + 1) * 2
-
-
 def form_tensor(forms: Exact, n: int, degree: int) -> Exact:
     """Returns tensors (r, n, ..., n) of forms (r, C), each coefficient in one place."""
     rows = [np.repeat(np.arange(n), e) for e in exponents_of(n, degree)]
