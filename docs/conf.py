@@ -7,7 +7,7 @@ from pathlib import Path
 from glider.sysid import verdict
 from glider.sysid.fit import folds
 from glider.sysid.likelihood import curves, outliers, task, uncertainty
-from glider.sysid.search import fits, pruning, signs, subsets, support, tracing
+from glider.sysid.search import fits, moves, signs, subsets, support, tracing
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -43,7 +43,7 @@ myst_heading_anchors = 3
 # What the pages say of the tracer's numbers is what it has.
 myst_substitutions = {
     "beam": f"{subsets.BEAM}",
-    "curve_price": f"{pruning.CURVE_THRESHOLD:.0f}",
+    "curve_price": f"{moves.CURVE_THRESHOLD:.0f}",
     "curves": f"{curves.COUNT}",
     "doubted": f"{support.DOUBTED:.0f}",
     "field_price": f"{tracing.FIELD_THRESHOLD:.0f}",
@@ -65,7 +65,7 @@ myst_substitutions = {
     "prior_scales": f"{task.PRIOR_SCALES:g}",
     "resamples": f"{support.RESAMPLES[0]} to {support.RESAMPLES[1]}",
     "rival_gap": f"{support.RIVAL_GAP:.0f}",
-    "shape_scales": f"{task.SHAPE_SCALES:g}",
+    "shape_scales": f"{task.PRIOR_SCALES:g}",
     "stand_in": f"{support.LEAST_STAND_IN:.0%}",
     "tie": f"{folds.WORSE[0] - 1.0:.1%}",
     "worse": f"{folds.WORSE[1] - 1.0:.0%}",

@@ -156,5 +156,5 @@ def _try(
     return ResidualModel(
         field=field,
         rms=np.sqrt(np.mean((test.measured - values) ** 2, axis=0)),
-        errors=measure_errors(flown, unseen)[0],
+        errors=measure_errors(flown, unseen),
     )

@@ -9,7 +9,7 @@ from scipy.special import softmax
 from glider.experiments.findings import Findings
 from glider.sysid.likelihood.candidates import gather, tamed
 from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
-from glider.sysid.likelihood.information import Evidence, eliminate
+from glider.sysid.likelihood.information import Evidence, counted_from, eliminate
 from glider.sysid.likelihood.model_fit import (
     FitResult,
     fit_model,
@@ -22,7 +22,7 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import theta_of
-from glider.sysid.search.fits import begin
+from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer
 
 MOST = 5
@@ -72,10 +72,9 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     penalty = float(np.log(len(task.kinds)))
     chosen = _chosen(task, noise, findings)
     candidates = gather(task, chosen)
-    evidence, variants = candidates.evidence(
-        candidates.grams(chosen.scales).sum(axis=0)
-    )
-    score = Scorer(evidence, variants, lambda kind: penalty)
+    evidence = candidates.evidence(candidates.grams(chosen.scales).sum(axis=0))
+    score = Scorer(evidence, candidates.variants, lambda kind: penalty)
+    first_order = FirstOrder(candidates=candidates, scales=chosen.scales, score=score)
     own = score.by_first(chosen.kinds)
     base = score(own)
     near: dict[frozenset[str], tuple[float, Members]] = {}
@@ -93,8 +92,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     ]
     models = [chosen]
     for _, (_, members) in ranked:
-        start = begin(candidates, score.evidence, members, chosen.scales)
-        models.append(fit_model(task, start, iterations=4))
+        models.append(fit_model(task, first_order.begin(members), iterations=4))
     acting = [model for model in models if not _is_idle(task, model)]
     weighed = [_weigh(task, m, penalty) for m in acting or [chosen]]
     # Sets that were not fitted count by their closed form, against the chosen set's.
@@ -209,10 +207,9 @@ def _best_variants(score: Scorer, sets: Sequence[frozenset[str]]) -> list[Member
 
 def _weigh(task: Task, model: FitResult, penalty: float) -> Explanation:
     """A model with its evidence: -cost + ½ log |Λ| - ½ log |A|, and shapes."""
-    directions = slopes(task.layout, model.theta, model.free)
-    grams = grams_of(linear_flights(task, model, directions), model.scales)
-    _, _, prior = prior_of(task, model, model.free)
-    precision = np.sum(grams, axis=0)[:-1, :-1] + np.diag(prior)
+    grams = grams_of(linear_flights(task, model), model.scales)
+    prior = prior_of(task, model).precision
+    precision = grams.sum(axis=0)[:-1, :-1] + np.diag(prior)
     size = np.linalg.slogdet(precision)[1] if len(prior) else 0.0
     evidence = -model.cost + 0.5 * float(np.sum(np.log(prior)) - size)
     evidence += choice_of_shapes(task, model)
@@ -253,17 +250,13 @@ def _choice(task: Task, model: FitResult, kind: str) -> float:
     directions = slopes(layout, model.theta, [*sizes, *beside])
     directions += [d for columns in starts for d in columns]
     flights, wild = tamed(task, directions, linear_flights(task, model, directions))
-    gram = np.sum(grams_of(flights, model.scales), axis=0)
 
     # The error of the model without the effect, the others fitted to it.
     count, end = len(sizes), len(sizes) + len(beside)
     mean, precision = task.priors([*sizes, *beside], model.theta)
-    restored = np.zeros(len(gram))
-    restored[:count] = model.theta[sizes] - mean[:count]
-    restored[-1] = 1.0
-    gram[:, -1] = gram @ restored
-    gram[-1, -1] = gram[:, -1] @ restored
-    gram[-1, :-1] = gram[:-1, -1]
+    share = np.zeros(len(directions))
+    share[:count] = model.theta[sizes] - mean[:count]
+    gram = counted_from(grams_of(flights, model.scales).sum(axis=0), share)
     change = mean[count:] - model.theta[beside]
     variants = 1 + len(starts)
     evidence = Evidence(

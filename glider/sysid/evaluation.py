@@ -101,7 +101,7 @@ def evaluate(
     models = _rollout_models(task, traced, baseline)
     unseen, apart = flights.among(held_out), flights.among(outlying)
     predictions = {
-        name: prediction.measure_errors(model, unseen.of(name))[1]
+        name: prediction.predict_all(model, unseen.of(name))
         for name, model in models.items()
     }
     keep = predictable(list(predictions.values())) or range(len(unseen.names))
@@ -111,7 +111,7 @@ def evaluate(
     for name, model in models.items():
         errors[name] = prediction.errors_of(model, kept.of(name), predictions[name])
     of_outlying: dict[str, Errors | None] = {
-        name: prediction.measure_errors(model, apart.of(name))[0]
+        name: prediction.measure_errors(model, apart.of(name))
         for name, model in (models if apart.names else {}).items()
     }
     folds = None
@@ -181,8 +181,7 @@ def _residual_tables(
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
-    predictions = prediction.measure_errors(flown, records)[1]
-    trims = [predicted.trim for predicted in predictions]
+    trims = [own.trim for own in prediction.predict_all(flown, records)]
     return make_table(records, flown.theta, trims, flown.field)
 
 

@@ -101,7 +101,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
                 scales=model.scales,
                 per_flight_trims=False,
             )
-            errors, _ = measure_errors(flown, task.records)
+            errors = measure_errors(flown, task.records)
             support = weighed["profile_drag"].support
             return model.theta, known.covariance, support, errors.position_rms_m
 

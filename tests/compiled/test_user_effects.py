@@ -111,7 +111,7 @@ def test_flights_are_those_of_the_plant():
         scales=start_scales(noise),
         per_flight_trims=False,
     )
-    start = find_launch(known, record, len(record.time)).state
+    start = find_launch(known, record, len(record.time))[0]
     start[7:] = 0.0
     path = log_path(record.time, *pose_signals(record, theta))
     kinds, dynamics = LAYOUT.compiled_kinds, LAYOUT.dynamics(theta)

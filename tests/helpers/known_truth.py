@@ -49,7 +49,7 @@ def limit_of(
     else:
         starts = starts_of(task, noise, truth)
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
-    return measure_errors(flown_by(task, model, model.scales), unseen)[0].position_rms_m
+    return measure_errors(flown_by(task, model, model.scales), unseen).position_rms_m
 
 
 def task_of(

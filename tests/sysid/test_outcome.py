@@ -37,11 +37,7 @@ def plain():
 def known_within(model, std):
     """Returns an uncertainty in which all curves' coordinates have one error."""
     count = len(model.free) + len(model.coordinates)
-    return Uncertainty(
-        free=model.free,
-        covariance=std**2 * np.eye(count),
-        flights=np.zeros((1, count + 1, count + 1)),
-    )
+    return Uncertainty(free=model.free, covariance=std**2 * np.eye(count))
 
 
 def curve_of(task, term):

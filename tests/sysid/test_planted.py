@@ -7,7 +7,7 @@ import pytest
 from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.search.fits import Search
-from glider.sysid.search.pruning import prune
+from glider.sysid.search.moves import prune
 from glider.sysid.search.tracing import LATE, by_sets
 from tests.helpers.tasks import fly, task_of, typical
 

@@ -1,7 +1,6 @@
 """Flights held out in folds, baseline and corrected model refitted to the others."""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Collection, Sequence
 
@@ -9,11 +8,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from glider.campaign.checks.motion import robust_std
-from glider.compiled.parallel import in_parallel
 from glider.sysid.fit import prediction
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.scales import Scales, negative_log_likelihood
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
@@ -75,31 +71,29 @@ class HeldOut:
 
     folds: tuple[Fold, ...]  # Their errors.
     gain: Gains  # Of the corrected model over the baseline.
-    # (flights, 2) position RMS of free rollouts, baseline and corrected [m].
-    free: np.ndarray
-    along: np.ndarray  # (flights, 2) the same along the measured pitch.
+    # (flights, 2, 2) position RMS of baseline and corrected model, of free rollouts
+    # and along the measured pitch [m].
+    paths: np.ndarray
     # Gain over the nominal model; None where it was not computed.
     over_nominal: Gains | None = None
 
     @property
     def ratios(self) -> tuple[float, float]:
         """Corrected over baseline errors, free and along the measured pitch."""
-        return ratio_of(*_rms(self.free)), ratio_of(*_rms(self.along))
+        return _ratio_over(self.paths[..., 0]), _ratio_over(self.paths[..., 1])
 
 
-def _rms(errors: np.ndarray) -> tuple[float, float]:
+def _ratio_over(errors: np.ndarray) -> float:
+    """Returns the ratio of RMS over flights (flights, 2) that either model flies."""
     flown = errors[np.isfinite(errors).any(axis=1)]
-    if not len(flown):
-        return np.inf, np.inf
-    before, after = np.sqrt(np.mean(flown**2, axis=0))
-    return float(before), float(after)
+    return ratio_of(*np.sqrt(np.mean(flown**2, axis=0))) if len(flown) else np.inf
 
 
 def ratio_of(before: float, after: float) -> float:
     """Returns after over before; infinite where the later model diverges."""
     if not np.isfinite(after):
         return np.inf
-    return after / before if np.isfinite(before) else 0.0
+    return float(after / before) if np.isfinite(before) else 0.0
 
 
 def robust_t(gains: np.ndarray) -> float:
@@ -147,48 +141,34 @@ def hold_out(
     is_new = np.array([record.name not in searched for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    refits = [_Refits(task, model) for model in (baseline, corrected)]
-    gain, free, along = np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2))
-    refit_nominal = None if nominal is None else _Refits(task, nominal)
-    over_nominal = np.zeros(count)
-    folds = []
+    models = [baseline, corrected] + ([] if nominal is None else [nominal])
+    refits = [_Refits(task, model) for model in models]
+    costs, paths, folds = np.zeros((len(models), count)), np.zeros((count, 2, 2)), []
     for part in parts:
         unseen = [task.records[i] for i in part]
-        costs = np.zeros((2, len(part)))
-        flown, predictions = [], []
-        for j, refit in enumerate(refits):
-            model, costs[j] = refit.without(part)
-            flown.append(flown_by(task, model, scales))
-            predictions.append(
-                in_parallel(functools.partial(prediction.predict, flown[j]), unseen)
-            )
-            for i, record, predicted in zip(part, unseen, predictions[j], strict=True):
-                free[i, j], along[i, j] = prediction.flight_errors(record, predicted)
-        gain[part] = costs[0] - costs[1]
-        if refit_nominal is not None:
-            over_nominal[part] = refit_nominal.without(part)[1] - costs[1]
+        fitted = [refit.without(part) for refit in refits]
+        costs[:, part] = [cost for _, cost in fitted]
+        flown = [flown_by(task, model, scales) for model, _ in fitted[:2]]
+        predictions = [prediction.predict_all(model, unseen) for model in flown]
+        for j, own in enumerate(predictions):
+            pairs = zip(unseen, own, strict=True)
+            paths[part, j] = [prediction.flight_errors(*pair) for pair in pairs]
         keep = predictable(predictions) or range(len(part))
+        kept = [unseen[k] for k in keep]
         errors = [
-            prediction.errors_of(
-                model, [unseen[k] for k in keep], [own[k] for k in keep]
-            )
+            prediction.errors_of(model, kept, [own[k] for k in keep])
             for model, own in zip(flown, predictions, strict=True)
         ]
-        folds.append(
-            Fold(
-                held_out=tuple(record.name for record in unseen),
-                refitted=errors[0],
-                corrected=errors[1],
-            )
-        )
+        names = tuple(record.name for record in unseen)
+        folds.append(Fold(held_out=names, refitted=errors[0], corrected=errors[1]))
+    over_nominal = None
+    if nominal is not None:
+        over_nominal = Gains(values=costs[2] - costs[1], unseen=is_new)
     return HeldOut(
         folds=tuple(folds),
-        gain=Gains(values=gain, unseen=is_new),
-        free=free,
-        along=along,
-        over_nominal=None
-        if refit_nominal is None
-        else Gains(values=over_nominal, unseen=is_new),
+        gain=Gains(values=costs[0] - costs[1], unseen=is_new),
+        paths=paths,
+        over_nominal=over_nominal,
     )
 
 
@@ -202,29 +182,14 @@ class _Refits:
     """A model, refitted to all flights but some by one step from the fit to all."""
 
     def __init__(self, task: Task, model: model_fit.FitResult):
-        model = model_fit.with_constants(task, model)
-        self.task, self.model = task, model
-        directions = slopes(task.layout, model.theta, model.free)
-        self.flights = model_fit.linear_flights(task, model, directions)
-        scales = model.scales
-        self.grams = np.stack(model_fit.grams_of(self.flights, scales))
+        self.task, self.model = task, model_fit.with_constants(task, model)
+        self.flights = model_fit.linear_flights(task, self.model)
+        self.grams = model_fit.grams_of(self.flights, model.scales)
 
     def without(self, part: np.ndarray) -> tuple[model_fit.FitResult, np.ndarray]:
         """Returns the model without some flights, and their costs under it [nats]."""
-        model, index = self.model, list(self.model.free)
         rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
-        own, mean, precision = model_fit.prior_of(self.task, model, index)
-        count, free = len(model.coordinates), len(index)
-        wide = np.full(count, np.inf)
-        step = bounded_step(
-            model_fit.with_prior(rest, own, mean, precision),
-            np.append(self.task.layout.lower[index], -wide) - own,
-            np.append(self.task.layout.upper[index], wide) - own,
-        )
-        theta = model.theta.copy()
-        theta[index] += step[:free]
-        moved = dataclasses.replace(
-            model, theta=theta, coordinates=model.coordinates + step[free:]
-        )
+        step = model_fit.prior_of(self.task, self.model).best_step(rest)
         unseen = [self.flights[i].combined(step) for i in part]
-        return moved, negative_log_likelihood(unseen, model.scales)
+        costs = negative_log_likelihood(unseen, self.model.scales)
+        return model_fit.moved(self.task, self.model, step), costs

@@ -5,15 +5,16 @@ flies on alone to the end.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 
 from glider.compiled.filter_error import PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.compiled.replay import log_path, roll_out
+from glider.compiled.replay import roll_out
 from glider.physics.effects import Field
-from glider.sysid.likelihood.linear_flight import Constants, linearize
+from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, linearize, path_of
 from glider.sysid.likelihood.scales import (
     FLOOR,
     Scales,
@@ -24,7 +25,7 @@ from glider.sysid.likelihood.scales import (
 )
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.signals import pose_signals, sensed, trimmed, true_nodes
+from glider.sysid.replay.signals import sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
@@ -95,48 +96,43 @@ def rollout_scales(
 _OF_ROLLOUTS = ("position", "pitch")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Launch:
-    """Start of a flight and its per-flight constants."""
+def find_launch(
+    model: RolloutModel, record: Record, rows: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the most likely launch given a flight's first rows.
 
-    state: np.ndarray  # (n,) of the compiled dynamics.
-    constants: Constants  # Its wind, its trim and the zero of its pitch reading.
-
-
-def find_launch(model: RolloutModel, record: Record, rows: int) -> Launch:
-    """Returns the most likely launch given a flight's first rows."""
-    beginning, constants = record.first(rows), Constants()
+    Returns:
+        the state (n,) of the compiled dynamics, and the flight's constants (4,).
+    """
+    beginning, constants = record.first(rows), NO_CONSTANTS
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)
+        n = len(flight.nodes[0])
         own = smoothed_start(flight, model.scales)
         if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
-            own = np.zeros_like(own)
-        n = len(flight.nodes[0])
-        constants = Constants.of(constants.values + own[n + PROCESSES :])
-    return Launch(state=flight.nodes[0] + own[:n], constants=constants)
+            return flight.nodes[0], constants
+        constants = own[n + PROCESSES :]
+    return flight.nodes[0] + own[:n], constants
 
 
 def predict(model: RolloutModel, record: Record, whole: bool = False) -> Prediction:
     """Predicts one flight from its beginning, or fits the whole of it."""
     rows = len(record.time) if whole else beginning_rows(record, model.per_flight_trims)
-    launch = find_launch(model, record, rows)
-    layout = record.layout
-    elevator, rate = pose_signals(record, model.theta)
-    theta, shift = trimmed(record, model.theta, launch.constants.trim)
-    wind = np.asarray(launch.constants.wind) + record.side_wind
-    path = log_path(record.time, elevator + shift, rate, wind, record.bank)
-    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
-    states = roll_out(kinds, path, launch.state, dynamics, model.field)
-    zero = np.array([0.0, 0.0, launch.constants.pitch_zero])
+    launch, constants = find_launch(model, record, rows)
+    layout, (*_, trim, pitch_zero) = record.layout, constants
+    path, dynamics = path_of(record, model.theta, constants)
+    kinds = layout.compiled_kinds
+    states = roll_out(kinds, path, launch, dynamics, model.field)
+    zero = np.array([0.0, 0.0, pitch_zero])
 
     nodes = true_nodes(record, model.theta, model.field)
     turned = (nodes - record.nodes)[:, [2, 6]]
-    turned[:, 0] -= launch.constants.pitch_zero
+    turned[:, 0] -= pitch_zero
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
     guided = path._replace(pitch=pitch)
     start = nodes[0].copy()
-    start[OFFSET] = launch.state[OFFSET]
+    start[OFFSET] = launch[OFFSET]
 
     def places(change: np.ndarray) -> np.ndarray:
         state = start.copy()
@@ -159,16 +155,18 @@ def predict(model: RolloutModel, record: Record, whole: bool = False) -> Predict
     return Prediction(
         pose=sensed(layout, states, model.theta) + zero,
         translated=places(change),
-        trim=launch.constants.trim,
+        trim=float(trim),
     )
 
 
-def measure_errors(
-    model: RolloutModel, records: Sequence[Record]
-) -> tuple[Errors, list[Prediction]]:
-    """Returns a model's errors on flights, and their predictions."""
-    predictions = in_parallel(lambda record: predict(model, record), records)
-    return errors_of(model, records, predictions), predictions
+def predict_all(model: RolloutModel, records: Sequence[Record]) -> list[Prediction]:
+    """Predicts flights from their beginnings."""
+    return in_parallel(functools.partial(predict, model), records)
+
+
+def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:
+    """Returns a model's errors on flights, each predicted from its beginning."""
+    return errors_of(model, records, predict_all(model, records))
 
 
 def errors_of(
@@ -176,36 +174,35 @@ def errors_of(
 ) -> Errors:
     """Returns the errors of predictions of flights."""
     table = make_table(records, model.theta, [p.trim for p in predictions], model.field)
-    position, end, pitch, translated = [], [], [], []
-    for record, predicted in zip(records, predictions, strict=True):
-        seen = record.seen[:, 0]
-        error = (record.pose - predicted.pose)[seen]
-        distance = np.hypot(error[:, 0], error[:, 1])
-        position.append(distance**2)
-        end.append(distance[-1])
-        pitch.append(error[:, 2] ** 2)
-        along = (record.pose[:, :2] - predicted.translated)[seen]
-        translated.append(np.sum(along**2, axis=1))
+    pairs = zip(records, predictions, strict=True)
+    free, pitch, along = map(list, zip(*(_squares(*p) for p in pairs), strict=True))
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         rms = np.sqrt(np.mean(table.residual**2, axis=0))
     tangential, normal, in_pitch = map(float, rms)
     return Errors(
         equation=EquationErrors(tangential=tangential, normal=normal, pitch=in_pitch),
         rollout=RolloutErrors(
-            position_rms_m=_rms(position),
-            position_end_m=float(np.mean(end)),
+            position_rms_m=_rms(free),
+            position_end_m=float(np.mean([np.sqrt(own[-1]) for own in free])),
             pitch_rms_rad=_rms(pitch),
         ),
-        rollout_measured_pitch=PathErrors(position_rms_m=_rms(translated)),
+        rollout_measured_pitch=PathErrors(position_rms_m=_rms(along)),
     )
 
 
 def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
     """Returns a flight's position RMS, free and along the measured pitch [m]."""
+    free, _, along = _squares(record, predicted)
+    return _rms([free]), _rms([along])
+
+
+def _squares(record: Record, predicted: Prediction) -> tuple[np.ndarray, ...]:
+    """Returns squared errors over the seen rows (n,): free, pitch, measured pitch."""
     seen = record.seen[:, 0]
-    free = (record.pose - predicted.pose)[seen, :2]
+    error = (record.pose - predicted.pose)[seen]
     along = (record.pose[:, :2] - predicted.translated)[seen]
-    return _rms([np.sum(free**2, axis=1)]), _rms([np.sum(along**2, axis=1)])
+    free = np.sum(error[:, :2] ** 2, axis=1)
+    return free, error[:, 2] ** 2, np.sum(along**2, axis=1)
 
 
 def _rms(squares: list[np.ndarray]) -> float:

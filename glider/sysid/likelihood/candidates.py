@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
-from glider.sysid.likelihood.information import Evidence, eliminate, solve
+from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
@@ -31,72 +31,55 @@ class Candidates:
     flights: Sequence[LinearFlight]  # Linear in all columns.
 
     @property
+    def slots(self) -> list[int]:
+        """Slots of theta that the directions move."""
+        return [d.slot for d in self.directions]
+
+    @property
     def always(self) -> list[int]:
         """Columns that act in every set: unknown parameters and the curves."""
         own = set(self.task.vehicle.nuisance)
         count = len(self.directions)
-        vehicle = [j for j, d in enumerate(self.directions) if d.slot in own]
+        vehicle = [j for j, slot in enumerate(self.slots) if slot in own]
         return [*vehicle, *range(count, count + len(self.model.coordinates))]
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return np.stack(model_fit.grams_of(self.flights, scales))
+        return model_fit.grams_of(self.flights, scales)
 
-    def from_nothing(
-        self, grams: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the information about effects that count from zero.
 
-        The share of those that act is returned to the error.
-
-        Returns:
-            the same with the error of the model without effects; and (m,) the columns'
-            values there, their prior means and precisions.
+        The share of those that act is in the error again, that of the model without
+        effects, about which the prior is.
         """
-        task, model = self.task, self.model
-        slots = [d.slot for d in self.directions]
-        value, mean, precision = model_fit.prior_of(task, model, slots)
-        restored = np.zeros(grams.shape[-1])
-        restored[-1] = 1.0
-        for j, slot in enumerate(slots):
-            acts = task.layout.slots[slot][0] in model.kinds
-            if acts and not task.is_shape(slot) and j not in set(self.always):
-                restored[j] = model.theta[slot] - mean[j]
-                value[j] = mean[j]
-            elif not acts:
-                value[j] = mean[j]
-        whole = grams.copy()
-        whole[..., :, -1] = grams @ restored
-        whole[..., -1, -1] = whole[..., :, -1] @ restored
-        whole[..., -1, :-1] = whole[..., :-1, -1]
-        return whole, value, mean, precision
-
-    def evidence(self, gram: np.ndarray) -> tuple[Evidence, dict[str, list[Variant]]]:
-        """Returns the evidence of sets of effects, and the variants in its columns."""
-        whole, value, mean, precision = self.from_nothing(gram)
-        slots = [d.slot for d in self.directions]
-        always = self.always
-        reduced = eliminate(whole, always, precision[always], (mean - value)[always])
-        keep = [j for j in range(len(slots)) if j not in set(always)]
-        layout = self.task.layout
-        kept_slots = [slots[j] for j in keep]
-        found = Evidence(
-            gram=reduced,
-            precision=precision[keep],
-            lower=layout.lower[kept_slots] - value[keep],
-            upper=layout.upper[kept_slots] - value[keep],
+        prior = model_fit.prior_of(self.task, self.model, self.slots)
+        always, share = set(self.always), np.zeros(len(prior.mean))
+        for j, slot in enumerate(self.slots):
+            if j not in always and not self.task.is_shape(slot):
+                share[j] = -prior.mean[j]
+        prior = model_fit.Prior(
+            mean=prior.mean + share,
+            precision=prior.precision,
+            lower=prior.lower + share,
+            upper=prior.upper + share,
         )
-        return found, self.columns_of_kinds()
+        return counted_from(grams, share), prior
 
-    def columns_of_kinds(self) -> dict[str, list[Variant]]:
-        """Returns the variants of each kind, in the columns that are not always on."""
-        always = set(self.always)
-        keep = [j for j in range(len(self.directions)) if j not in always]
-        place = {j: k for k, j in enumerate(keep)}
-        return {
-            kind: [tuple(place[j] for j in v) for v in own]
-            for kind, own in self.variants.items()
-        }
+    def evidence(self, gram: np.ndarray) -> Evidence:
+        """Returns the evidence of sets of columns beside those that always act."""
+        (whole, prior), always = self.from_nothing(gram), self.always
+        keep = np.delete(np.arange(len(whole)), always)
+        reduced = np.zeros_like(whole)
+        reduced[np.ix_(keep, keep)] = eliminate(
+            whole, always, prior.precision[always], prior.mean[always]
+        )
+        return Evidence(
+            gram=reduced,
+            precision=prior.precision,
+            lower=prior.lower,
+            upper=prior.upper,
+        )
 
 
 def gather(task: Task, model: model_fit.FitResult) -> Candidates:
@@ -104,38 +87,31 @@ def gather(task: Task, model: model_fit.FitResult) -> Candidates:
     layout = task.layout
     directions = slopes(layout, model.theta, model.free)
     own = set(task.vehicle.nuisance)
-    variants: dict[str, tuple[Variant, ...]] = {}
+    variants: dict[str, list[Variant]] = {}
     for kind in model.kinds:
-        variants[kind] = (
-            tuple(
-                j
-                for j, d in enumerate(directions)
-                if d.kind == kind and d.slot not in own
-            ),
-        )
+        acting = enumerate(directions)
+        columns = [j for j, d in acting if d.kind == kind and d.slot not in own]
+        variants[kind] = [tuple(columns)]
     for kind in task.kinds:
         if kind in model.kinds:
             continue
         allowed = set(task.free((kind,))) - own
-        found = []
+        variants[kind] = []
         for columns in starts_of(layout, layout.kinds[kind], model.theta):
             mine = [d for d in columns if d.slot in allowed]
-            if mine:
-                first = len(directions)
-                found.append(tuple(range(first, first + len(mine))))
-                directions += mine
-        if found:
-            variants[kind] = tuple(found)
+            first = len(directions)
+            variants[kind].append(tuple(range(first, first + len(mine))))
+            directions += mine
     flights, wild = tamed(
         task, directions, model_fit.linear_flights(task, model, directions)
     )
     for kind in set(variants) - set(model.kinds):
-        variants[kind] = tuple(v for v in variants[kind] if not wild & set(v))
+        variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     return Candidates(
         task=task,
         model=model,
         directions=tuple(directions),
-        variants={k: v for k, v in variants.items() if v and v[0]},
+        variants={k: tuple(v) for k, v in variants.items() if v and v[0]},
         flights=flights,
     )
 
@@ -166,22 +142,15 @@ def tamed(
     return tame, found
 
 
-def saturated_scales(
-    candidates: Candidates, scales: Scales, rounds: int
-) -> tuple[Scales, np.ndarray]:
+def saturated_scales(candidates: Candidates, scales: Scales, rounds: int) -> Scales:
     """Fits the scales with all candidates acting at once, shrunken.
 
     Otherwise a missing effect would be taken for noise before it is searched for.
-
-    Returns:
-        the scales, and the change of all columns there (m,).
     """
-    slots = [d.slot for d in candidates.directions]
-    own, mean, precision = model_fit.prior_of(candidates.task, candidates.model, slots)
+    prior = model_fit.prior_of(candidates.task, candidates.model, candidates.slots)
     for _ in range(rounds):
         gram = candidates.grams(scales).sum(axis=0)
-        total = model_fit.with_prior(gram, own, mean, precision)
-        change = solve(total)
+        change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
         scales, _ = fit_scales(flights, scales, iterations=3)
-    return scales, change
+    return scales

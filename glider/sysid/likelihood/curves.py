@@ -15,6 +15,7 @@ import numpy as np
 
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS, TAIL_TERM, FieldData, make_field
+from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.residual import flow_variables
 
@@ -29,17 +30,57 @@ a strength of one; the strength itself is estimated."""
 COUNT = 12
 """Gaussians over the flown angles of attack."""
 
-_ALPHA = FIELD_VARIABLES.index("alpha")
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Gaussians:
+    """Gaussians over a variable, evenly spread, with a weight for each of some terms.
+
+    Weights (M T,) go by functions first and then by terms.
+    """
+
+    variable: str  # Of FIELD_VARIABLES.
+    terms: tuple[str, ...]  # T of FIELD_TERMS.
+    centers: np.ndarray  # (M,)
+    width: float
+
+    def functions(self, values: np.ndarray) -> np.ndarray:
+        """Returns the Gaussians (n, M) at values of the variable (n,)."""
+        return np.exp(-0.5 * ((values[:, None] - self.centers) / self.width) ** 2)
+
+    def field_data(self, weights: np.ndarray) -> FieldData:
+        """Returns the field with such weights as a model file has it."""
+        by_term = weights.reshape(-1, len(self.terms)).T
+        return FieldData(
+            kind="unexplained",
+            variables=[self.variable],
+            centers=self.centers[:, None].tolist(),
+            widths=[float(self.width)],
+            weights=dict(zip(self.terms, by_term.tolist(), strict=True)),
+        )
+
+    def added_to(
+        self, flight: LinearFlight, theta: np.ndarray, mix: np.ndarray
+    ) -> LinearFlight:
+        """Returns a flight with a column for each mixture (M T, q) of weights."""
+        functions = self.functions(flight.midpoints(self.variable, theta))
+        terms = [FIELD_TERMS.index(name) for name in self.terms]
+        return flight.with_forces(functions, terms, mix)
+
+
+def flown_values(
+    records: Sequence[Record], theta: np.ndarray, variable: str
+) -> np.ndarray:
+    """Returns a variable of FIELD_VARIABLES along all flights of a model."""
+    column = FIELD_VARIABLES.index(variable)
+    return np.concatenate([flow_variables(r, theta)[:, column] for r in records])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Curves:
+class Curves(Gaussians):
     """A basis of curves over alpha."""
 
-    centers: np.ndarray  # (M,) [rad].
-    width: float  # Of the Gaussians [rad].
-    # (M * 4, q) weights, functions first and then terms, of each coordinate; a
-    # coordinate has a prior spread of one, times the strength.
+    # (M T, q) weights of each coordinate; a coordinate has a prior spread of one, times
+    # the strength.
     mix: np.ndarray
     angles: np.ndarray  # (n,) a sample of the flown angles of attack [rad].
 
@@ -48,55 +89,34 @@ class Curves:
         """Number of coordinates."""
         return self.mix.shape[1]
 
-    def functions(self, alpha: np.ndarray) -> np.ndarray:
-        """Returns the Gaussians (n, M) at angles of attack (n,)."""
-        return np.exp(-0.5 * ((alpha[:, None] - self.centers) / self.width) ** 2)
-
     def values(self, coordinates: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """Returns the curves of TERMS at angles of attack, (n, 4)."""
         return self.functions(alpha) @ (self.mix @ coordinates).reshape(-1, len(TERMS))
 
     def data(self, coordinates: np.ndarray) -> FieldData:
         """Returns the curves as a model file has them."""
-        weights = (self.mix @ coordinates).reshape(-1, len(TERMS))
-        return FieldData(
-            kind="unexplained",
-            variables=["alpha"],
-            centers=self.centers[:, None].tolist(),
-            widths=[float(self.width)],
-            weights=dict(zip(TERMS, weights.T.tolist(), strict=True)),
-        )
+        return self.field_data(self.mix @ coordinates)
 
     def field(self, coordinates: np.ndarray) -> Field:
         """Returns the arrays that the dynamics take."""
         return make_field(self.data(coordinates)) if coordinates.any() else NO_FIELD
 
 
-TERM_INDICES = tuple(FIELD_TERMS.index(name) for name in TERMS)
-
-
 def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
     """Spreads a basis over the angles of attack that flights of a model met."""
-    alpha = np.concatenate([flow_variables(r, theta)[:, _ALPHA] for r in records])
+    alpha = flown_values(records, theta, "alpha")
     low, high = np.percentile(alpha, [1.0, 99.0])
     centers = np.linspace(low, max(high, low + 0.05), COUNT)
     width = float(centers[1] - centers[0])
     angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]
-    functions = np.exp(-0.5 * ((angles[:, None] - centers) / width) ** 2)
     spreads = np.tile(STRENGTHS, COUNT)
-    overlaps = np.array(
-        [
-            (functions[:, :, None] * np.stack(shape, axis=1)[:, None, :])
-            .mean(axis=0)
-            .ravel()
-            for shape in _simple_shapes(angles)
-        ]
-    )
+    own = Gaussians(variable="alpha", terms=TERMS, centers=centers, width=width)
+    functions = own.functions(angles)[:, :, None]
+    shapes = [np.stack(shape, axis=1)[:, None, :] for shape in _simple_shapes(angles)]
+    overlaps = np.array([(functions * s).mean(axis=0).ravel() for s in shapes])
     _, _, rows = np.linalg.svd(overlaps * spreads)
     free = rows[len(overlaps) :].T
-    return Curves(
-        centers=centers, width=width, mix=spreads[:, None] * free, angles=angles
-    )
+    return Curves(**vars(own), mix=spreads[:, None] * free, angles=angles)
 
 
 def _simple_shapes(alpha: np.ndarray) -> list[tuple[np.ndarray, ...]]:

@@ -126,10 +126,21 @@ class Evidence:
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
         index = list(columns)
-        if not index:
-            return np.zeros(0)
         a = self.gram[np.ix_(index, index)] + np.diag(self.precision[index])
         return solve_scaled(a, self.gram[index, -1], 0.0)
+
+
+def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Returns Gram matrices (..., m + 1, m + 1) with columns' share in the error again.
+
+    The error is then that of the model whose coefficients are less by `values` (m,).
+    """
+    mix = np.append(values, 1.0)
+    whole = gram.copy()
+    whole[..., :, -1] = gram @ mix
+    whole[..., -1, -1] = whole[..., :, -1] @ mix
+    whole[..., -1, :-1] = whole[..., :-1, -1]
+    return whole
 
 
 def eliminate(

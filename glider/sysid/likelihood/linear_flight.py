@@ -26,25 +26,8 @@ from glider.sysid.replay.signals import (
 )
 from glider.sysid.replay.theta import OFFSET, Layout
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Constants:
-    """Per-flight constants, about which a flight is linear."""
-
-    wind: tuple[float, float] = (0.0, 0.0)  # (2,) [m/s].
-    trim: float = 0.0  # Of the elevator [rad].
-    pitch_zero: float = 0.0  # Of the pitch reading [rad].
-
-    @property
-    def values(self) -> np.ndarray:
-        """Wind in x and z, trim and pitch zero, as the filter has them (4,)."""
-        return np.array([*self.wind, self.trim, self.pitch_zero])
-
-    @classmethod
-    def of(cls, values: np.ndarray) -> "Constants":
-        """Returns the constants of such values."""
-        x, z, trim, pitch_zero = map(float, values)
-        return cls(wind=(x, z), trim=trim, pitch_zero=pitch_zero)
+NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
+"""Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -65,7 +48,6 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    constants: Constants
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with one column: its error at changes δ (m,).
@@ -90,14 +72,7 @@ class LinearFlight:
 
         They are the deviations at the first node, in the filter's order.
         """
-        unit = -np.eye(len(self.start))
-        count = len(unit)
-        return dataclasses.replace(
-            self,
-            inputs=_joined(self.inputs, np.zeros((*self.inputs.shape[:2], count))),
-            outputs=_joined(self.outputs, np.zeros((*self.outputs.shape[:2], count))),
-            start=_joined(self.start, unit),
-        )
+        return self._with_columns("start", -np.eye(len(self.start)))
 
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
@@ -109,10 +84,11 @@ class LinearFlight:
         forces = np.ascontiguousarray(self.by_term[:, :, terms])
         return dataclasses.replace(self, by_air=forces)
 
-    def middle_alpha(self, theta: np.ndarray) -> np.ndarray:
-        """Returns the angle of attack at the midpoint of each interval [rad]."""
-        alpha = flow_variables(self.record, theta)[:, FIELD_VARIABLES.index("alpha")]
-        return 0.5 * (alpha[1:] + alpha[:-1])
+    def midpoints(self, variable: str, theta: np.ndarray) -> np.ndarray:
+        """Returns a field's variable at the midpoint of each interval."""
+        column = FIELD_VARIABLES.index(variable)
+        values = flow_variables(self.record, theta)[:, column]
+        return 0.5 * (values[1:] + values[:-1])
 
     def with_forces(
         self, basis: np.ndarray, terms: Sequence[int], mix: np.ndarray
@@ -126,19 +102,28 @@ class LinearFlight:
         """
         product = basis[:, None, :, None] * self.by_term[:, :, None, list(terms)]
         more = -product.reshape(*self.by_term.shape[:2], -1) @ mix
-        nothing = np.zeros((*self.outputs.shape[:2], more.shape[2]))
-        return dataclasses.replace(
-            self,
-            inputs=_joined(self.inputs, more),
-            outputs=_joined(self.outputs, nothing),
-            start=_joined(self.start, np.zeros((len(self.start), more.shape[2]))),
-        )
+        return self._with_columns("inputs", more)
+
+    def _with_columns(self, name: str, columns: np.ndarray) -> "LinearFlight":
+        """Returns the flight with more columns of one array, zero in the others."""
+        wider = {}
+        for other in ("inputs", "outputs", "start"):
+            old = getattr(self, other)
+            more = np.zeros((*old.shape[:-1], columns.shape[-1]))
+            parts = [old[..., :-1], columns if other == name else more, old[..., -1:]]
+            wider[other] = np.ascontiguousarray(np.concatenate(parts, axis=-1))
+        return dataclasses.replace(self, **wider)
 
 
-def _joined(old: np.ndarray, more: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(
-        np.concatenate([old[..., :-1], more, old[..., -1:]], axis=-1)
-    )
+def path_of(
+    record: Record, theta: np.ndarray, constants: np.ndarray
+) -> tuple[LogPath, np.ndarray]:
+    """Returns a flight's path and dynamics under a model, with its constants."""
+    elevator, rate = pose_signals(record, theta)
+    flown, shift = trimmed(record, theta, constants[2])
+    wind = constants[:2] + record.side_wind
+    path = log_path(record.time, elevator + shift, rate, wind, record.bank)
+    return path, record.layout.dynamics(flown)
 
 
 def linearize(
@@ -146,61 +131,51 @@ def linearize(
     theta: np.ndarray,
     field: Field,
     directions: Sequence[Direction] = (),
-    constants: Constants = Constants(),
+    constants: np.ndarray = NO_CONSTANTS,
 ) -> LinearFlight:
-    """Makes a flight linear about its smoothed measurement."""
+    """Makes a flight linear about its smoothed measurement and its constants (4,)."""
     layout = record.layout
-    if constants.pitch_zero:
-        theta, directions = _as_read(layout, theta, directions, constants.pitch_zero)
+    if constants[3]:
+        theta, directions = _as_read(layout, theta, directions, constants[3])
     kinds, intervals = layout.compiled_kinds, len(record.time) - 1
-    wind = np.asarray(constants.wind) + record.side_wind
-
-    def own_dynamics(theta: np.ndarray) -> np.ndarray:
-        return layout.dynamics(trimmed(record, theta, constants.trim)[0])
-
-    def path_of(theta: np.ndarray) -> LogPath:
-        elevator, rate = pose_signals(record, theta)
-        shift = trimmed(record, theta, constants.trim)[1]
-        return log_path(record.time, elevator + shift, rate, wind, record.bank)
 
     def ends_from(nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        return advance_nodes(kinds, path_of(theta), nodes, own_dynamics(theta), field)
+        path, dynamics = path_of(record, theta, constants)
+        return advance_nodes(kinds, path, nodes, dynamics, field)
 
-    dynamics = own_dynamics(theta)
+    path, dynamics = path_of(record, theta, constants)
     nodes = true_nodes(record, theta, field)
-    plain = [d for d in directions if _is_plain(record, d)]
-    moved = np.array([own_dynamics(d.moved) for d in plain])
+    plain = [j for j, d in enumerate(directions) if _is_plain(record, d)]
+    flown = [trimmed(record, directions[j].moved, constants[2])[0] for j in plain]
+    moved = np.array([layout.dynamics(own) for own in flown])
     ends, by_x, by_term, by_plain = slopes_along(
         kinds,
-        path_of(theta),
+        path,
         nodes,
         dynamics,
         moved.reshape(len(plain), len(dynamics)),
-        np.array([d.size for d in plain]),
+        np.array([directions[j].size for j in plain]),
         field,
     )
     n = nodes.shape[1]
     inputs = np.zeros((intervals, n, len(directions) + 1))
-    columns = dict(zip(map(id, plain), range(len(plain)), strict=True))
+    inputs[:, :, plain] = -by_plain
     others: dict[tuple, tuple] = {(): (nodes, ends)}  # Of the model itself.
     for j, direction in enumerate(directions):
-        if id(direction) in columns:
-            inputs[:, :, j] = -by_plain[:, :, columns[id(direction)]]
-        else:
-            key = direction.shapes
-            if key not in others:
-                base_nodes = true_nodes(record, direction.base, field)
-                others[key] = base_nodes, ends_from(base_nodes, direction.base)
-            base_nodes, base_ends = others[key]
-            moved_ends = ends_from(base_nodes, direction.moved)
-            inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
+        if j in plain:
+            continue
+        if direction.shapes not in others:
+            base_nodes = true_nodes(record, direction.base, field)
+            base_ends = ends_from(base_nodes, direction.base)
+            others[direction.shapes] = base_nodes, base_ends
+        base_nodes, base_ends = others[direction.shapes]
+        moved_ends = ends_from(base_nodes, direction.moved)
+        inputs[:, :, j] = -(moved_ends - base_ends) / direction.size
     inputs[:, :, -1] = ends - nodes[1:]
     pose, pose_by_x = measure_nodes(kinds, nodes, dynamics)
-    own = np.zeros((n + OWN_STATES, len(directions) + 1))
-    own[n + PROCESSES :, -1] = -constants.values
+    start = np.zeros((n + OWN_STATES, len(directions) + 1))
+    start[n + PROCESSES :, -1] = -constants
     return LinearFlight(
-        start=own,
-        constants=constants,
         record=record,
         nodes=nodes,
         by_x=by_x,
@@ -210,6 +185,7 @@ def linearize(
         inputs=inputs,
         pose_by_x=pose_by_x,
         outputs=_outputs(record, theta, directions, nodes, pose),
+        start=start,
     )
 
 

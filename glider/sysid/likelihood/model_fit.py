@@ -12,10 +12,9 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.sysid.likelihood.curves import TERM_INDICES
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.information import bounded_step
-from glider.sysid.likelihood.linear_flight import Constants, LinearFlight, linearize
+from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, LinearFlight, linearize
 from glider.sysid.likelihood.scales import (
     NAMES,
     Scales,
@@ -50,7 +49,7 @@ class FitResult:
     strength: float  # Prior strength of the curves.
     scales: Scales  # Of all noise.
     # Name of each flight to its constants, about which it is linear.
-    constants: dict[str, Constants]
+    constants: dict[str, np.ndarray]
     extra: FieldData | None = None  # An unmodelled field that acts too, or None.
     # Whether errors of the forces stand in for moving air, see
     # `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
@@ -91,21 +90,24 @@ def field_of(task: Task, model: FitResult) -> Field:
 
 
 def linear_flights(
-    task: Task, model: FitResult, directions: Sequence[Direction]
+    task: Task, model: FitResult, directions: Sequence[Direction] | None = None
 ) -> list[LinearFlight]:
-    """Returns all flights, linear about a model; the curves' columns come last."""
+    """Returns all flights, linear about a model; the curves' columns come last.
+
+    By default the columns before them are those of the model's free parameters.
+    """
     field, curves = field_of(task, model), task.curves
+    if directions is None:
+        directions = slopes(task.layout, model.theta, model.free)
 
     def one(record: Record) -> LinearFlight:  # It holds one flight only.
-        own = model.constants.get(record.name, Constants())
+        own = model.constants.get(record.name, NO_CONSTANTS)
         flight = linearize(record, model.theta, field, directions, own)
         if model.has_force_errors:
             flight = flight.with_force_errors()
         if not model.has_curves:
             return flight
-        alpha = flight.middle_alpha(model.theta)
-        basis = curves.functions(alpha)
-        return flight.with_forces(basis, TERM_INDICES, curves.mix)
+        return curves.added_to(flight, model.theta, curves.mix)
 
     return in_parallel(one, task.records)
 
@@ -115,29 +117,48 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
     return [flight.error_only() for flight in linear_flights(task, model, ())]
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Prior:
+    """Prior of changes of a model: along slots of theta, then of the curves."""
+
+    mean: np.ndarray  # (m,) expected changes.
+    precision: np.ndarray  # (m,)
+    lower: np.ndarray  # (m,) least changes that are physical.
+    upper: np.ndarray  # (m,) largest.
+
+    def added_to(self, gram: np.ndarray) -> np.ndarray:
+        """Returns a Gram matrix with the prior added as one more flight."""
+        total = gram.copy()
+        total[:-1, :-1] += np.diag(self.precision)
+        total[:-1, -1] += self.precision * self.mean
+        total[-1, :-1] = total[:-1, -1]
+        total[-1, -1] += float(self.precision @ self.mean**2)
+        return total
+
+    def best_step(self, gram: np.ndarray) -> np.ndarray:
+        """Returns the most probable physical change (m,)."""
+        return bounded_step(self.added_to(gram), self.lower, self.upper)
+
+
 def prior_of(
-    task: Task, model: FitResult, slots: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns value, prior mean and precision of slots, then of the curves."""
-    mean, precision = task.priors(slots, model.theta)
-    count = len(model.coordinates)
-    return (
-        np.concatenate([model.theta[list(slots)], model.coordinates]),
-        np.concatenate([mean, np.zeros(count)]),
-        np.concatenate([precision, np.full(count, model.strength**-2)]),
+    task: Task,
+    model: FitResult,
+    slots: Sequence[int] | None = None,
+    start: np.ndarray | None = None,
+) -> Prior:
+    """Returns the prior of slots, by default the free ones, and of the curves.
+
+    Shapes are expected where they are in `start`, by default the model's theta.
+    """
+    slots, layout = list(model.free if slots is None else slots), task.layout
+    mean, precision = task.priors(slots, model.theta if start is None else start)
+    value, curves = model.theta[slots], model.coordinates
+    return Prior(
+        mean=np.append(mean - value, -curves),
+        precision=np.append(precision, np.full(len(curves), model.strength**-2)),
+        lower=np.append(layout.lower[slots] - value, -LARGEST_COORDINATE - curves),
+        upper=np.append(layout.upper[slots] - value, LARGEST_COORDINATE - curves),
     )
-
-
-def with_prior(
-    gram: np.ndarray, value: np.ndarray, mean: np.ndarray, precision: np.ndarray
-) -> np.ndarray:
-    """Returns a Gram matrix with the prior added as one more flight."""
-    total = gram.copy()
-    total[:-1, :-1] += np.diag(precision)
-    total[:-1, -1] += precision * (mean - value)
-    total[-1, :-1] = total[:-1, -1]
-    total[-1, -1] += float(precision @ (mean - value) ** 2)
-    return total
 
 
 def fit_model(
@@ -147,14 +168,10 @@ def fit_model(
     free_scales: Sequence[str] = NAMES,
 ) -> FitResult:
     """Fits a model's free parameters, its curves and its scales."""
-    index = list(model.free)
-    lower, upper = task.layout.lower[index], task.layout.upper[index]
     best, about, step, halvings = None, [], None, 0
     current = model
     for iteration in range(iterations + 1):
-        flights = linear_flights(
-            task, current, slopes(task.layout, current.theta, index)
-        )
+        flights = linear_flights(task, current)
         now = [f.error_only() for f in flights]
         scales = current.scales
         if free_scales:
@@ -163,10 +180,8 @@ def fit_model(
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
-        own, mean, precision = prior_of(task, current, index)
-        shapes = [k for k, i in enumerate(index) if task.is_shape(i)]
-        mean[shapes] = model.theta[[index[k] for k in shapes]]
-        value += 0.5 * float(precision @ (own - mean) ** 2)
+        prior = prior_of(task, current, start=model.theta)
+        value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
         current = dataclasses.replace(current, scales=scales, cost=value)
         if best is not None and not value < best.cost + 0.5 * _TOLERANCE:
@@ -174,7 +189,7 @@ def fit_model(
             if halvings > 3 or step is None:
                 break
             step = 0.5 * step
-            current = _moved(best, about, index, step, lower, upper)
+            current = _moved_with(task, best, about, step)
             continue
         gained = np.inf if best is None else best.cost - value
         best, about = current, flights
@@ -182,54 +197,44 @@ def fit_model(
             break
         if gained < _TOLERANCE and iteration >= FEWEST_ITERATIONS:
             break
-        gram = np.sum(grams_of(flights, scales), axis=0)
-        count = len(current.coordinates)
-        step = bounded_step(
-            with_prior(gram, own, mean, precision),
-            np.append(lower, np.full(count, -LARGEST_COORDINATE)) - own,
-            np.append(upper, np.full(count, LARGEST_COORDINATE)) - own,
-        )
+        step = prior.best_step(grams_of(flights, scales).sum(axis=0))
         if not np.all(np.isfinite(step)):  # It diverges.
             best = dataclasses.replace(best, cost=np.inf)
             break
-        current = _moved(best, about, index, step, lower, upper)
+        current = _moved_with(task, best, about, step)
     assert best is not None
     return best
 
 
-def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> list[np.ndarray]:
-    """Returns each flight's information on its columns, see `WhitenedFlight.gram`."""
-    return in_parallel(lambda f: whiten(f, scales).gram, flights)
+def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
+    """Returns the flights' information on their columns, (flights, m + 1, m + 1)."""
+    return np.stack(in_parallel(lambda f: whiten(f, scales).gram, flights))
 
 
-def _moved(
-    model: FitResult,
-    flights: Sequence[LinearFlight],
-    index: Sequence[int],
-    step: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> FitResult:
-    """Returns a model with its free parameters moved, and per-flight constants."""
-    theta = model.theta.copy()
-    theta[index] = np.clip(theta[index] + step[: len(index)], lower, upper)
-    return dataclasses.replace(
-        model,
-        theta=theta,
-        coordinates=model.coordinates + step[len(index) :],
-        constants=_constants([f.combined(step) for f in flights], model.scales),
+def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
+    """Returns a model with its free parameters and its curves changed by a step."""
+    index, theta = list(model.free), model.theta.copy()
+    theta[index] = np.clip(
+        theta[index] + step[: len(index)],
+        task.layout.lower[index],
+        task.layout.upper[index],
     )
+    coordinates = model.coordinates + step[len(index) :]
+    return dataclasses.replace(model, theta=theta, coordinates=coordinates)
+
+
+def _moved_with(
+    task: Task, model: FitResult, flights: Sequence[LinearFlight], step: np.ndarray
+) -> FitResult:
+    """Returns a model changed by a step, and the flights' constants with it."""
+    constants = flight_constants([f.combined(step) for f in flights], model.scales)
+    return dataclasses.replace(moved(task, model, step), constants=constants)
 
 
 def with_constants(task: Task, model: FitResult) -> FitResult:
     """Returns a model with the constants of each flight of a task, old and new."""
-    constants = _constants(error_flights(task, model), model.scales)
+    constants = flight_constants(error_flights(task, model), model.scales)
     return dataclasses.replace(model, constants=constants)
-
-
-def _constants(flights: Sequence[LinearFlight], scales: Scales) -> dict[str, Constants]:
-    found = in_parallel(lambda f: flight_constants(f, scales), flights)
-    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
 
 
 def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
@@ -239,19 +244,15 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     """
     if not model.has_curves:
         return model
-    index = list(model.free)
-    flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
-    gram = np.sum(grams_of(flights, model.scales), axis=0)
+    gram = grams_of(linear_flights(task, model), model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
-    strength = model.strength
+    strength, curve = model.strength, slice(len(model.free), None)
     for _ in range(rounds):
-        trial = dataclasses.replace(model, strength=strength)
-        own, mean, precision = prior_of(task, trial, index)
-        total = with_prior(gram, own, mean, precision)
+        prior = prior_of(task, dataclasses.replace(model, strength=strength))
+        total = prior.added_to(gram)
         covariance = np.linalg.inv(total[:-1, :-1])
-        curve = slice(len(index), None)
-        value = (own + covariance @ total[:-1, -1])[curve]
+        value = model.coordinates + (covariance @ total[:-1, -1])[curve]
         mean_square = np.mean(value**2 + np.diag(covariance)[curve])
         strength = float(np.clip(np.sqrt(mean_square), *STRENGTH_RANGE))
     corner = np.linalg.inv(covariance[curve, curve])

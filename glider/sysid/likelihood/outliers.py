@@ -47,18 +47,19 @@ _HEAVY = 2.0
 """Mean square over the median above which a flight counts less."""
 
 
+_LEAST_SQUARE = 1e-6
+"""Mean square below which flights are equally good: errors of a thousandth of
+`COARSE_SCALES`. Of logs without noise the rest is rounding, of any size and sign."""
+
+
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     """Returns the outliers and their mean square over the median."""
     if len(task.records) < FEWEST:
         return {}
     squares = mean_squares(task, noise)
-    outlying = stand_out(squares)
-    ratio = squares / np.median(squares)
-    return {
-        record.name: float(ratio[i])
-        for i, record in enumerate(task.records)
-        if outlying[i]
-    }
+    ratios = (squares / np.median(squares)).tolist()
+    flights = zip(task.records, ratios, stand_out(squares), strict=True)
+    return {record.name: ratio for record, ratio, outlying in flights if outlying}
 
 
 def mean_squares(task: Task, noise: Noise) -> np.ndarray:
@@ -67,23 +68,15 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
     candidates = gather(task, model)
     grams = candidates.grams(COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
-    slots = [d.slot for d in candidates.directions]
-    own, mean, precision = model_fit.prior_of(task, model, slots)
+    prior = model_fit.prior_of(task, model, candidates.slots)
     weights = np.ones(len(grams))
     for _ in range(_ROUNDS):
-        total = model_fit.with_prior(
-            np.tensordot(weights, grams, 1), own, mean, precision
-        )
+        total = prior.added_to(np.tensordot(weights, grams, 1))
         left = np.append(-solve(total), 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / (_HEAVY * np.median(squares)), 1.0)
     return squares
-
-
-_LEAST_SQUARE = 1e-6
-"""Mean square below which flights are equally good: errors of a thousandth of
-`COARSE_SCALES`. Of logs without noise the rest is rounding, of any size and sign."""
 
 
 def stand_out(squares: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from glider.compiled.filter_error import PROCESSES, filter_flight
 from glider.compiled.parallel import in_parallel
 from glider.sysid.likelihood.information import solve
-from glider.sysid.likelihood.linear_flight import Constants, LinearFlight
+from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, LinearFlight
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import OFFSET
 
@@ -57,33 +57,23 @@ def start_scales(noise: Noise) -> Scales:
 _LEAST_ELEVATOR = 1e-4
 """Least noise of an elevator [rad], where there is none."""
 
-FLOOR = Scales(
-    position=1e-6,
-    pitch=1e-5,
-    elevator=1e-5,
-    air=1e-3,
-    air_time=0.04,
-    moment=1e-2,
-    servo=1e-4,
-    wind=1e-3,
-    trim=1e-4,
-    pitch_zero=1e-4,
+_RANGES = {
+    "position": (1e-6, 0.2),
+    "pitch": (1e-5, 0.3),
+    "elevator": (1e-5, 0.3),
+    "air": (1e-3, 0.6),
+    "air_time": (0.04, 1.0),
+    "moment": (1e-2, 200.0),
+    "servo": (1e-4, 0.3),
+    "wind": (1e-3, 0.5),
+    "trim": (1e-4, 0.1),
+    "pitch_zero": (1e-4, 0.03),
+}
+FLOOR, CEILING = (
+    Scales(**dict(zip(_RANGES, values, strict=True)))
+    for values in zip(*_RANGES.values(), strict=True)
 )
-"""Least scales: weaker ones show in no log."""
-
-CEILING = Scales(
-    position=0.2,
-    pitch=0.3,
-    elevator=0.3,
-    air=0.6,
-    air_time=1.0,
-    moment=200.0,
-    servo=0.3,
-    wind=0.5,
-    trim=0.1,
-    pitch_zero=0.03,
-)
-"""Largest scales: no flight of a glider has more."""
+"""Least scales, as weaker ones show in no log, and largest: no flight has more."""
 
 MOMENT_TIME = 0.1
 """Correlation time of unmodelled pitch accelerations [s]."""
@@ -126,20 +116,11 @@ class WhitenedFlight:
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns those of the deviations at the first node, in the filter's order."""
-    record = flight.record
-    launch = np.array(_LAUNCH)
+    s, record = scales, flight.record
+    launch, servo = np.array(_LAUNCH), s.servo
     if not record.has_servo:
-        launch[OFFSET] = 1e-6
-    own = (
-        scales.air,
-        scales.air,
-        scales.moment,
-        scales.servo if record.has_servo else 0.0,
-        scales.wind,
-        scales.wind,
-        scales.trim,
-        scales.pitch_zero,
-    )
+        launch[OFFSET], servo = 1e-6, 0.0
+    own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
     extra = _EXTRA * record.layout.state_scale
     return np.square(np.concatenate([launch, extra, own]))
 
@@ -149,13 +130,10 @@ def whiten(
 ) -> WhitenedFlight:
     """Filters a flight."""
     record = flight.record
-    n = flight.by_x.shape[1]
-    rows = len(record.time)
+    n, rows = flight.by_x.shape[1], len(record.time)
     sensors = (scales.position, scales.position, scales.pitch, scales.elevator)
     usual = start_variances(flight, scales)
-    start = usual if start is None else start
     times = (scales.air_time, scales.air_time, MOMENT_TIME, SERVO_TIME)
-    rates = 1.0 / np.array(times)
     innovations = np.empty((rows, 4, flight.inputs.shape[2]))
     variances = np.empty((rows, 4))
     filter_flight(
@@ -168,9 +146,9 @@ def whiten(
         flight.outputs,
         record.seen,
         np.square(sensors),
-        start,
+        usual if start is None else start,
         flight.start.copy(),
-        rates,
+        1.0 / np.array(times),
         usual[n : n + PROCESSES],
         innovations,
         variances,
@@ -179,23 +157,16 @@ def whiten(
 
 
 def smoothed_start(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    """Returns the deviations at the first node, given all rows, (n + 8,)."""
+    """Returns the start given all rows, (n + 8,): deviations, then the constants."""
     variances = start_variances(flight, scales)
     gram = whiten(flight.with_launch(), scales, np.zeros_like(variances)).gram
-    precision = 1.0 / np.maximum(variances, 1e-16)
-    # The start of the last column is the prior mean of the constants.
-    wanted = flight.start[:, 0]
-    return wanted + solve(gram, precision)
+    return solve(gram, 1.0 / np.maximum(variances, 1e-16))
 
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
     """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
-    return np.array(in_parallel(lambda f: _flight_values(f, scales), flights))
-
-
-def _flight_values(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    n = flight.by_x.shape[1]
-    return flight.constants.values + smoothed_start(flight, scales)[n + PROCESSES :]
+    starts = in_parallel(lambda f: smoothed_start(f, scales), flights)
+    return np.array(starts)[:, -len(NO_CONSTANTS) :]
 
 
 PER_FLIGHT = {
@@ -207,11 +178,13 @@ PER_FLIGHT = {
 `flight_values`."""
 
 
-def flight_constants(flight: LinearFlight, scales: Scales) -> Constants:
-    """Returns the constants of a flight, given all its rows."""
-    own = _flight_values(flight, scales)
+def flight_constants(
+    flights: Sequence[LinearFlight], scales: Scales
+) -> dict[str, np.ndarray]:
+    """Returns each flight's constants (4,), given all its rows, by its name."""
     largest = 3.0 * np.array([scales.wind, scales.wind, scales.trim, scales.pitch_zero])
-    return Constants.of(np.clip(own, -largest, largest))
+    values = np.clip(flight_values(flights, scales), -largest, largest)
+    return {f.record.name: own for f, own in zip(flights, values, strict=True)}
 
 
 def _prior(logs: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

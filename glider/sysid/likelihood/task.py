@@ -14,9 +14,6 @@ from glider.sysid.replay.vehicle import Vehicle
 PRIOR_SCALES = 3.0
 """Prior spread of an effect's coefficients, in their scales."""
 
-SHAPE_SCALES = 3.0
-"""The same of coefficients that only shape an effect, about their start."""
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Task:
@@ -57,31 +54,21 @@ class Task:
         coefficient = self.coefficient(slot)
         if coefficient is None or not coefficient.is_shape:
             return False
-        kind = self.layout.kinds[self.layout.slots[slot][0]]
-        return not all(c.is_shape for c in kind.coefficients)
-
-    def prior(self, slot: int, now: float) -> tuple[float, float]:
-        """Returns prior mean and standard deviation of a slot.
-
-        A shape's mean is where it is now.
-        """
-        if self.vehicle.prior is not None and slot in self.vehicle.nuisance:
-            means, spreads = self.vehicle.prior
-            return float(means[slot]), float(spreads[slot])
-        if self.is_shape(slot):
-            return now, SHAPE_SCALES * float(self.layout.scale[slot])
-        coefficient = self.coefficient(slot)
-        mean = float(self.vehicle.theta[slot])
-        if coefficient is not None and coefficient.is_shape:
-            mean = coefficient.default
-        return mean, PRIOR_SCALES * float(self.layout.scale[slot])
+        kind, _ = self.layout.slots[slot]
+        return not all(c.is_shape for c in self.layout.kinds[kind].coefficients)
 
     def priors(
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Returns prior means and precisions of slots."""
-        pairs = [self.prior(i, theta[i]) for i in slots]
-        mean, spread = np.array(pairs).reshape(-1, 2).T
+        """Returns prior means and precisions of slots; shapes are where they are."""
+        slots, vehicle = list(slots), self.vehicle
+        is_shape = np.array([self.is_shape(i) for i in slots], dtype=bool)
+        mean = np.where(is_shape, theta[slots], vehicle.theta[slots])
+        spread = PRIOR_SCALES * self.layout.scale[slots]
+        if vehicle.prior is not None:
+            is_known, (means, spreads) = np.isin(slots, vehicle.nuisance), vehicle.prior
+            mean = np.where(is_known, means[slots], mean)
+            spread = np.where(is_known, spreads[slots], spread)
         return mean, 1.0 / spread**2
 
     def on(self, records: Sequence[Record]) -> "Task":

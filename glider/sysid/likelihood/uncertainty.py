@@ -7,7 +7,7 @@ import numpy as np
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
 from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.information import covariance, eliminate
+from glider.sysid.likelihood.information import counted_from, covariance, eliminate
 from glider.sysid.likelihood.task import Task
 
 
@@ -17,7 +17,6 @@ class Uncertainty:
 
     free: tuple[int, ...]  # Slots of theta, then the curves' coordinates follow.
     covariance: np.ndarray  # (m + q, m + q).
-    flights: np.ndarray  # (flights, m + q + 1, m + q + 1) information of each.
 
     def std(self, slot: int) -> float:
         """Returns the standard error of a slot of theta; NaN where it is not free."""
@@ -33,13 +32,9 @@ def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
     The larger of that of the likelihood and that of the jackknife over flights, see
     `glider.sysid.likelihood.information.covariance`.
     """
-    directions = slopes(task.layout, model.theta, model.free)
-    flights = model_fit.linear_flights(task, model, directions)
-    grams = np.stack(model_fit.grams_of(flights, model.scales))
-    _, _, precision = model_fit.prior_of(task, model, model.free)
-    return Uncertainty(
-        free=model.free, covariance=covariance(grams, precision), flights=grams
-    )
+    grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
+    precision = model_fit.prior_of(task, model).precision
+    return Uncertainty(free=model.free, covariance=covariance(grams, precision))
 
 
 def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:
@@ -59,25 +54,24 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
         return model
     coordinates = model.coordinates if model.has_curves else np.zeros(task.curves.count)
     bent = dataclasses.replace(model, coordinates=coordinates, strength=1.0)
-    index = list(model.free)
-    directions = slopes(task.layout, model.theta, index)
     columns = Candidates(
         task=task,
         model=bent,
-        directions=tuple(directions),
+        directions=tuple(slopes(task.layout, model.theta, model.free)),
         variants={},
-        flights=model_fit.linear_flights(task, bent, directions),
+        flights=model_fit.linear_flights(task, bent),
     )
-    scales, _ = saturated_scales(columns, model.scales, 2)
-    gram = columns.grams(scales).sum(axis=0)
-    known = slice(0, len(index))
-    own, mean, precision = model_fit.prior_of(task, bent, index)
-    change = (mean - own)[known]
-    reduced = eliminate(gram, range(len(index)), precision[known], change)
-    information = reduced[:-1, :-1]
-    error = reduced[:-1, -1] + information @ coordinates
-    values, axes = np.linalg.eigh(information)
-    values, error = np.maximum(values, 0.0), axes.T @ error
+    scales = saturated_scales(columns, model.scales, 2)
+    prior, known = model_fit.prior_of(task, bent), range(len(model.free))
+    own = np.append(np.zeros(len(known)), coordinates)
+    reduced = eliminate(
+        counted_from(columns.grams(scales).sum(axis=0), own),
+        known,
+        prior.precision[: len(known)],
+        prior.mean[: len(known)],
+    )
+    values, axes = np.linalg.eigh(reduced[:-1, :-1])
+    values, error = np.maximum(values, 0.0), axes.T @ reduced[:-1, -1]
     squares = np.square(STRENGTHS_ASKED)[:, None]
     evidence = 0.5 * np.sum(
         error**2 / (values + 1.0 / squares) - np.log1p(squares * values), axis=1

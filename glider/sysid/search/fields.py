@@ -8,12 +8,12 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
-from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS, FieldData
-from glider.sysid.likelihood.directions import slopes
+from glider.physics.effects import FIELD_VARIABLES
+from glider.physics.effects.field import AIR_TERMS, COEFFICIENTS
+from glider.sysid.likelihood.curves import Gaussians, flown_values
+from glider.sysid.likelihood.information import Evidence, counted_from, eliminate
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import (
     FitResult,
@@ -23,7 +23,6 @@ from glider.sysid.likelihood.model_fit import (
     prior_of,
 )
 from glider.sysid.likelihood.task import Task
-from glider.sysid.replay.residual import flow_variables
 
 FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}
 """Forms that a field may have, and the terms of each."""
@@ -58,30 +57,10 @@ _LEAST_RANGE = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Basis:
+class Basis(Gaussians):
     """Gaussians over one variable, for terms of one form."""
 
-    form: str
-    variable: str
-    terms: tuple[str, ...]
-    centers: np.ndarray
-    width: float
-
-    @property
-    def count(self) -> int:
-        """Number of weights."""
-        return len(self.centers) * len(self.terms)
-
-    def data(self, weights: np.ndarray) -> FieldData:
-        """Returns the field with weights (count,), functions first, then terms."""
-        by_term = weights.reshape(-1, len(self.terms)).T
-        return FieldData(
-            kind="unexplained",
-            variables=[self.variable],
-            centers=self.centers[:, None].tolist(),
-            widths=[self.width],
-            weights=dict(zip(self.terms, by_term.tolist(), strict=True)),
-        )
+    form: str  # Of FORMS.
 
     @property
     def spreads(self) -> np.ndarray:
@@ -93,22 +72,12 @@ class Basis:
         """Returns the indices of the weights of some terms."""
         return np.flatnonzero(np.isin(self.terms * len(self.centers), terms))
 
-    def widened(self, flight: LinearFlight, theta: np.ndarray) -> LinearFlight:
-        """Returns a flight with a column for each weight, before the last."""
-        column = FIELD_VARIABLES.index(self.variable)
-        values = flow_variables(flight.record, theta)[:, column]
-        middle = 0.5 * (values[1:] + values[:-1])
-        functions = np.exp(-0.5 * ((middle[:, None] - self.centers) / self.width) ** 2)
-        terms = [FIELD_TERMS.index(name) for name in self.terms]
-        return flight.with_forces(functions, terms, np.eye(self.count))
-
 
 def make_basis(
     task: Task, theta: np.ndarray, form: str, variable: str, count: int
 ) -> Basis | None:
     """Spreads Gaussians over the flown range; None where that is a point."""
-    column = FIELD_VARIABLES.index(variable)
-    flown = np.concatenate([flow_variables(r, theta)[:, column] for r in task.records])
+    flown = flown_values(task.records, theta, variable)
     low, high = np.percentile(flown, [0.5, 99.5])
     if high - low < _LEAST_RANGE:
         return None
@@ -161,40 +130,29 @@ def _gain(
     Where the model diverges, the evidence is -inf and the others are NaN. The model may
     have weights of the field already (`now`), and only some terms may act.
     """
-    acting = basis.of_terms(basis.terms if terms is None else terms)
-    count = len(acting)
-    wide = in_parallel(lambda f: basis.widened(f, model.theta), flights)
-    gram = np.sum(grams_of(wide, model.scales), axis=0)
+    spreads, acting = basis.spreads, basis.of_terms(terms or basis.terms)
+    count, units = len(acting), np.eye(len(spreads))
+    wide = in_parallel(lambda f: basis.added_to(f, model.theta, units), flights)
+    gram = grams_of(wide, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):
         return -np.inf, np.full(count, np.nan), np.full((count, count), np.nan)
-    own, mean, precision = prior_of(task, model, model.free)
-    m = len(own)
-    if now is not None:  # The weights count from nothing: their share is given back.
-        gram[:, -1] += gram[:, m:-1] @ now
-        gram[-1] = gram[:, -1]
+    prior = prior_of(task, model)
+    m = len(prior.mean)
+    if now is not None:
+        gram = counted_from(gram, np.append(np.zeros(m), now))
     keep = np.concatenate([np.arange(m), m + acting, [len(gram) - 1]])
-    gram = gram[np.ix_(keep, keep)]
-    every = np.concatenate([precision, basis.spreads[acting] ** -2])
-    total = gram[:-1, :-1] + np.diag(every)
-    side = gram[:-1, -1].copy()
-    side[:m] += precision * (mean - own)
-
-    def half(columns: slice) -> float:
-        corner = cho_factor(total[columns, columns], lower=True)
-        solved = cho_solve(corner, side[columns])
-        log_volume = 2.0 * np.sum(np.log(np.diag(corner[0])))
-        log_volume -= np.sum(np.log(every[columns]))
-        return 0.5 * float(side[columns] @ solved) - 0.5 * log_volume
-
-    gained = half(slice(0, m + count)) - (half(slice(0, m)) if m else 0.0)
-    inverse = np.linalg.inv(total)
-    return gained, (inverse @ side)[m:], inverse[m:, m:]
+    gram = eliminate(gram[np.ix_(keep, keep)], range(m), prior.precision, prior.mean)
+    precision, bound = spreads[acting] ** -2, np.full(count, np.inf)
+    evidence = Evidence(gram=gram, precision=precision, lower=-bound, upper=bound)
+    covariance = np.linalg.inv(gram[:-1, :-1] + np.diag(precision))
+    gained = evidence.log_marginal(range(count))
+    return gained, covariance @ gram[:-1, -1], covariance
 
 
 def survey(task: Task, model: FitResult) -> Survey:
     """Computes the evidence of a field over each variable, on top of a model."""
     few = task.thinned(SURVEY_FLIGHTS)
-    flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
+    flights = linear_flights(few, model)
     gains = {}
     for form, variable in SURVEYED:
         basis = make_basis(few, model.theta, form, variable, COARSE)
@@ -223,35 +181,32 @@ def fit_field(
     task: Task, model: FitResult, found: Survey, key: tuple[str, str]
 ) -> FoundField:
     """Adds a field of a survey to a model and fits both in turn."""
-    form, variable = key
     few = task.thinned(SURVEY_FLIGHTS)
-    flights = linear_flights(few, model, slopes(task.layout, model.theta, model.free))
-    bases = [
-        basis
-        for count in (COARSE, *FINER)
-        if (basis := make_basis(few, model.theta, form, variable, count)) is not None
-    ]
-    basis = max(bases, key=lambda b: _gain(flights, few, model, b)[0])
-    gained, weights, spread = 0.0, np.zeros(basis.count), np.zeros((0, 0))
+    flights = linear_flights(few, model)
+    bases = (make_basis(few, model.theta, *key, count) for count in (COARSE, *FINER))
+    basis = max(
+        (b for b in bases if b is not None),
+        key=lambda b: _gain(flights, few, model, b)[0],
+    )
+    gained, weights, spread = 0.0, np.zeros(len(basis.spreads)), np.zeros((0, 0))
     for round_ in range(_FIELD_ROUNDS):
-        directions = slopes(task.layout, model.theta, model.free)
-        flights = linear_flights(task, model, directions)
+        flights = linear_flights(task, model)
         if round_ == _FIELD_ROUNDS - 1:
             basis, weights = _with_needed_terms(flights, task, model, basis, weights)
-            model = dataclasses.replace(model, extra=basis.data(weights))
-            flights = linear_flights(task, model, directions)
+            model = dataclasses.replace(model, extra=basis.field_data(weights))
+            flights = linear_flights(task, model)
         evidence, weights, spread = _gain(flights, task, model, basis, weights)
         if not np.all(np.isfinite(weights)):  # The model diverged: no field for it.
             model = dataclasses.replace(model, cost=np.inf)
             break
         gained = max(evidence, 0.0) if round_ == 0 else gained
-        extra = basis.data(weights)
+        extra = basis.field_data(weights)
         model = fit_model(task, dataclasses.replace(model, extra=extra), iterations=2)
     return FoundField(
         model=model,
         basis=basis,
         covariance=spread,
-        depends_on=found.nearly_as_good((form, variable)),
+        depends_on=found.nearly_as_good(key),
         evidence=gained,
     )
 
@@ -272,14 +227,10 @@ def _with_needed_terms(
     Beside a vertical wind over x, a horizontal one would fit noise and be largest
     where the flights determine it least. A term stays if it has evidence beside others.
     """
-    terms = basis.terms
-    best = _gain(flights, task, model, basis, weights)[0]
-    for term in basis.terms:
-        fewer = tuple(name for name in terms if name != term)
-        if not fewer:
-            break
-        gained = _gain(flights, task, model, basis, weights, fewer)[0]
-        if gained > best:
-            best, terms = gained, fewer
+    options = [basis.terms]
+    options += [tuple(t for t in basis.terms if t != name) for name in basis.terms]
+    terms = max(
+        options, key=lambda own: _gain(flights, task, model, basis, weights, own)[0]
+    )
     bare = dataclasses.replace(basis, terms=terms)
     return bare, weights[basis.of_terms(terms)]

@@ -1,7 +1,7 @@
 """Models with sets of effects: begun, fitted, and what they are worth."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -10,38 +10,29 @@ from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.subsets import Members, Scorer, SetEvidence
+from glider.sysid.search.subsets import Members, Scorer
 
+EVIDENCE_THRESHOLD = 10.0
+"""Evidence that an effect must bring [nats], of up to `THRESHOLD_FLIGHTS` flights."""
 
-def begin(
-    candidates: Candidates, evidence: SetEvidence, members: Members, scales: Scales
-) -> FitResult:
-    """Returns a set of effects with the coefficients that its evidence gives it."""
-    task, model = candidates.task, candidates.model
-    kinds = tuple(kind for kind, _ in members)
-    theta = model.theta.copy()
-    for kind in model.kinds:
-        if kind not in kinds:
-            slots = list(task.layout.slots_of(kind))
-            theta[slots] = task.vehicle.theta[slots]
-    columns = [c for _, variant in members for c in variant]
-    always = set(candidates.always)
-    kept = [d for j, d in enumerate(candidates.directions) if j not in always]
-    for column, change in zip(columns, evidence.step(columns), strict=True):
-        direction = kept[column]
-        for slot, shape in direction.shapes:
-            theta[slot] = shape
-        base = theta[direction.slot]
-        if not task.is_shape(direction.slot):
-            base = task.prior(direction.slot, base)[0]
-        theta[direction.slot] = np.clip(
-            base + change,
-            task.layout.lower[direction.slot],
-            task.layout.upper[direction.slot],
-        )
-    return dataclasses.replace(
-        model, kinds=kinds, theta=theta, free=task.free(kinds), scales=scales
-    )
+SIMPLE_THRESHOLD = 6.6
+"""The same where it alone and moving air explain the flights: with noise alone, the
+best of the library exceeds it in one campaign of a hundred (χ² of one coefficient, 36
+of them tried). Two effects must bring EVIDENCE_THRESHOLD each, 13 nats more than one: a
+small effect may stand in for an error of the first one's formula."""
+
+THRESHOLD_FLIGHTS = 40
+"""Flights above which the threshold grows with them: errors of linearization add up as
+evidence does. The threshold was tried on 12 to 40 flights."""
+
+COEFFICIENT_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 4.0, 1.6
+"""Evidence that each further coefficient of an effect must bring [nats]; the second,
+so that χ² of two coefficients is as rare."""
+
+SIMPLE_MOMENT = 0.3
+"""Unmodelled pitch acceleration above which formulas have errors [rad/s²]."""
+
+Progress = Callable[[str], None]
 
 
 def without(task: Task, model: FitResult, *gone: str) -> FitResult:
@@ -61,24 +52,41 @@ def bare_of(task: Task, model: FitResult) -> FitResult:
     return without(task, bare, *model.kinds)
 
 
-EVIDENCE_THRESHOLD = 10.0
-"""Evidence that an effect must bring [nats], of up to `THRESHOLD_FLIGHTS` flights."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FirstOrder:
+    """Sets of effects compared to first order about a model."""
 
-SIMPLE_THRESHOLD = 6.6
-"""The same where it alone and moving air explain the flights: with noise alone, the
-best of the library exceeds it in one campaign of a hundred (χ² of one coefficient, 36
-of them tried). Two effects must bring EVIDENCE_THRESHOLD each, 13 nats more than one: a
-small effect may stand in for an error of the first one's formula."""
+    candidates: Candidates  # About the model.
+    scales: Scales  # Of noise.
+    score: Scorer  # Of sets.
 
-THRESHOLD_FLIGHTS = 40
-"""Flights above which the threshold grows with them: errors of linearization add up as
-evidence does. The threshold was tried on 12 to 40 flights."""
+    def begin(self, members: Members) -> FitResult:
+        """Returns the model with the coefficients of a set, not fitted yet."""
+        task, model = self.candidates.task, self.candidates.model
+        kinds = tuple(kind for kind, _ in members)
+        theta = without(task, model, *(set(model.kinds) - set(kinds))).theta
+        columns = [c for _, variant in members for c in variant]
+        directions = [self.candidates.directions[c] for c in columns]
+        for slot, shape in (pair for d in directions for pair in d.shapes):
+            theta[slot] = shape
+        slots, layout = [d.slot for d in directions], task.layout
+        values = task.priors(slots, theta)[0] + self.score.evidence.step(columns)
+        theta[slots] = np.clip(values, layout.lower[slots], layout.upper[slots])
+        free = task.free(kinds)
+        return dataclasses.replace(
+            model, kinds=kinds, theta=theta, free=free, scales=self.scales
+        )
 
-COEFFICIENT_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 4.0, 1.6
-"""Evidence that each further coefficient of an effect must bring [nats]; the second,
-so that χ² of two coefficients is as rare."""
 
-Progress = Callable[[str], None]
+def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
+    """Returns the evidence of sets about a model; None where the model diverges."""
+    candidates = gather(task, model)
+    scales = saturated_scales(candidates, model.scales, rounds)
+    grams = candidates.grams(scales)
+    if not np.all(np.isfinite(grams)):
+        return None
+    score = marginal_scorer(candidates, grams, np.ones(len(task.records)), scales)
+    return FirstOrder(candidates=candidates, scales=scales, score=score)
 
 
 @dataclasses.dataclass
@@ -89,11 +97,19 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: "tuple[Task, FitResult, FirstOrder | None] | None" = None
+    _near: tuple[Task, FitResult, FirstOrder | None] | None = None
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
-        return penalized_cost(self.task, model)
+        slots = [i for kind in model.kinds for i in self.task.layout.slots_of(kind)]
+        sizes = sum(not self.task.is_shape(i) for i in slots)
+        count, threshold = len(model.kinds), threshold_of(self.task, model)
+        penalty = threshold.effect * count + threshold.coefficient * (sizes - count)
+        return model.cost + model.freedom + penalty
+
+    def prefers(self, model: FitResult, other: FitResult) -> bool:
+        """Whether a model is worth more than another."""
+        return self.penalized_cost(model) < self.penalized_cost(other)
 
     def fit(self, model: FitResult, iterations: int = 6) -> FitResult:
         """Fits a model and remembers it."""
@@ -108,21 +124,35 @@ class Search:
         """Fits a model, and the strength of its curves."""
         return fit_strength(self.task, self.fit(model, iterations))
 
-    def near(self, model: FitResult) -> "FirstOrder | None":
+    def near(self, model: FitResult) -> FirstOrder | None:
         """Returns `to_first_order` about a model; the last one is cached."""
         if not (self._near and self._near[0] is self.task and self._near[1] is model):
             self._near = self.task, model, to_first_order(self.task, model)
         return self._near[2]
 
+    def improved(
+        self,
+        model: FitResult,
+        propose: Callable[[Scorer], Iterable[Members]],
+        about: FitResult | None = None,
+    ) -> FitResult | None:
+        """Returns the best of proposed sets, fitted, if worth more than a model.
 
-def penalized_cost(task: Task, model: FitResult) -> float:
-    """Returns a model's cost with the thresholds of its effects [nats]."""
-    layout = task.layout
-    sizes = [i for k in model.kinds for i in layout.slots_of(k) if not task.is_shape(i)]
-    more = len(sizes) - len(model.kinds)
-    threshold = threshold_of(task, model)
-    names = threshold.effect * len(model.kinds)
-    return model.cost + model.freedom + names + threshold.coefficient * more
+        They are proposed to first order about it, or about another model. Those that
+        were fitted before are passed over.
+        """
+        near, tried = self.near(about or model), []
+        if near is None:
+            return None
+        for members in propose(near.score):
+            kinds = frozenset(kind for kind, _ in members)
+            if kinds in self.fitted:
+                continue
+            others = ", ".join(sorted(kinds.difference(model.kinds)))
+            self.progress(f"{others} after all?")
+            tried.append(self.fit_with_strength(near.begin(members), iterations=4))
+        best = min(tried, key=self.penalized_cost, default=model)
+        return best if self.prefers(best, model) else None
 
 
 def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
@@ -132,30 +162,6 @@ def threshold_of(task: Task, model: FitResult) -> EvidenceThreshold:
         effect, coefficient = SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD
     effect = threshold_of_kind(len(task.records), effect)
     return EvidenceThreshold(effect=effect, coefficient=coefficient)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FirstOrder:
-    """Sets of effects compared to first order about a model."""
-
-    candidates: Candidates  # About the model.
-    scales: Scales  # Of noise, fitted with everything acting at once.
-    score: Scorer  # Of sets.
-
-    def begin(self, members: Members) -> FitResult:
-        """Returns the model with a set of effects, not fitted yet."""
-        return begin(self.candidates, self.score.evidence, members, self.scales)
-
-
-def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
-    """Returns the evidence of sets about a model; None where the model diverges."""
-    candidates = gather(task, model)
-    scales, _ = saturated_scales(candidates, model.scales, rounds)
-    grams = candidates.grams(scales)
-    if not np.all(np.isfinite(grams)):
-        return None
-    score = marginal_scorer(candidates, grams, np.ones(len(task.records)), scales)
-    return FirstOrder(candidates=candidates, scales=scales, score=score)
 
 
 def marginal_scorer(
@@ -169,14 +175,14 @@ def marginal_scorer(
     A marginal likelihood already penalizes the prior volume of each coefficient: about
     a model of one effect at most and air, a member need only be more likely than that
     no effect of the library acts. Sets of many members are proposed at that penalty;
-    once fitted, they are compared by `penalized_cost`.
+    once fitted, they are compared by `Search.penalized_cost`.
     """
-    evidence, variants = candidates.evidence(np.tensordot(counts, grams, 1))
+    evidence = candidates.evidence(np.tensordot(counts, grams, 1))
     model = candidates.model
     is_fair = is_simple(model, scales or model.scales)
     base = float(np.log(len(candidates.task.kinds))) if is_fair else EVIDENCE_THRESHOLD
     penalty = threshold_of_kind(len(candidates.task.records), base)
-    return Scorer(evidence, variants, lambda kind: penalty)
+    return Scorer(evidence, candidates.variants, lambda kind: penalty)
 
 
 def threshold_of_kind(flights: int, base: float) -> float:
@@ -192,7 +198,3 @@ def is_simple(model: FitResult, scales: Scales) -> bool:
     """
     is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
     return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT
-
-
-SIMPLE_MOMENT = 0.3
-"""Unmodelled pitch acceleration above which formulas have errors [rad/s²]."""

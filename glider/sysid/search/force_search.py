@@ -23,7 +23,7 @@ from glider.sysid.likelihood.scales import NAMES, fit_scales, start_scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import EvidenceThreshold
-from glider.sysid.search.fits import bare_of, begin
+from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh
 
@@ -41,55 +41,43 @@ class HeldOutEvidence:
     def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
         """Takes the flights' information and how often each counts."""
         drawn = np.flatnonzero(counts)
-        whole, value, mean, precision = candidates.from_nothing(grams[drawn])
-        self._own, self._counts = whole, counts[drawn]
-        times = self._counts[:, None, None]
-        self._rest = np.sum(times * whole, axis=0) - times * whole
-        self._sum = np.sum(times * whole, axis=0)
-        self._value, self._mean, self._precision = value, mean, precision
-        self._always = list(candidates.always)
-        always = set(self._always)
-        slots = [d.slot for d in candidates.directions]
-        self._place = [j for j in range(len(slots)) if j not in always]
-        layout = candidates.task.layout
-        self._lower = layout.lower[slots] - value[: len(slots)]
-        self._upper = layout.upper[slots] - value[: len(slots)]
-        self._alone = self._costs(np.array(self._always, dtype=np.int64))
+        self._counts, self._always = counts[drawn], candidates.always
+        self._own, self._prior = candidates.from_nothing(grams[drawn])
+        weighted = self._counts[:, None, None] * self._own
+        self._sum = weighted.sum(axis=0)
+        self._rest = self._sum - weighted
+        self._alone = self._costs([])
 
     def log_marginal(self, columns: Sequence[int]) -> float:
         """Gain of columns over none; -inf where they are not physical."""
         if not columns:
             return 0.0
-        own = [self._place[j] for j in columns]
-        index = np.array([*self._always, *own])
-        step = self.step(columns)
-        if np.any(step < self._lower[own] - _SLACK * np.abs(self._lower[own])):
+        own, step = list(columns), self.step(columns)
+        lower, upper = self._prior.lower[own], self._prior.upper[own]
+        if np.any(step < lower - _SLACK * np.abs(lower)):
             return -np.inf
-        if np.any(step > self._upper[own] + _SLACK * np.abs(self._upper[own])):
+        if np.any(step > upper + _SLACK * np.abs(upper)):
             return -np.inf
-        return float(self._counts @ (self._alone - self._costs(index)))
+        return float(self._counts @ (self._alone - self._costs(own)))
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
-        index = np.array([*self._always, *(self._place[j] for j in columns)])
-        return self._steps(self._sum[None], index)[0, len(self._always) :]
+        return self._steps(self._sum[None], columns)[0, len(self._always) :]
 
-    def _steps(self, grams: np.ndarray, index: np.ndarray) -> np.ndarray:
-        """Returns the most likely changes of some columns, (n, k)."""
-        precision = self._precision[index]
+    def _steps(self, grams: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+        """Returns the most likely changes of columns after those that act, (n, k)."""
+        index, prior = np.array([*self._always, *columns], dtype=int), self._prior
+        precision = prior.precision[index]
         system = grams[:, index[:, None], index] + np.diag(precision)
-        side = grams[:, index, -1] + precision * (self._mean - self._value)[index]
+        side = grams[:, index, -1] + precision * prior.mean[index]
         return solve_scaled(system, side, 0.0)
 
-    def _costs(self, index: np.ndarray) -> np.ndarray:
+    def _costs(self, columns: Sequence[int]) -> np.ndarray:
         """Returns each flight's cost by what the others say of some columns (n,)."""
-        steps = self._steps(self._rest, index) if len(index) else None
-        last = self._own.shape[-1] - 1
-        every = np.append(index, last)
-        if steps is None:
-            return 0.5 * self._own[:, last, last]
+        steps = self._steps(self._rest, columns)
         weights = np.concatenate([-steps, np.ones((len(steps), 1))], axis=1)
-        own = self._own[:, every[:, None], every]
+        index = np.array([*self._always, *columns, -1])
+        own = self._own[:, index[:, None], index]
         return 0.5 * np.einsum("fi,fij,fj->f", weights, own, weights)
 
 
@@ -172,9 +160,8 @@ def search_forces(
         score = held_out_scorer(candidates, grams, np.ones(len(grams)))
         alone = alone or score.alone()
         members = best_set(score)
-        model = refit_forces(
-            task, begin(candidates, score.evidence, members, model.scales)
-        )
+        near = FirstOrder(candidates=candidates, scales=model.scales, score=score)
+        model = refit_forces(task, near.begin(members))
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
@@ -197,7 +184,6 @@ def search_forces(
             coefficient=HELD_OUT_COEFFICIENT_THRESHOLD,
             uncommon=UNCOMMON_THRESHOLD,
         ),
-        field=None,
         forces=model,
     )
 
@@ -206,10 +192,10 @@ def held_out_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
     """Returns the gain of sets on held-out flights that count so often, penalized."""
-    evidence = HeldOutEvidence(candidates, grams, counts)
-    variants = candidates.columns_of_kinds()
-    task = candidates.task
-    return Scorer(evidence, variants, lambda kind: held_out_threshold(task, kind))
+    evidence, task = HeldOutEvidence(candidates, grams, counts), candidates.task
+    return Scorer(
+        evidence, candidates.variants, lambda kind: held_out_threshold(task, kind)
+    )
 
 
 def refit_forces(task: Task, model: FitResult) -> FitResult:

@@ -1,14 +1,204 @@
-"""Moves of a search to effects that first order misjudged, all else refitted."""
+"""Moves of a search to sets that first order misjudged, all else refitted."""
 
 import dataclasses
 import heapq
 from collections.abc import Collection, Iterable, Mapping
+from itertools import combinations
 
-from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult
-from glider.sysid.search.fits import FirstOrder, Search, without
-from glider.sysid.search.pruning import without_needless_curves
-from glider.sysid.search.subsets import Members, best_set, climb
-from glider.sysid.search.support import EffectSupport, shown_by
+import numpy as np
+
+from glider.sysid.likelihood.information import solve_scaled
+from glider.sysid.likelihood.model_fit import STRENGTH_RANGE, FitResult, error_flights
+from glider.sysid.likelihood.scales import PER_FLIGHT, flight_values
+from glider.sysid.likelihood.task import Task
+from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.search.fits import SIMPLE_MOMENT, Search, without
+from glider.sysid.search.subsets import Members, Scorer, best_of_sizes, best_set, climb
+from glider.sysid.search.support import EffectSupport
+
+# ------------------------------------------------------------------- fewer effects
+
+
+def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
+    """Drops the effects that do not reach their thresholds when all else is refitted.
+
+    Returns:
+        the model, and the evidence of each effect that stays [nats].
+    """
+    while True:
+        fewer, lost = _without_the_weakest(search, model)
+        fewer = fewer or _without_a_pair(search, model)
+        if fewer is None:
+            return model, lost
+        model = fewer
+
+
+def _without_the_weakest(
+    search: Search, model: FitResult, most: int | None = None
+) -> tuple[FitResult | None, dict[str, float]]:
+    """Returns a model worth more without an effect, or None, and the others' evidence.
+
+    The one that seems weakest is tried first, and `most` of them at most.
+    """
+    lost, shown = {}, shown_by(search.task, model)
+    for kind in sorted(shown, key=shown.__getitem__)[:most]:
+        search.progress(f"is {kind} needed?")
+        fewer = search.fit(without(search.task, model, kind), iterations=4)
+        if search.prefers(fewer, model):
+            return fewer, {}
+        lost[kind] = fewer.cost - model.cost
+    return None, lost
+
+
+def shown_by(task: Task, model: FitResult) -> dict[str, float]:
+    """Returns the evidence of each effect beside the others, by Wald's test [nats].
+
+    Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
+    """
+    known = uncertainty_of(task, model)
+    found = {}
+    for kind in model.kinds:
+        slots = [i for i in task.layout.slots_of(kind) if i in known.free]
+        slots = [i for i in slots if not task.is_shape(i)] or slots
+        places = [known.free.index(i) for i in slots]
+        value = model.theta[slots] - task.vehicle.theta[slots]
+        block = known.covariance[np.ix_(places, places)]
+        found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
+    return found
+
+
+def _without_a_pair(search: Search, model: FitResult) -> FitResult | None:
+    """Returns the model without two effects that only work against each other.
+
+    Where a formula has not quite the right shape, two effects that nearly cancel may
+    imitate it; each alone then seems needed. Strong enough curves do better.
+    """
+    if not model.has_curves or len(model.kinds) < 3:
+        return None
+    for first, second in _opposed_pairs(search.task, model):
+        search.progress(f"are {first} and {second} needed?")
+        fewer = without(search.task, model, first, second)
+        fewer = dataclasses.replace(fewer, strength=max(model.strength, 1.0))
+        for _ in range(2):
+            fewer = search.fit_with_strength(fewer, iterations=4)
+        if search.prefers(fewer, model):
+            return fewer
+    return None
+
+
+OPPOSED = 0.7
+"""Correlation of two effects' coefficients above which they may cancel."""
+
+
+def _opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
+    """Returns the three pairs of effects with most correlated sizes, if opposed."""
+    known, slots_of = uncertainty_of(task, model), task.layout.slots_of
+    std = np.sqrt(np.diag(known.covariance))
+    correlation = np.abs(known.covariance / std[:, None] / std)
+    found = []
+    for pair in combinations(model.kinds, 2):
+        sizes = [[i for i in slots_of(k) if not task.is_shape(i)] for k in pair]
+        places = [
+            [known.free.index(i) for i in own if i in known.free] for own in sizes
+        ]
+        largest = correlation[np.ix_(*places)].max(initial=0.0)
+        if largest > OPPOSED:
+            found.append((largest, *pair))
+    return [(first, second) for _, first, second in heapq.nlargest(3, found)]
+
+
+def with_fewer(search: Search, model: FitResult) -> FitResult | None:
+    """Returns a model with fewer effects that is worth more, or None.
+
+    To first order about a wrong set, several effects may do as well as the true few:
+    the best set of each smaller size is fitted, at last the flat plate with the means
+    over all flights.
+    """
+    near = search.near(model) if len(model.kinds) > 1 else None
+    if near is None:
+        return None
+    score = near.score
+    sizes = best_of_sizes(score)[: len(model.kinds) - 1]
+    if not sizes:
+        return None
+    gain = score(sizes[-1]) - score(())
+    for members in reversed(sizes):
+        kinds = frozenset(kind for kind, _ in members)
+        if kinds in search.fitted or score(members) < score(sizes[-1]) - SLACK * gain:
+            continue
+        search.progress(f"fitting {', '.join(sorted(kinds))} instead")
+        fewer = search.fit_with_strength(near.begin(members), iterations=4)
+        lost = search.penalized_cost(fewer) - search.penalized_cost(model)
+        if lost < 0.0:
+            return fewer
+        if lost > FAR:
+            break
+    if frozenset() in search.fitted or gain > WEAK:
+        return None
+    search.progress("fitting the flat plate instead")
+    fewer = search.fit_with_strength(near.begin(()), iterations=4)
+    fewer = with_means(search, fewer)
+    return fewer if search.prefers(fewer, model) else None
+
+
+WEAK = 3000.0
+"""Evidence of all effects, to first order, above which means cannot replace them."""
+
+FAR = 300.0
+"""Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
+
+SLACK = 0.1
+"""Share of the evidence of all that a smaller set may lack, to first order."""
+
+
+def without_needless_curves(search: Search, model: FitResult) -> FitResult:
+    """Returns the model without its curves, unless they reach their threshold."""
+    if not model.has_curves:
+        return model
+    search.progress("are curves needed?")
+    bare = dataclasses.replace(model, coordinates=np.zeros(0), freedom=0.0)
+    bare = search.fit(bare, iterations=4)
+    gained = bare.cost - model.cost - model.freedom
+    return model if gained > CURVE_THRESHOLD else bare
+
+
+CURVE_THRESHOLD = 15.0
+"""Evidence that curves beside the formulas must bring [nats]."""
+
+
+# ------------------------------------------------------------------- other effects
+
+
+def with_means(search: Search, model: FitResult) -> FitResult:
+    """Returns a model with the mean of per-flight constants, where it is not zero.
+
+    To first order a spread that absorbed the mean hides it; both are refitted.
+    """
+    task = search.task
+    own = flight_values(error_flights(task, model), model.scales)
+    mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
+    is_off = np.abs(mean) > OFF * error
+    for kind, by_name in PER_FLIGHT.items():
+        slots, places = list(task.layout.slots_of(kind)), list(by_name.values())
+        is_free = bool(set(slots) & set(model.free))
+        if kind not in task.kinds or is_free or not is_off[places].any():
+            continue
+        theta, kinds = model.theta.copy(), (*model.kinds, kind)
+        theta[slots] += mean[places]
+        if model.extra is None and frozenset(kinds) in search.fitted:
+            continue
+        search.progress(f"{kind} in all flights?")
+        other = dataclasses.replace(
+            model, kinds=kinds, theta=theta, free=task.free(kinds)
+        )
+        other = search.fit_with_strength(other, iterations=4)
+        if search.prefers(other, model):
+            model = other
+    return model
+
+
+OFF = 5.0
+"""Standard errors by which a mean over flights is off zero."""
 
 
 def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
@@ -33,8 +223,16 @@ def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
     weakest, _ = STRENGTH_RANGE
     if model.strength <= weakest or not model.has_curves:
         return None
-    weaker = dataclasses.replace(model, strength=weakest)
-    return _best_about(search, model, weaker)
+    return _best_about(search, model, dataclasses.replace(model, strength=weakest))
+
+
+def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
+    """Returns the best set about another model, to first order, if worth more."""
+
+    def best(score: Scorer) -> list[Members]:
+        return [best_set(score, score.by_first(about.kinds))]
+
+    return search.improved(model, best, about)
 
 
 def with_forced(
@@ -44,20 +242,18 @@ def with_forced(
 
     The best set that a climb finds around each of them is fitted.
     """
-    near = search.near(model)
-    if near is None:
-        return None
-    score = near.score
-    own = score.by_first(model.kinds)
-    sets = []
-    for kind in kinds:
-        if kind in model.kinds or kind not in score.variants:
-            continue
-        members = [(kind, variant) for variant in score.variants[kind]]
-        best = max((climb(score, (*own, m), keep=[m]) for m in members), key=score)
-        if score(best) >= score(own) - UNDERVALUED:
-            sets.append(best)
-    return _best_fitted(search, model, near, sets)
+
+    def around_each(score: Scorer) -> Iterable[Members]:
+        own = score.by_first(model.kinds)
+        for kind in score.variants:
+            if kind in model.kinds or kind not in kinds:
+                continue
+            members = [(kind, variant) for variant in score.variants[kind]]
+            best = max((climb(score, (*own, m), keep=[m]) for m in members), key=score)
+            if score(best) >= score(own) - UNDERVALUED:
+                yield best
+
+    return search.improved(model, around_each)
 
 
 UNDERVALUED = 30.0
@@ -70,7 +266,7 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     An effect that stands in for others hides them. With a few effects more than reach
     their thresholds, all refitted, the stand-ins turn out to be needless.
     """
-    near = search.near(model)
+    near = search.near(model) if leaves_a_form(model) else None
     if near is None:
         return None
     free = near.score.with_penalty(lambda kind: 0.0)
@@ -87,24 +283,20 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
         best = min(best, thinner, key=search.penalized_cost)
         if set(thinner.kinds) <= own:  # Where the search has been.
             break
-        thinner = _thinner(search, thinner)
-    is_better = search.penalized_cost(best) < search.penalized_cost(model)
-    return best if is_better and set(best.kinds) != own else None
+        thinner, _ = _without_the_weakest(search, thinner, MOST_TRIED)
+    return best if search.prefers(best, model) and set(best.kinds) != own else None
 
 
 FEW_MORE = 4
 """Effects that are added to a model before it is thinned out."""
 
+MOST_TRIED = 3
+"""Rivals that are fitted in an effect's place at most, or effects omitted in turn."""
 
-def _thinner(search: Search, model: FitResult) -> FitResult | None:
-    """Returns a model worth more without an effect that seems to do least, or None."""
-    shown = shown_by(search.task, model)
-    for kind in heapq.nsmallest(MOST_TRIED, shown, key=shown.__getitem__):
-        search.progress(f"is {kind} needed?")
-        fewer = search.fit(without(search.task, model, kind), iterations=4)
-        if search.penalized_cost(fewer) < search.penalized_cost(model):
-            return fewer
-    return None
+
+def leaves_a_form(model: FitResult) -> bool:
+    """Whether a model leaves more than moving air does: errors of its formulas."""
+    return model.scales.moment > SIMPLE_MOMENT or model.strength > 0.5
 
 
 def with_another(
@@ -114,16 +306,14 @@ def with_another(
 
     An effect may show once another that stood in for it was dropped.
     """
-    near = search.near(model)
-    if near is None:
-        return None
-    score = near.score
-    own = score.by_first(model.kinds)
-    larger = [m for m in score.larger(own) if m[-1][0] not in dropped]
-    best = max(larger, key=score, default=own)
-    if not score(best) > score(own):
-        return None
-    return _best_fitted(search, model, near, [best])
+
+    def larger(score: Scorer) -> list[Members]:
+        own = score.by_first(model.kinds)
+        options = [m for m in score.larger(own) if m[-1][0] not in dropped]
+        best = max(options, key=score, default=own)
+        return [best] if score(best) > score(own) else []
+
+    return search.improved(model, larger)
 
 
 def with_a_rival(
@@ -135,46 +325,20 @@ def with_a_rival(
     nearest rivals are tried, of effects that resampled flights do not always choose.
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
-    near = search.near(model) if doubtful else None
-    if near is None:
-        return None
-    score = near.score
-    own = score.by_first(model.kinds)
-    sets: list[Members] = []
-    for kind in doubtful:
-        rest = tuple(m for m in own if m[0] != kind)
-        rivals = score.among(weighed[kind].rivals)
-        sets += heapq.nlargest(MOST_TRIED, rivals.larger(rest), key=score)
-    return _best_fitted(search, model, near, sets)
+
+    def rivals(score: Scorer) -> Iterable[Members]:
+        own = score.by_first(model.kinds)
+        for kind in doubtful:
+            rest = tuple(m for m in own if m[0] != kind)
+            others = score.among(weighed[kind].rivals)
+            yield from heapq.nlargest(MOST_TRIED, others.larger(rest), key=score)
+
+    return search.improved(model, rivals) if doubtful else None
 
 
 SURE = 0.95
 """Share of resampled flights above which an effect's rivals are not tried."""
 
-MOST_TRIED = 3
-"""Rivals that are fitted in an effect's place at most, or effects omitted in turn."""
 
-
-def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
-    """Returns the best set about another model, to first order, if worth more."""
-    near = search.near(about)
-    if near is None:
-        return None
-    members = best_set(near.score, near.score.by_first(about.kinds))
-    return _best_fitted(search, model, near, [members])
-
-
-def _best_fitted(
-    search: Search, model: FitResult, near: FirstOrder, sets: Iterable[Members]
-) -> FitResult | None:
-    """Returns the best of the sets not fitted yet, if worth more, or None."""
-    tried = []
-    for members in sets:
-        kinds = frozenset(kind for kind, _ in members)
-        if kinds in search.fitted:
-            continue
-        others = ", ".join(sorted(kinds.difference(model.kinds)))
-        search.progress(f"{others} after all?")
-        tried.append(search.fit_with_strength(near.begin(members), iterations=4))
-    best = min(tried, key=search.penalized_cost, default=model)
-    return best if search.penalized_cost(best) < search.penalized_cost(model) else None
+MOVES = (with_fewer, with_weaker_curves, with_a_shaped_one, left_of_many)
+"""Tried in turn until none finds a model that is worth more."""

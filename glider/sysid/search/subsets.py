@@ -1,6 +1,7 @@
 """Sets of effects by their evidence: a beam with swaps, and hill climbing."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -23,12 +24,10 @@ class SetEvidence(Protocol):
     """How much better a set of columns explains the flights than none."""
 
     def log_marginal(self, columns: Sequence[int]) -> float:
-        """Returns the gain [nats]."""
-        ...
+        """Returns the gain [nats]; minus infinity where it is not physical."""
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the columns' coefficients, counted from zero."""
-        ...
 
 
 class Scorer:
@@ -54,13 +53,10 @@ class Scorer:
 
     def for_newcomers(self, penalty: float, members: Members) -> "Scorer":
         """Returns the scorer with the penalty of all but members raised [nats]."""
-        known = {kind for kind, _ in members}
-
-        def penalized_cost(kind: str) -> float:
-            own = self.penalty(kind)
-            return own if kind in known else max(penalty, own)
-
-        return self.with_penalty(penalized_cost)
+        known, own = dict(members), self.penalty
+        return self.with_penalty(
+            lambda kind: own(kind) if kind in known else max(penalty, own(kind))
+        )
 
     def with_penalty(self, penalty: Callable[[str], float]) -> "Scorer":
         """Returns the scorer with other penalties of members, by their kind [nats]."""
@@ -103,7 +99,7 @@ class Scorer:
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member more."""
-        have = {kind for kind, _ in members}
+        have = dict(members)
         for kind, variants in self.variants.items():
             if kind not in have:
                 for variant in variants:
@@ -123,10 +119,8 @@ class Scorer:
 
     def merged(self, members: Members) -> Iterable[Members]:
         """Yields the sets with two members exchanged for another one."""
-        for i, first in enumerate(members):
-            for second in members[i + 1 :]:
-                rest = tuple(m for m in members if m not in (first, second))
-                yield from self.larger(rest)
+        for pair in combinations(members, 2):
+            yield from self.larger(tuple(m for m in members if m not in pair))
 
 
 def climb(

@@ -8,10 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.sysid.likelihood.candidates import Candidates, gather
-from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.task import Task
-from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import is_simple
@@ -159,23 +157,6 @@ def weakest(
     return kind
 
 
-def shown_by(task: Task, model: FitResult) -> dict[str, float]:
-    """Returns the evidence of each effect beside the others, by Wald's test [nats].
-
-    Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
-    """
-    known = uncertainty_of(task, model)
-    found = {}
-    for kind in model.kinds:
-        slots = [i for i in task.layout.slots_of(kind) if i in known.free]
-        slots = [i for i in slots if not task.is_shape(i)] or slots
-        places = [known.free.index(i) for i in slots]
-        value = model.theta[slots] - task.vehicle.theta[slots]
-        block = known.covariance[np.ix_(places, places)]
-        found[kind] = 0.5 * float(value @ solve_scaled(block, value, 0.0))
-    return found
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SearchResult:
     """Outcome of a search."""
@@ -189,10 +170,9 @@ class SearchResult:
     # Kinds of each set that was fitted, and its penalized gain [nats].
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     threshold: EvidenceThreshold  # Of evidence, below which an effect is not taken.
-    field: FoundField | None  # Residual field that no effect explains, or None.
-    # The model as it was judged, along the measured attitude, if it was not judged as
-    # it is.
-    forces: FitResult | None
+    field: FoundField | None = None  # Residual field that no effect explains.
+    # The model as it was judged, along the measured attitude, if not as it is.
+    forces: FitResult | None = None
 
     @property
     def judged(self) -> FitResult:

@@ -13,7 +13,7 @@ import numpy as np
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.search import fits, moves, pruning
+from glider.sysid.search import fits, moves
 from glider.sysid.search.fields import SURVEY_FLIGHTS, FoundField, fit_fields, survey
 from glider.sysid.search.force_search import search_forces
 from glider.sysid.search.subsets import Members, Scorer, best_set
@@ -21,6 +21,17 @@ from glider.sysid.search.support import EffectSupport, SearchResult, weakest, we
 
 ROUNDS = 8
 """Rounds at most."""
+
+LATE = ("position_scale",)
+"""Effects that are tried last, where the others leave an error: lengths are seldom
+wrong, and to first order they imitate many effects."""
+
+FIELD_THRESHOLD = 40.0
+"""Evidence that an unmodelled field must bring [nats]."""
+
+HASTE = 0.01
+"""Share of a round's gain that each new effect must bring: errors of linearization look
+like small effects, which wait for the next round."""
 
 
 def trace(
@@ -32,30 +43,24 @@ def trace(
     usual = tuple(kind for kind in task.kinds if kind not in LATE)
     search = fits.Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
-    model, evidence = pruning.prune(search, by_sets(search, start))
-    while better := (
-        pruning.with_fewer(search, model)
-        or moves.with_weaker_curves(search, model)
-        or moves.with_a_shaped_one(search, model)
-        or (moves.left_of_many(search, model) if leaves_a_form(model) else None)
-    ):
-        model, evidence = pruning.prune(search, better)
+    model, evidence = moves.prune(search, by_sets(search, start))
+    while better := next(filter(None, (m(search, model) for m in moves.MOVES)), None):
+        model, evidence = moves.prune(search, better)
     search.task = task
     if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
-        model, evidence = pruning.prune(search, by_sets(search, other))
+        model, evidence = moves.prune(search, by_sets(search, other))
     pruned, field = model, None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
         field = unmodelled_field(search, model)
         model = model if field is None else field.model
-    model = pruning.without_needless_curves(search, model)
+    model = moves.without_needless_curves(search, model)
     if model.has_curves and len(model.kinds) <= 1 and field is None:
         model = effects_instead_of_curves(search, model)
     if model is not pruned:
         again = model if field is not None else by_sets(search, model)
-        model, evidence = pruning.prune(
-            search, min(model, again, key=search.penalized_cost)
-        )
+        best = again if search.prefers(again, model) else model
+        model, evidence = moves.prune(search, best)
     model, evidence, weighed = supported(
         search, model, evidence, field is not None, rng
     )
@@ -65,24 +70,21 @@ def trace(
     if model.kinds or model.extra is not None or model.has_curves:
         progress("fitting the flat plate alone")
         bare = search.fit(fits.bare_of(task, model))
-    combinations = sorted(
-        (
-            (m.kinds, search.penalized_cost(bare) - search.penalized_cost(m))
-            for m in search.fitted.values()
-            if m.kinds
-        ),
-        key=lambda c: -c[1],
-    )
+    least = search.penalized_cost(bare)
+    gains = {
+        m.kinds: least - search.penalized_cost(m)
+        for m in search.fitted.values()
+        if m.kinds
+    }
     return SearchResult(
         model=model,
         bare=bare,
         evidence=evidence,
         weighed=weighed,
         alone=search.alone,
-        combinations=tuple(combinations),
+        combinations=tuple(sorted(gains.items(), key=lambda item: -item[1])),
         threshold=fits.threshold_of(task, model),
         field=field,
-        forces=None,
     )
 
 
@@ -98,36 +100,25 @@ def supported(
     An effect that they do not always choose may be replaced by a rival; one that they
     do not support is dropped.
     """
-    task = search.task
     search.progress("weighing the effects")
     dropped: set[str] = set()
     while True:
-        weighed = weigh(task, model, fits.marginal_scorer, rng)
+        weighed = weigh(search.task, model, fits.marginal_scorer, rng)
         other = None if beside_field else moves.with_a_rival(search, model, weighed)
         if other is None:
             weak = weakest(weighed, evidence, beside_field)
             if weak is None:
                 return model, evidence, weighed
             dropped.add(weak)
-            other = search.fit(fits.without(task, model, weak))
+            other = search.fit(fits.without(search.task, model, weak))
             if not beside_field:
                 other = moves.with_another(search, other, dropped) or other
-        model, evidence = pruning.prune(search, other)
-
-
-LATE = ("position_scale",)
-"""Effects that are tried last, where the others leave an error: lengths are seldom
-wrong, and to first order they imitate many effects."""
+        model, evidence = moves.prune(search, other)
 
 
 def leaves_something(model: FitResult) -> bool:
     """Whether a model leaves more than noise: moving air, or errors of its formulas."""
-    return model.scales.air > 0.02 or leaves_a_form(model)
-
-
-def leaves_a_form(model: FitResult) -> bool:
-    """Whether a model leaves more than moving air does: errors of its formulas."""
-    return model.scales.moment > fits.SIMPLE_MOMENT or model.strength > 0.5
+    return model.scales.air > 0.02 or moves.leaves_a_form(model)
 
 
 def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None:
@@ -140,19 +131,20 @@ def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None
     scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
     if not scale * found.most >= FIELD_THRESHOLD:
         return None
+
+    def worth(option: FoundField) -> float:
+        return search.penalized_cost(option.model)
+
     options = fit_fields(task, model, found)
     if model.kinds:
         nothing = fits.without(task, model, *model.kinds)
-        bare = min(
-            fit_fields(task, nothing, survey(task, nothing)),
-            key=lambda o: search.penalized_cost(o.model),
-            default=None,
-        )
+        fields = fit_fields(task, nothing, survey(task, nothing))
+        bare = min(fields, key=worth, default=None)
         if bare is not None and np.isfinite(bare.model.cost):
             again = by_sets(search, bare.model)
             options += [bare, dataclasses.replace(bare, model=again)]
-    best = min(options, key=lambda o: search.penalized_cost(o.model))
-    gained = search.penalized_cost(model) - search.penalized_cost(best.model)
+    best = min(options, key=worth)
+    gained = search.penalized_cost(model) - worth(best)
     if gained > FIELD_THRESHOLD:
         return dataclasses.replace(best, evidence=gained)
     return None
@@ -166,35 +158,25 @@ def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResul
     """
     bare = fits.bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
-    is_worth = (
-        search.penalized_cost(named)
-        < search.penalized_cost(model) + pruning.CURVE_THRESHOLD
-    )
-    return named if named.kinds and is_worth else model
-
-
-FIELD_THRESHOLD = 40.0
-"""Evidence that an unmodelled field must bring [nats]."""
+    lost = search.penalized_cost(named) - search.penalized_cost(model)
+    return named if named.kinds and lost < moves.CURVE_THRESHOLD else model
 
 
 def by_sets(search: fits.Search, model: FitResult) -> FitResult:
     """Returns the best of the sets that a search in closed form proposes."""
-    task, tried = search.task, dict[frozenset[str], FitResult]()
+    tried: dict[frozenset[str], FitResult] = {}
     for round_ in range(ROUNDS):
         search.progress(f"searching for effects, round {round_ + 1}")
-        near = fits.to_first_order(task, model, 2 if round_ else 3)
+        near = fits.to_first_order(search.task, model, 2 if round_ else 3)
         if near is None:
             break
-        score = near.score
-        search.alone = search.alone or score.alone()
-        members = best_members(score, model.kinds, tried)
+        search.alone = search.alone or near.score.alone()
+        members = best_members(near.score, model.kinds, tried)
         kinds = frozenset(kind for kind, _ in members)
         if kinds in tried:
             break
         search.progress(f"fitting {', '.join(sorted(kinds)) or 'the flat plate'}")
-        model = pruning.with_means(
-            search, search.fit_with_strength(near.begin(members))
-        )
+        model = moves.with_means(search, search.fit_with_strength(near.begin(members)))
         tried[kinds] = model
     return min(tried.values(), key=search.penalized_cost, default=model)
 
@@ -209,8 +191,3 @@ def best_members(
     outstanding = best_set(score.for_newcomers(haste, start), start)
     is_new = frozenset(kind for kind, _ in outstanding) not in tried
     return outstanding if is_new else best
-
-
-HASTE = 0.01
-"""Share of a round's gain that each new effect must bring: errors of linearization look
-like small effects, which wait for the next round."""

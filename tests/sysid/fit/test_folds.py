@@ -49,13 +49,19 @@ def test_ratios_are_of_root_mean_squares_over_all_flights():
     free = np.array([[3.0, 1.0], [4.0, 2.0]])
     along = np.array([[1.0, 2.0], [1.0, 2.0]])
     gain = Gains(values=np.zeros(2), unseen=np.ones(2, dtype=bool))
-    held = HeldOut(folds=(), gain=gain, free=free, along=along)
+    paths = np.stack([free, along], axis=2)
+    held = HeldOut(folds=(), gain=gain, paths=paths)
     assert held.ratios == pytest.approx((np.sqrt(5.0 / 25.0), 2.0))
     # A flight on which both diverge counts for neither; one alone, for that one.
-    lost = dataclasses.replace(held, free=np.vstack([free, [[np.nan, np.inf]]]))
+    lost = dataclasses.replace(held, paths=with_flight(paths, np.nan, np.inf))
     assert lost.ratios == held.ratios
-    lost = dataclasses.replace(held, free=np.vstack([free, [[1.0, np.nan]]]))
+    lost = dataclasses.replace(held, paths=with_flight(paths, 1.0, np.nan))
     assert lost.ratios[0] == np.inf
+
+
+def with_flight(paths, baseline, corrected):
+    """A flight more, of such errors of free rollouts."""
+    return np.vstack([paths, [[[baseline, 1.0], [corrected, 2.0]]]])
 
 
 def gains(count, each=1.0, unseen=None):

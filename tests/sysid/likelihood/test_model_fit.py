@@ -64,7 +64,7 @@ def test_flights_whose_pitch_reads_wrong_are_linear_about_that():
     task, model = fit_kinds(dataclasses.replace(one, flights=flights))
     assert model.scales.air < 0.005 and model.scales.moment < 0.05
     assert model.scales.position < 5e-4
-    zeros = [own.pitch_zero for own in model.constants.values()]
+    zeros = [own[3] for own in model.constants.values()]
     np.testing.assert_allclose(zeros, [-0.03] * 3 + [0.03] * 3, atol=2e-3)
 
     def costs(model):

@@ -8,13 +8,11 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
     fit_model,
     grams_of,
     linear_flights,
     prior_of,
-    with_prior,
 )
 from glider.sysid.likelihood.uncertainty import (
     ALLOWED,
@@ -42,15 +40,14 @@ def drag_error(task, model, known):
 def log_evidence(task, model, strength):
     """Returns the evidence of a strength, by the determinant of all there is."""
     model = dataclasses.replace(model, strength=strength)
-    index = list(model.free)
-    flights = linear_flights(task, model, slopes(task.layout, model.theta, index))
-    own, mean, precision = prior_of(task, model, index)
-    total = with_prior(
-        np.sum(grams_of(flights, model.scales), axis=0), own, mean, precision
+    grams, prior = (
+        grams_of(linear_flights(task, model), model.scales),
+        prior_of(task, model),
     )
+    total = prior.added_to(grams.sum(axis=0))
     system, error = total[:-1, :-1], total[:-1, -1]
     gained = error @ np.linalg.solve(system, error) - total[-1, -1]
-    gained += np.log(precision).sum() - np.linalg.slogdet(system)[1]
+    gained += np.log(prior.precision).sum() - np.linalg.slogdet(system)[1]
     return 0.5 * gained
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import gather
-from glider.sysid.likelihood.model_fit import prior_of, with_prior
+from glider.sysid.likelihood.model_fit import prior_of
 from glider.sysid.search.force_search import HeldOutEvidence
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -30,10 +30,9 @@ def dragged():
 def cost_without(candidates, grams, left_out, columns):
     """Returns a flight's cost with columns fitted to the others, one by one."""
     task, model = candidates.task, candidates.model
-    slots = [d.slot for d in candidates.directions]
-    own, mean, precision = prior_of(task, model, slots)
+    slots = candidates.slots
     rest = sum(g for i, g in enumerate(grams) if i != left_out)
-    total = with_prior(rest, own, mean, precision)
+    total = prior_of(task, model, slots).added_to(rest)
     some = [*candidates.always, *columns]
     change = np.zeros(len(slots))
     change[some] = np.linalg.solve(total[np.ix_(some, some)], total[some, -1])
@@ -49,7 +48,7 @@ def columns_of(candidates, kind):
 def test_the_gain_is_that_of_leaving_out_flights_one_by_one(dragged, kinds):
     candidates, grams = dragged
     evidence = HeldOutEvidence(candidates, grams, np.ones(len(grams)))
-    told = candidates.columns_of_kinds()
+    told = candidates.variants
     gain = evidence.log_marginal([c for kind in kinds for c in told[kind][0]])
     columns = [c for kind in kinds for c in columns_of(candidates, kind)]
     wanted = sum(
@@ -65,7 +64,7 @@ def test_the_gain_is_that_of_leaving_out_flights_one_by_one(dragged, kinds):
 def test_what_is_not_there_gains_nothing(dragged):
     candidates, grams = dragged
     evidence = HeldOutEvidence(candidates, grams, np.ones(len(grams)))
-    told = {k: list(v[0]) for k, v in candidates.columns_of_kinds().items()}
+    told = {k: list(v[0]) for k, v in candidates.variants.items()}
     both = told["profile_drag"] + told["camber"]
     more = evidence.log_marginal(both + told["pitch_rate_lift"])
     assert more - evidence.log_marginal(both) < 3.0
@@ -74,7 +73,7 @@ def test_what_is_not_there_gains_nothing(dragged):
 def test_a_flight_drawn_twice_is_left_out_twice(dragged):
     """A copy of a flight among the others would tell what it is."""
     candidates, grams = dragged
-    (column,) = candidates.columns_of_kinds()["camber"][0]
+    (column,) = candidates.variants["camber"][0]
     twice = HeldOutEvidence(candidates, grams, np.array([2.0, 1.0, 1.0, 0.0, 1.0]))
     by_hand = HeldOutEvidence(
         candidates,
@@ -89,7 +88,7 @@ def test_a_flight_drawn_twice_is_left_out_twice(dragged):
 def test_coefficients_count_from_nothing(dragged):
     candidates, grams = dragged
     evidence = HeldOutEvidence(candidates, grams, np.ones(len(grams)))
-    told = candidates.columns_of_kinds()
+    told = candidates.variants
     columns = [told["profile_drag"][0][0], told["camber"][0][0]]
     assert evidence.step(columns) == pytest.approx([0.05, -0.03], rel=0.1)
 
@@ -103,6 +102,6 @@ def test_a_coefficient_beyond_its_bounds_is_no_effect():
     candidates = gather(task, model)
     grams = candidates.grams(model.scales)
     evidence = HeldOutEvidence(candidates, grams, np.ones(len(grams)))
-    told = candidates.columns_of_kinds()
+    told = candidates.variants
     assert evidence.log_marginal(told["profile_drag"][0]) == -np.inf
     assert evidence.log_marginal(told["thrust"][0]) > 20.0

@@ -3,7 +3,7 @@
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.search.pruning import with_means
+from glider.sysid.search.moves import with_means
 from tests.helpers.searches import search_among
 
 

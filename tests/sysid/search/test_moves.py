@@ -7,12 +7,13 @@ from glider.sysid.likelihood.model_fit import start_of
 from glider.sysid.search.fits import Search
 from glider.sysid.search.moves import (
     left_of_many,
+    prune,
     with_a_rival,
     with_a_shaped_one,
     with_another,
     with_weaker_curves,
+    without_needless_curves,
 )
-from glider.sysid.search.pruning import prune, without_needless_curves
 from glider.sysid.search.support import EffectSupport
 from glider.sysid.search.tracing import effects_instead_of_curves
 from tests.helpers.searches import kinds_fitted, search_among

@@ -1,7 +1,7 @@
 """Effects that are not needed go, one by one and all at once."""
 
 from glider.physics.effects import KINDS
-from glider.sysid.search.pruning import prune, with_fewer
+from glider.sysid.search.moves import prune, with_fewer
 from tests.helpers.searches import kinds_fitted, search_among
 
 

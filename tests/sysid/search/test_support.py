@@ -13,17 +13,17 @@ from glider.sysid.search.fits import (
     EVIDENCE_THRESHOLD,
     SIMPLE_MOMENT,
     SIMPLE_THRESHOLD,
+    Search,
     is_simple,
     marginal_scorer,
-    penalized_cost,
 )
+from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer
 from glider.sysid.search.support import (
     DOUBTED,
     LEAST_SUPPORT,
     SIMPLE_SUPPORT,
     EffectSupport,
-    shown_by,
     weakest,
     weigh,
 )
@@ -128,11 +128,9 @@ def test_what_alone_explains_the_flights_need_only_be_likelier_than_none():
         == EVIDENCE_THRESHOLD
     )
     named = dataclasses.replace(model, kinds=("mass",), cost=0.0)
-    assert penalized_cost(task, named) == SIMPLE_THRESHOLD
-    assert (
-        penalized_cost(task, dataclasses.replace(named, scales=rough))
-        == EVIDENCE_THRESHOLD
-    )
+    search, other = Search(task, print), dataclasses.replace(named, scales=rough)
+    assert search.penalized_cost(named) == SIMPLE_THRESHOLD
+    assert search.penalized_cost(other) == EVIDENCE_THRESHOLD
 
 
 def test_without_effects_there_is_nothing_to_weigh():
@@ -166,7 +164,6 @@ def test_what_is_not_free_has_no_standard_error():
     assert 0.0 < known.std(index["profile_drag", "cd0"]) < 0.005
     assert np.isnan(known.std(index["wind", "x"]))
     assert known.covariance.shape == (1, 1)
-    assert known.flights.shape == (3, 2, 2)
     assert known.covariance[0, 0] == pytest.approx(
         known.std(index["profile_drag", "cd0"]) ** 2
     )
