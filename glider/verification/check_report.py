@@ -86,8 +86,7 @@ def describe_check(
 ) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line.
 
-    Args:
-        model: file of the glider that it was compared with; None for none.
+    A model is the file of the glider that it was compared with.
     """
     lines = [_text("certificate", funnel, verdict, model)]
     if verdict.holds:

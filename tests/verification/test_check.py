@@ -26,7 +26,7 @@ from glider.verification.sos.forms import (
     to_ball,
 )
 from glider.verification.sos.sphere import sphere
-from tests.verification.points import sphere_points
+from tests.verification.points import sphere_points, sphere_values
 
 EVERY = 50
 """Number of times from one that tests check exactly to the next."""
@@ -45,7 +45,7 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(funnel, coefficients):
     quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
     tables = sphere(7)
     polynomial = tables.coefficients(quadratic, *higher_forms(S, coefficients[k]))
-    values = tables.values(np.broadcast_to(polynomial, (20, len(polynomial))), z)
+    values = sphere_values(tables, polynomial, z)
     assert values == pytest.approx(growth, abs=1e-9)
     assert np.all(growth < 0.0)
     assert np.linalg.eigvals(linear_part(coefficients[k])).real.max() < 50.0
@@ -79,7 +79,7 @@ def test_the_shipped_certificate_holds(funnel):
 
 
 def test_the_servos_limits_are_the_same_without_rounding(funnel):
-    directions, bounds = servo_bounds(funnel.nominal, 1.0)
+    directions, bounds = servo_bounds(funnel.nominal, shrink=1.0)
     for k in (0, 77, 200):
         limits = at_time(funnel, k).limits
         a, b = (

@@ -20,7 +20,7 @@ from glider.verification.proof.interval_proof import _gram_guesses
 from glider.verification.sos.exact import InTime, exact, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
-from tests.verification.points import sphere_points
+from tests.verification.points import sphere_points, sphere_values
 
 K = 60
 SLACK = 0.25
@@ -61,7 +61,7 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, interval, share):
     z /= np.sqrt(np.einsum("bi,ij,bj->b", z, G, z))[:, None]
     tables, e = sphere(7), z @ basis.to_float().T
     coefficients = tables.coefficients(0.0 * A, cubic, quartic)
-    found = tables.values(np.broadcast_to(coefficients, (20, len(coefficients))), z)
+    found = sphere_values(tables, coefficients, z)
     found += np.einsum("bi,ij,bj->b", z, A, z)
     variables = np.hstack([e, -(e @ gains)[:, None]])
     rates = table_of(8).values(variables) @ rates.T

@@ -13,11 +13,11 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.proof import remainder_proof
+from glider.verification.proof import interval_proof
 from glider.verification.proof.boxes import bound_in_balls
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
-from glider.verification.proof.remainder_proof import (
+from glider.verification.proof.interval_proof import (
     PATIENCE,
     RemainderProof,
     bound_remainder,
@@ -217,14 +217,14 @@ def test_an_interval_may_be_proven_in_halves(pieces):
 def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(
     pieces, monkeypatch
 ):
-    real = remainder_proof.bound_remainder
+    real = interval_proof.bound_remainder
 
     def stubborn(remainder, budget):
         if remainder.span == (-1.0, 1.0):
             return RemainderProof(proven=False, boxes=budget, ratio=0.9)
         return real(remainder, budget)
 
-    monkeypatch.setattr(remainder_proof, "bound_remainder", stubborn)
+    monkeypatch.setattr(interval_proof, "bound_remainder", stubborn)
     piece = pieces[EARLY]
     proof = prove_remainder(piece, make_interval(piece))
     assert proof.proven

@@ -32,7 +32,7 @@ from glider.verification.sos.sphere import (
     represent_rest,
     sphere,
 )
-from tests.verification.points import sphere_points
+from tests.verification.points import sphere_points, sphere_values
 
 N = 3
 TABLES = sphere(N)
@@ -63,7 +63,7 @@ def test_a_gram_matrix_gives_its_polynomials_values():
     coefficients = TABLES.map @ TABLES.entries(gram)
     b = basis_at(z)
     assert np.sum(b * b, axis=1) == pytest.approx(2.0)  # |z|² + |z ⊗ z|²
-    values = TABLES.values(np.broadcast_to(coefficients, (20, len(coefficients))), z)
+    values = sphere_values(TABLES, coefficients, z)
     assert values == pytest.approx(np.einsum("bi,ij,bj->b", b, gram, b), abs=1e-12)
 
 
@@ -83,7 +83,7 @@ def test_the_margin_is_the_least_value_that_ascent_finds(seed):
     starts = sphere_points(30, N, seed)[None]
     least, at = largest_values(*(-form[None] for form in forms), starts)
     assert margin == pytest.approx(-least[0], abs=1e-3)
-    assert TABLES.values(polynomial, at[0]) == pytest.approx(-least[0])
+    assert sphere_values(TABLES, polynomial, at) == pytest.approx(-least)
     expected = polynomial - margin * TABLES.constant
     assert TABLES.map @ entries == pytest.approx(expected, abs=1e-3)
     assert least_eigenvalue(TABLES, entries) > -1e-3

@@ -5,8 +5,7 @@ import pytest
 
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.arithmetic import dependences
-from glider.verification.dynamics.jets import monomials
+from glider.verification.dynamics.jets import dependences, monomials
 from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.dynamics.taylor_models import TaylorModel
 

@@ -48,11 +48,9 @@ def physical(
 def theta_at(
     model: GliderModel, names: tuple[str, ...], deviations: Iterable[Any]
 ) -> Theta:
-    """Returns the numbers of gliders that deviate from a model.
+    """Returns the numbers of gliders that deviate from a model by m numbers or arrays.
 
-    Args:
-        deviations: m numbers or arrays of any kind; the coefficients that do not
-            deviate stay floats.
+    The coefficients that do not deviate stay floats.
     """
     theta = model.numbers
     p, c = theta.p, list(theta.c)

@@ -58,9 +58,7 @@ def defect_bounds(nominal: Nominal) -> np.ndarray:
 def defect_growth(S: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Returns 2 √(δᵀ |S| δ) at each time (T,), rounded up [1/s].
 
-    Args:
-        S: (T, n, n).
-        bounds: (T - 1, n) of `defect_bounds`; at a time, those of both intervals count.
+    At a time, `defect_bounds` (T - 1, n) of both intervals count.
     """
     around = np.maximum(
         np.concatenate([bounds[:1], bounds]), np.concatenate([bounds, bounds[-1:]])

@@ -24,11 +24,11 @@ from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
-from glider.verification.dynamics.arithmetic import dependences
 from glider.verification.dynamics.confidence import theta_at
 from glider.verification.dynamics.jets import (
     Monomials,
     coefficients_of,
+    dependences,
     monomials,
     variables,
 )
@@ -112,11 +112,7 @@ class Nominal:
         return dataclasses.replace(self, **arrays)
 
     def between(self, share: float) -> "Nominal":
-        """Returns the flight at one point of each interval, (T - 1) times.
-
-        Args:
-            share: of an interval, where the point is; from 0 to 1.
-        """
+        """Returns the flight at a share of each interval, 0 to 1: T - 1 times."""
         times = self.times[:-1] + share * np.diff(self.times)
         u, K = self.inputs, self.gains
         return dataclasses.replace(
@@ -175,10 +171,7 @@ def nonlinear_parts(
 ) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables and of the rates that are not linear.
 
-    Variable n is the command.
-
-    Args:
-        names: of further variables: numbers of the glider that deviate.
+    Variables are the n states, the command, and the named numbers that deviate.
     """
     n = model.num_states
     variables = dependences(n + 1 + len(names))
@@ -191,12 +184,7 @@ def nonlinear_parts(
 
 
 def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Returns ė (..., B, n) by the Taylor polynomials.
-
-    Args:
-        coefficients: (..., n, M) of `Nominal.closed_loop`.
-        errors: (..., B, n) deviations e.
-    """
+    """Returns ė (..., B, n) by the Taylor polynomials, at errors (..., B, n)."""
     n = errors.shape[-1]
     values = table_of(n).values(errors.reshape(-1, n))
     values = values.reshape(*errors.shape[:-1], -1)
@@ -207,7 +195,6 @@ def open_loop_rates(model, states, command, theta=None):
     """Returns ẋ for any kind of number, without the servo limits.
 
     Args:
-        states: n numbers x.
         command: u, a number [rad/s].
         theta: the numbers of a glider that deviates from it; None for its own.
     """
@@ -216,14 +203,7 @@ def open_loop_rates(model, states, command, theta=None):
 
 
 def closed_loop_rates(model, states, gains, x0, u0, theta=None):
-    """Returns ẋ of the closed loop for any kind of number, without the servo limits.
-
-    Args:
-        states: n numbers, jets or arrays x.
-        gains: n numbers or arrays K.
-        x0: n numbers or arrays x₀.
-        u0: u₀, a number or an array.
-    """
+    """Returns ẋ under u = u₀ - K (x - x₀) for any kind of number, n numbers each."""
     command = u0
     for gain, x, center in zip(gains, states, x0, strict=True):
         command = command - gain * (x - center)

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from glider.compiled.kernel import machine_code
-from glider.verification.dynamics.arithmetic import Number
-from glider.verification.dynamics.jets import SERIES, Monomials
+from glider.verification.dynamics.jets import SERIES, Monomials, Number
 
 ROUNDING = 1e-13
 """Relative bound of an operation's rounding: a sum of 300 products has 7e-14."""

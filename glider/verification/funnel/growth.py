@@ -76,14 +76,7 @@ class BoundaryForms(NamedTuple):
 def boundary_forms(
     S: np.ndarray, slopes: np.ndarray, coefficients: np.ndarray, disturbance: np.ndarray
 ) -> BoundaryForms:
-    """Returns V̇/V on the boundary, the disturbance included.
-
-    Args:
-        S: (T, n, n).
-        slopes: (T, n, n) Ṡ.
-        coefficients: (T, n, M) of `Nominal.closed_loop`.
-        disturbance: (T, n, n) D.
-    """
+    """Returns V̇/V on the boundary, including the disturbance D (T, n, n)."""
     cubic, quartic = higher_forms(S, coefficients)
     _, L_inv_T = to_ball(S)
     quadratic = quadratic_form(S, slopes, coefficients)
@@ -92,13 +85,7 @@ def boundary_forms(
 
 
 def remainder_form(S: np.ndarray, beta: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Returns D (T, n, n) in the coordinates of the ball.
-
-    Args:
-        S: (T, n, n).
-        beta: (T, n) bounds of the remainder.
-        weights: (T, n) λ, zero where beta is zero.
-    """
+    """Returns D (T, n, n) in the coordinates of the ball; λ is zero where β is."""
     L_T, _ = to_ball(S)
     n = S.shape[-1]
     ball = np.divide(beta**2, weights, out=np.zeros_like(beta), where=weights > 0.0)
@@ -107,14 +94,11 @@ def remainder_form(S: np.ndarray, beta: np.ndarray, weights: np.ndarray) -> np.n
 
 
 def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
-    """Returns the largest V̇/V (T,) found by ascent [1/s].
+    """Returns the largest V̇/V (T,) found by ascent, at times in order [1/s].
 
     One ascent misses the truth at some time or other, by up to 0.08 1/s with 12 starts.
     The worst point moves steadily, so that what a neighbor in time found leads there.
-
-    Args:
-        forms: V̇/V on the boundary, at times in order.
-        starts: (B, n) where the ascent starts, besides the axes of the quadratic part.
+    The axes of the quadratic part are starts too.
     """
     axes = np.swapaxes(np.linalg.eigh(forms.quadratic)[1], 1, 2)
     seeds = np.broadcast_to(starts, (len(axes), *starts.shape))
@@ -135,7 +119,6 @@ def growth_between(
     Args:
         share: of an interval, where the point is; from 0 to 1.
         here: the nominal flight at these points.
-        starts: (B, n) where the ascent starts, besides the axes.
         every: `here` is of every so many intervals only.
     """
 
@@ -164,19 +147,10 @@ DIFFERENCE = 1e-4
 def largest_values(
     quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns max over |z| = 1 of zᵀ N z + c₃(z) + c₄(z) for several polynomials.
+    """Returns max over |z| = 1 of zᵀ N z + c₃(z) + c₄(z) for T polynomials, and where.
 
     Shifted power iteration, z ← (∇p + α z) / |∇p + α z| with α large enough for p
-    never to fall (Kolda and Mayo 2011).
-
-    Args:
-        quadratic: (T, n, n) N.
-        cubic: (T, C₃) coefficients of c₃.
-        quartic: (T, C₄) coefficients of c₄.
-        starts: (T, B, n) points to start from; their negatives are tried too.
-
-    Returns:
-        values (T,) and where they are taken, (T, n).
+    never to fall (Kolda and Mayo 2011), from starts (T, B, n) and their negatives.
     """
     n = quadratic.shape[-1]
     third, fourth = spread_form(cubic, n, 3), spread_form(quartic, n, 4)

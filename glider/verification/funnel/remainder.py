@@ -51,11 +51,9 @@ def sample_remainder(
     bound, but seldom less than nine tenths of one.
 
     Args:
-        S: (K, n, n) of the sets.
+        S: (K, n, n) of the sets, at K times in order.
         directions: (B, n + r) to sample, r the dimension of the gliders' set; their
             negatives too. The first n are of the deviation e, the others of δ.
-        at: (K,) indices of the times, in order.
-        center: of the gliders that may fly; None for the model's own.
     """
     n = S.shape[-1]
     names = center.confidence.names if center else ()
@@ -113,7 +111,6 @@ def split_directions(
     """Returns e (K, B, n) on sets' boundaries and δ (K, B, m) on that of the gliders'.
 
     Args:
-        center: of the gliders that may fly; None for the model's own, and no δ.
         L_inv: (K, n, n) L⁻¹ of the sets.
         directions: (K, B, n + r).
     """
@@ -132,13 +129,9 @@ def remainder_of(
     center: MovingCenter | None = None,
     deviations: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Returns R (K, B, n) = ė - p(e), without the servo's limits.
+    """Returns R (K, B, n) = ė - p(e), without the servo's limits, at K times.
 
-    Args:
-        at: (K,) indices of the times.
-        errors: (K, B, n) deviations e, from x₀ + X δ where the center moves.
-        center: of the gliders that fly; None for the model's own.
-        deviations: (K, B, m) δ of each.
+    Errors e are from x₀ + X δ where a center moves, with deviations δ (K, B, m).
     """
     polynomial = evaluate(nominal.closed_loop[at], errors)
     if center is None or deviations is None:
@@ -174,14 +167,9 @@ def inflate(sampled: np.ndarray, inflation: float) -> np.ndarray:
 
 
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Returns λ (T, n) that add little growth in the sense of Σ.
+    """Returns λ (T, n) that add little growth in the sense of Σ, `sizes`.
 
     With W = Lᵀ Σ L, these minimize tr(W D).
-
-    Args:
-        S: (T, n, n).
-        beta: (T, n) bounds of the remainder.
-        sizes: (T, n, n) or (n, n) Σ, of `glider.verification.funnel.shape_flow`.
     """
     L_T, _ = to_ball(S)
     weight = L_T @ sizes @ np.swapaxes(L_T, 1, 2)

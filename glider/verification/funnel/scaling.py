@@ -27,7 +27,7 @@ from glider.verification.funnel.remainder import (
     remainder_weights,
     sample_remainder,
 )
-from glider.verification.funnel.servo_limits import bounds_about, margin_to_limits
+from glider.verification.funnel.servo_limits import margin_to_limits, servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.funnel.shape_flow import size_matrices
 from glider.verification.sos.programs import SolverError
@@ -124,7 +124,7 @@ class Gauge:
 
     def servo_margin(self, S: np.ndarray) -> np.ndarray:
         """Returns the largest ρ (T,) that the servo allows."""
-        return margin_to_limits(S, *bounds_about(self._nominal, self._center))
+        return margin_to_limits(S, *servo_bounds(self._nominal, self._center))
 
     def _drift(self, S):
         return defect_growth(S, self._defect)

@@ -26,9 +26,12 @@ reach 0.9942 of them."""
 
 
 def servo_bounds(
-    nominal: Nominal, shrink: float = SHRINK
+    nominal: Nominal, center: MovingCenter | None = None, shrink: float = SHRINK
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel."""
+    """Returns a (T, 2, n) and b (T, 2): of the servo's rate and of its travel.
+
+    A center that moves by X δ leaves b - max aᵀ X δ.
+    """
     low, high, rate = nominal.model.parameters.servo
     ahead = nominal.states[:, ELEVATOR] + STOPPING_TIME * nominal.inputs
     travel = -STOPPING_TIME * nominal.gains
@@ -36,34 +39,17 @@ def servo_bounds(
     directions = np.stack([nominal.gains, travel], axis=1)
     rate_left = rate - np.abs(nominal.inputs)
     bounds = np.stack([rate_left, np.minimum(high - ahead, ahead - low)], axis=1)
-    return directions, shrink * bounds
-
-
-def bounds_about(
-    nominal: Nominal, center: MovingCenter | None, shrink: float = SHRINK
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns a and b of `servo_bounds` for a deviation from each glider's center.
-
-    A center that moves by X δ leaves b - max aᵀ X δ.
-
-    Args:
-        center: of the gliders that may fly; None for the model's own.
-    """
-    directions, bounds = servo_bounds(nominal, shrink)
+    bounds *= shrink
     if center is not None:
-        bounds = bounds - center.reach(directions)
+        bounds -= center.reach(directions)
     return directions, bounds
 
 
 def goal_about(axes: np.ndarray, center: MovingCenter | None) -> np.ndarray:
     """Returns S (n, n) of the goal's part that each glider's last set may fill.
 
-    The ellipsoid of these half-axes is the unit ball of a norm. Where no center's last
+    The ellipsoid of half-axes (n,) is the unit ball of a norm. Where no center's last
     is farther than s < 1 in it, a set 1 - s times as large stays in the goal.
-
-    Args:
-        axes: (n,) half-axes of the goal.
-        center: of the gliders that may fly; None for the model's own.
 
     Raises:
         InputError: the gliders' centers alone leave the goal.
@@ -94,15 +80,10 @@ def goal_reach(axes: np.ndarray, center: MovingCenter | None) -> float:
 def keep_bounds(
     S: np.ndarray, directions: np.ndarray, bounds: np.ndarray
 ) -> np.ndarray:
-    """Returns S (n, n) of a set that is cut down until it keeps some bounds: S grows.
+    """Returns S (n, n) of a set that is cut down until it keeps K bounds: S grows.
 
     S + a aᵀ (1 / b² - 1 / (aᵀ S⁻¹ a)) where aᵀ S⁻¹ a > b². Going backward in time a
     smaller set is a valid one.
-
-    Args:
-        S: (n, n) of the set.
-        directions: (K, n) a.
-        bounds: (K,) b.
     """
     for a, bound in zip(directions, bounds, strict=True):
         reach = a @ np.linalg.solve(S, a)
@@ -114,13 +95,7 @@ def keep_bounds(
 def margin_to_limits(
     S: np.ndarray, directions: np.ndarray, bounds: np.ndarray
 ) -> np.ndarray:
-    """Returns the largest ρ (T,) for which {eᵀ S e <= ρ} keeps some bounds.
-
-    Args:
-        S: (T, n, n).
-        directions: (T, K, n) a.
-        bounds: (T, K) b.
-    """
+    """Returns the largest ρ (T,) for which {eᵀ S e <= ρ} keeps K bounds each."""
     reach = np.einsum("tki,tij,tkj->tk", directions, np.linalg.inv(S), directions)
     return np.min(bounds**2 / reach, axis=1)
 
@@ -141,7 +116,6 @@ def steepest_gains(
     """Returns the gains K (n,) along Bᵀ S that the servo can follow on the set.
 
     Args:
-        S: (n, n) of the set.
         slopes: (n,) B.
         rate: what the nominal's command leaves of the servo's rate [rad/s].
         largest: gain on the elevator's own deviation that is not exceeded [1/s].

@@ -110,12 +110,8 @@ def hook_goal(
     """Returns the half-axes (7,) of the goal that fills what a problem's hook accepts.
 
     The largest distance, speed and pitch in an ellipsoid with axes along the states are
-    at most those of its center and the longest of their half-axes together.
-
-    Args:
-        axes: (7,) half-axes, in the order of STATE_NAMES, of which those of what the
-            hook does not ask for are kept: of the elevator and the pitch's rate.
-        end: (7 or more) state at the nominal's end.
+    at most those of its center, the nominal's end, and the longest of their half-axes
+    together. Of the given axes, those of the elevator and the pitch's rate are kept.
 
     Raises:
         InputError: the hook does not take the nominal's end itself.

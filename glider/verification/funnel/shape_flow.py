@@ -30,7 +30,6 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.servo_limits import (
-    bounds_about,
     command_slopes,
     goal_about,
     keep_bounds,
@@ -78,19 +77,16 @@ class ShapeFlow:
         center: MovingCenter | None = None,
         steer: bool = False,
     ):
-        """Takes what the flow depends on.
+        """Takes what the flow depends on, with directions of `sample_remainder`.
 
-        Args:
-            directions: (B, n + r) of `sample_remainder`.
-            center: of the gliders that may fly; None for the model's own.
-            steer: whether the feedback is made on the way, in place of the nominal's.
-                Centers depend on it, so it excludes `center`.
+        Where it may steer, the feedback is made on the way, in place of the nominal's.
+        Centers depend on that, so it excludes `center`.
         """
         if steer:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
         self._nominal, self._settings = nominal, settings
         self._directions = directions
-        self._bounds, self._center = bounds_about(nominal, center), center
+        self._bounds, self._center = servo_bounds(nominal, center), center
         self._sizes = size_matrices(nominal, settings)
         self._slopes = command_slopes(nominal) if steer else None
 
@@ -101,9 +97,6 @@ class ShapeFlow:
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
-
-        Args:
-            progress: called with the share that is done.
 
         Raises:
             SolverError: no solver gave a usable answer, or the set vanishes.

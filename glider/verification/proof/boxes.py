@@ -19,12 +19,7 @@ of higher degree."""
 
 
 def shifted(table, polynomial, center, half):
-    """Returns the Taylor model of a polynomial in w = center + half v.
-
-    Args:
-        polynomial: (M,) coefficients.
-        center: (m, B) of the boxes.
-    """
+    """Returns the Taylor model of a polynomial (M,) in w = center + half v."""
     coefficients, sizes = _shift(
         polynomial,
         table.values(center.T).T,
@@ -75,9 +70,7 @@ def bound_in_balls(coefficients, remainder, center, half, exponents, balls):
     best of a few, and coordinates in none need none.
 
     Args:
-        coefficients: (M, B) of polynomials in v.
-        center: (m, B) of the boxes.
-        exponents: (M, m) of the monomials.
+        coefficients: (M, B) of polynomials in v with exponents (M, m).
         balls: which coordinates are those of a unit ball, for each ball.
     """
     which = np.full(len(center), -1)
@@ -171,8 +164,7 @@ def _bound_in_balls(coefficients, remainder, center, half, exponents, which, con
 def blame_of(difference, rate):
     """Returns how much each v_i makes a bound large, (m, B): a guide for splitting.
 
-    Args:
-        rate: that of the rate in it, whose highest degree indicates what is beyond.
+    The highest degree of the rate in it indicates what is beyond.
     """
     exponents, degrees = difference.table.exponents, difference.table.degrees
     sizes = np.abs(difference.coefficients)

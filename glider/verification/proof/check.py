@@ -29,9 +29,9 @@ from glider.verification.funnel.remainder import (
     split_directions,
 )
 from glider.verification.funnel.servo_limits import (
-    bounds_about,
     goal_reach,
     margin_to_limits,
+    servo_bounds,
 )
 from glider.verification.proof.exact_check import (
     GOAL_ROUNDING,
@@ -160,9 +160,6 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
     """Returns the largest |R_k| / β_k at random points of the boundary at some times.
 
     For a funnel of a set of gliders, it is R of random ones on the set's boundary too.
-
-    Args:
-        at: indices of the times.
     """
     nominal, n, center = funnel.nominal, funnel.num_states, funnel.gliders
     ratios, rng = [0.0], np.random.default_rng(0)
@@ -191,11 +188,8 @@ def remainder_seen(funnel: Funnel, at: list[int]) -> float:
 def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float:
     """Returns the largest V̇/V found between the times, by ascent [1/s].
 
-    It is infinite where a set between them is no ellipsoid.
-
-    Args:
-        defect: growth (T,) by the nominal's defect [1/s].
-        every: look into every so many intervals only.
+    It includes growth (T,) by the nominal's defect [1/s], and is infinite where a set
+    between them is no ellipsoid.
     """
     rng = np.random.default_rng(0)
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
@@ -225,7 +219,7 @@ def gliders_faults(funnel: Funnel) -> list[str]:
     if not funnel.gliders:
         return []
     faults = []
-    directions, bounds = bounds_about(funnel.nominal, funnel.gliders, shrink=1.0)
+    directions, bounds = servo_bounds(funnel.nominal, funnel.gliders, shrink=1.0)
     try:
         reach = margin_to_limits(funnel.S, directions, bounds)
         met = ~((reach >= 1.0) & np.all(bounds > 0.0, axis=1))

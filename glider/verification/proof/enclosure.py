@@ -89,10 +89,7 @@ class TaylorRemainder:
     def bounds(
         self, center: np.ndarray, half: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Encloses |R| / β on boxes.
-
-        Args:
-            center: (d, B) of boxes, d the dimension.
+        """Encloses |R| / β on boxes, center and half (d, B).
 
         Returns:
             bounds (r, B) on the parts of the boxes in the unit balls; what is surely

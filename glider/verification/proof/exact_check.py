@@ -62,9 +62,7 @@ def exact_faults(
     """Checks a funnel in exact arithmetic.
 
     Args:
-        at: indices of the times.
-        defect: growth (T,) by the nominal's defect, `defect_growth`, finite [1/s].
-        progress: called with the share that is done.
+        defect: growth (T,) by the nominal's defect, `defect_growth` [1/s].
 
     Returns:
         what is wrong, a sentence each, and the largest change of an eigenvalue by what
@@ -98,10 +96,6 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
 
     Numbers too large or sets too flat for the floating point that proposes a Gram
     matrix prove nothing.
-
-    Args:
-        k: index of the time.
-        slack: of V̇ <= -slack V.
     """
     S, beta, weights = funnel.S[k], funnel.beta[k], funnel.weights[k]
     if not np.all(np.isfinite(funnel.nominal.closed_loop[k])):
@@ -136,13 +130,9 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
 def growth_polynomial(
     here: Interval, basis: Exact, slack: Exact
 ) -> tuple[Exact, Exact]:
-    """Returns minus V̇ - slack V on the boundary at a time, and zᵀ G z = V.
+    """Returns minus V̇ - slack V on the boundary at a time, (C,), and G of V = zᵀ G z.
 
-    Args:
-        basis: (n, n) of e = basis z, any; near L⁻ᵀ, so that G is near the identity.
-
-    Returns:
-        coefficients (C,), odd then even, and G (n, n).
+    Any basis of e = basis z will do; near L⁻ᵀ, G is near the identity.
     """
     A, cubic, quartic, G = (form.parts[0] for form in growth_forms(here, basis, slack))
     return odd_then_even(cubic, quartic + quadratic_product(A, G)), G

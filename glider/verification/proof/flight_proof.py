@@ -19,12 +19,12 @@ from glider.errors import InputError, expect
 from glider.files import schema
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval_proof import (
+    BUDGET,
     Candidate,
     IntervalProof,
     prove_interval,
     worst_candidate,
 )
-from glider.verification.proof.remainder_proof import BUDGET
 
 _FORMAT = "drake-glider funnel proof 1"
 

@@ -69,11 +69,7 @@ def gliders_path(piece: Funnel) -> GlidersPath | None:
 
 
 def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
-    """Returns a bound of aᵀ X δ over the set and the interval, rounded up.
-
-    Args:
-        a: (n,) in time.
-    """
+    """Returns a bound of aᵀ X δ over the set and the interval, rounded up."""
     if piece.gliders is None:
         return 0.0
     allowed = piece.gliders.confidence

@@ -82,8 +82,7 @@ def prove_growth(
 ) -> int | None:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
-    Args:
-        grams: Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e): guesses.
+    Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
 
     Returns:
         the number of parts that the interval was proven in; None where it was not.
@@ -104,11 +103,7 @@ def prove_growth(
 
 
 def growth_forms(interval: Interval, basis: Exact, slack: Exact) -> GrowthForms:
-    """Returns the forms above, exactly.
-
-    Args:
-        basis: (n, n) B.
-    """
+    """Returns the forms above, exactly, for a basis B (n, n)."""
     n, m, h = len(basis), len(interval.which), interval.step
     H = basis.T @ interval.S
     G = H @ basis
@@ -220,7 +215,7 @@ def _is_definite(
         if found is None:
             return False
         whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)
-        left_over = rest - odd_then_even(*mixed_forms(tables, whole))
+        left_over = rest - mixed_forms(tables, whole)
         change = sparse_gram(tables, left_over, corner - whole[:n, :n])
         if not leaves_definite(whole, change)[0]:
             return False

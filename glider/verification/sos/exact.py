@@ -137,17 +137,11 @@ def is_positive_definite(matrix: Exact) -> bool:
 
 
 def leaves_definite(gram: Exact, change: Exact) -> tuple[bool, float]:
-    """Determines whether gram + change is positive definite for certain.
+    """Determines whether gram + change is positive definite for certain; returns μ too.
 
     A symmetric matrix whose rows sum to at most μ in absolute values changes no
-    eigenvalue by more than μ (Gershgorin), so that gram - μ I is checked.
-
-    Args:
-        gram: symmetric, of few digits.
-        change: symmetric, small, of any digits.
-
-    Returns:
-        the answer and μ.
+    eigenvalue by more than μ (Gershgorin), so that gram - μ I is checked. Gram is of
+    few digits, the change is small and of any.
     """
     sums = np.abs(change.numbers).sum(axis=1) if change.numbers.size else np.zeros(1)
     shift = gram.exponent - change.exponent
@@ -270,9 +264,7 @@ def hermite(
 ) -> tuple[InTime, InTime]:
     """Returns the cubic through doubles with given slopes, and its slope times step.
 
-    Args:
-        values: (2, ...) at τ = 0 and 1.
-        slopes: (2, ...) there, in the unit of time.
+    Values (2, ...) are at τ = 0 and 1, slopes (2, ...) in the unit of time.
     """
     a, b = map(exact, values)
     rise_a, rise_b = (exact(slope) * step for slope in slopes)

@@ -40,12 +40,7 @@ def to_ball(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def higher_forms(
     S: np.ndarray, coefficients: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the coefficients of c₃ (..., C₃) and c₄ (..., C₄).
-
-    Args:
-        S: (..., n, n).
-        coefficients: (..., n, M) of `Nominal.closed_loop`.
-    """
+    """Returns the coefficients of c₃ (..., C₃) and c₄ (..., C₄)."""
     L_T, L_inv_T = to_ball(S)
     n = S.shape[-1]
     forms = []
@@ -62,12 +57,7 @@ def spread_form(form: np.ndarray, n: int, degree: int) -> np.ndarray:
 
 
 def change_variables(coefficients: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Returns the coefficients (r, M) of p(basis w) as polynomials in w.
-
-    Args:
-        coefficients: (r, M) of polynomials p in n variables, by `table_of(n)`.
-        basis: (n, n).
-    """
+    """Returns coefficients (r, M) of p(basis w), given those of p by `table_of(n)`."""
     n = len(basis)
     table = table_of(n)
     changed = coefficients.copy()
@@ -158,25 +148,18 @@ def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
 
 
 def gram_polynomial(tables: Sphere, gram: Exact, metric: Exact) -> Exact:
-    """Returns the coefficients (C,) of bᵀ Q b, with (zᵀ Q₁₁ z) times zᵀ G z.
-
-    Args:
-        gram: (s, s) Q, of which Q₁₁ is the block of z.
-    """
-    n = tables.n
-    lifted = quadratic_product(gram[:n, :n], metric)
-    cubic, quartic = mixed_forms(tables, gram)
-    return odd_then_even(cubic, lifted + quartic)
+    """Returns the coefficients (C,) of bᵀ Q b, with (zᵀ Q₁₁ z) times zᵀ G z."""
+    lifted = quadratic_product(gram[: tables.n, : tables.n], metric)
+    no_cubic = Exact(np.zeros(len(tables.cubic), dtype=object), 0)
+    return mixed_forms(tables, gram) + odd_then_even(no_cubic, lifted)
 
 
-def mixed_forms(tables: Sphere, gram: Exact) -> tuple[Exact, Exact]:
-    """Returns the coefficients (C₃,) and (C₄,) of bᵀ Q b without zᵀ Q₁₁ z."""
-    n, q = tables.n, gram.numbers
-    quartic = np.zeros(len(tables.quartic), dtype=object)
-    cubic = np.zeros(len(tables.cubic), dtype=object)
-    np.add.at(quartic, _even_places(tables), q[n:, n:].ravel())
-    np.add.at(cubic, _odd_places(tables), 2 * q[:n, n:].ravel())
-    return Exact(cubic, gram.exponent), Exact(quartic, gram.exponent)
+def mixed_forms(tables: Sphere, gram: Exact) -> Exact:
+    """Returns the coefficients (C,) of bᵀ Q b without zᵀ Q₁₁ z."""
+    total = np.zeros(len(tables.map), dtype=object)
+    mixed = tables.places >= 0
+    np.add.at(total, tables.places[mixed], gram.numbers[mixed])
+    return Exact(total, gram.exponent)
 
 
 def sparse_gram(
@@ -184,44 +167,18 @@ def sparse_gram(
 ) -> Exact:
     """Returns a symmetric matrix (s, s) whose polynomial has coefficients (C,).
 
-    Each coefficient goes to the first place that has its monomial.
-
-    Args:
-        coefficients: (C,), odd then even.
-        block: (n, n) of z, which represents nothing; zero if None.
+    Each coefficient goes to the first place that has its monomial. A block (n, n) of z
+    represents nothing; it is zero if None.
     """
-    n, size = tables.n, tables.size
-    numbers = np.zeros((size, size), dtype=object)
-    count = len(tables.cubic)
-    odd = np.unique(_odd_places(tables), return_index=True)[1]
-    even = np.unique(_even_places(tables), return_index=True)[1]
+    _, first = np.unique(tables.places, return_index=True)
+    rows, columns = np.unravel_index(first[1:], tables.places.shape)  # The first is -1.
+    numbers = np.zeros(tables.places.shape, dtype=object)
     # Half of each goes to either side of the diagonal: one binary place more.
-    halves = coefficients.numbers
-    rows, columns = np.unravel_index(odd, (n, size - n))
-    numbers[rows, n + columns] += halves[:count]
-    numbers[n + columns, rows] += halves[:count]
-    rows, columns = np.unravel_index(even, (size - n, size - n))
-    numbers[n + rows, n + columns] += halves[count:]
-    numbers[n + columns, n + rows] += halves[count:]
+    numbers[rows, columns] += coefficients.numbers
+    numbers[columns, rows] += coefficients.numbers
     gram = Exact(numbers, coefficients.exponent - 1)
     if block is None:
         return gram
-    corner = np.zeros((size, size), dtype=object)
-    corner[:n, :n] = block.numbers
+    corner = np.zeros(numbers.shape, dtype=object)
+    corner[: tables.n, : tables.n] = block.numbers
     return gram + Exact(corner, block.exponent)
-
-
-@functools.lru_cache(maxsize=8)
-def _even_places(tables):
-    """Returns which monomial of degree 4 each product of two z_i z_j is."""
-    place = {e: k for k, e in enumerate(tables.quartic)}
-    pairs = tables.basis[tables.n :]
-    return np.array([place[tuple(a + b)] for a in pairs for b in pairs])
-
-
-@functools.lru_cache(maxsize=8)
-def _odd_places(tables):
-    """Returns which monomial of degree 3 each product of z_k and z_i z_j is."""
-    place = {e: k for k, e in enumerate(tables.cubic)}
-    ones, pairs = tables.basis[: tables.n], tables.basis[tables.n :]
-    return np.array([place[tuple(a + b)] for a in ones for b in pairs])

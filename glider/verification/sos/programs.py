@@ -45,10 +45,7 @@ def first_success(program: Callable, *arguments: Any, fault: str) -> tuple:
     Args:
         program: `least_growth` or `largest_margin`, run in another process.
         arguments: all of its arguments but the solver.
-        fault: message of the error.
-
-    Raises:
-        SolverError: no solver succeeds.
+        fault: message of the SolverError where no solver succeeds.
     """
     for solver in SOLVERS:
         success, *found = solve_apart(program, *arguments, solver)
@@ -94,13 +91,7 @@ def least_growth(
 ) -> tuple[bool, np.ndarray]:
     """Minimizes tr(W N) so that zᵀ N z - c₃ - c₄ is a sum of squares on the sphere.
 
-    Args:
-        cubic: (C₃,) of c₃.
-        quartic: (C₄,) of c₄.
-        weight: (n, n) W, positive definite.
-
-    Returns:
-        whether the solver succeeded, and N (n, n).
+    Returns whether the solver succeeded, and N (n, n); W is positive definite.
     """
     n = len(weight)
     low = np.tril_indices(n)
@@ -117,13 +108,9 @@ def least_growth(
 def largest_margin(
     coefficients: np.ndarray, n: int, solver: str = "clarabel"
 ) -> tuple[bool, float, np.ndarray]:
-    """Maximizes γ so that p - γ is a sum of squares on the sphere.
+    """Maximizes γ so that p - γ is a sum of squares on the sphere, p by (C,).
 
-    Args:
-        coefficients: (C,) of p, odd then even, as `Sphere.coefficients` gives them.
-
-    Returns:
-        whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
+    Returns whether the solver succeeded, γ, and the Gram matrix of p - γ, (E,).
     """
     rows = sphere(n).constant[None, :]
     success, found, gram = solve_moments(-coefficients, rows, np.ones(1), n, solver)
@@ -139,9 +126,6 @@ _ONE_THREAD = {
 
 def solve_apart(function: Callable, *arguments: Any) -> Any:
     """Returns function(*arguments), computed in another process.
-
-    Args:
-        function: importable by name, or one that cloudpickle takes.
 
     Raises:
         SolverError: the process died.

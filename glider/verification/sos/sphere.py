@@ -12,6 +12,7 @@ a margin finds the next one in a few steps of 1 ms, without a solver.
 """
 
 import functools
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -30,8 +31,9 @@ class Sphere:
         size: s, rows of a Gram matrix, n + n (n + 1) / 2.
         rows, columns: of the entries of a Gram matrix's lower triangle, column by
             column as Drake stacks them, (E,).
-        even: (C₄, E) coefficients of degree 4 from those entries.
-        odd: (C₃, E) coefficients of degree 3.
+        places: (s, s) which of the C coefficients, odd then even, each product of two
+            entries of b has; -1 in the block of z.
+        map: (C, E) from Gram matrices' entries to coefficients.
         lift: (C₄, n, n) coefficients of (zᵀ N z) |z|² from N.
     """
 
@@ -40,7 +42,7 @@ class Sphere:
         self.n = n
         self.cubic = [tuple(e) for e in exponents_of(n, 3)]
         self.quartic = [tuple(e) for e in exponents_of(n, 4)]
-        self._place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
+        place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
         unit = np.eye(n, dtype=int)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         self.basis = np.array([*unit, *(unit[i] + unit[j] for i, j in pairs)])
@@ -48,32 +50,21 @@ class Sphere:
             [1.0] * n + [1.0 if i == j else np.sqrt(2.0) for i, j in pairs]
         )
         self.size = len(self.basis)
-        self.columns, self.rows = np.triu_indices(self.size)
+        products = self.basis[:, None] + self.basis
+        self.places = np.array([[place.get(tuple(e), -1) for e in r] for r in products])
         self.lift = np.zeros((len(self.quartic), n, n))
-        for i in range(n):
-            for j in range(n):
-                for k in range(n):
-                    self.lift[self._index(unit[i] + unit[j] + 2 * unit[k]), i, j] += 1.0
-        self.even = np.zeros((len(self.quartic), len(self.rows)))
-        self.odd = np.zeros((len(self.cubic), len(self.rows)))
-        for entry, (r, c) in enumerate(zip(self.rows, self.columns, strict=True)):
-            weight = self.scales[r] * self.scales[c] * (1.0 if r == c else 2.0)
-            exponents = self.basis[r] + self.basis[c]
-            if r < n:
-                self.even[:, entry] = weight * self.lift[:, r, c]
-            elif c < n:
-                self.odd[self._index(exponents), entry] = weight
-            else:
-                self.even[self._index(exponents), entry] = weight
-
-    def _index(self, exponents: np.ndarray) -> int:
-        index = self._place[tuple(int(e) for e in exponents)]
-        return index if index < len(self.cubic) else index - len(self.cubic)
-
-    @functools.cached_property
-    def map(self) -> np.ndarray:
-        """Matrix (C, E) from Gram matrices' entries to coefficients, odd then even."""
-        return np.vstack([self.odd, self.even])
+        for i, j, k in itertools.product(range(n), repeat=3):
+            even = place[tuple(unit[i] + unit[j] + 2 * unit[k])] - len(self.cubic)
+            self.lift[even, i, j] += 1.0
+        self.columns, self.rows = columns, rows = np.triu_indices(self.size)
+        weight = self.scales[rows] * self.scales[columns]
+        weight *= np.where(rows == columns, 1.0, 2.0)
+        self.map = np.zeros((len(place), len(rows)))
+        own = rows < n
+        entries = np.flatnonzero(~own)
+        self.map[self.places[rows, columns][entries], entries] = weight[entries]
+        lifted = weight[own] * self.lift[:, rows[own], columns[own]]
+        self.map[len(self.cubic) :, own] = lifted
 
     @functools.cached_property
     def constant(self) -> np.ndarray:
@@ -125,27 +116,9 @@ class Sphere:
     def coefficients(
         self, quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray
     ) -> np.ndarray:
-        """Returns coefficients (..., C), odd then even, of zᵀ N z + cubic + quartic.
-
-        Args:
-            quadratic: (..., n, n) N.
-            cubic: (..., C₃).
-            quartic: (..., C₄).
-        """
+        """Returns coefficients (..., C), odd then even, of zᵀ N z + cubic + quartic."""
         even = quartic + np.einsum("cij,...ij->...c", self.lift, quadratic)
         return np.concatenate([cubic, even], axis=-1)
-
-    def values(self, coefficients: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Returns the polynomials' values (...) at points z (..., n) of the sphere."""
-        return np.einsum("...c,...c->...", coefficients, self._powers(z))
-
-    def _powers(self, z):
-        exponents = np.array(self.cubic + self.quartic)
-        powers = np.ones((*z.shape[:-1], len(exponents)))
-        for i in range(self.n):
-            table = z[..., i, None] ** np.arange(5)
-            powers *= table[..., exponents[:, i]]
-        return powers
 
 
 def normalized(points: np.ndarray) -> np.ndarray:
@@ -173,12 +146,9 @@ def represent(
 def represent_rest(
     tables: Sphere, entries: np.ndarray, block: np.ndarray, coefficients: np.ndarray
 ) -> np.ndarray:
-    """Returns the closest Gram matrix (E,) whose block of z is known.
+    """Returns the closest Gram matrix (E,) whose block of z is known, (n, n).
 
-    Args:
-        entries: (E,) of a Gram matrix.
-        block: (n, n) Q₁₁, of which nothing is lifted.
-        coefficients: (C,) of what the other blocks represent.
+    Coefficients (C,) are of what the other blocks represent.
     """
     entries = entries.copy()
     own = tables.rows < tables.n
@@ -200,15 +170,12 @@ def nearby_gram(
     aim: float | None = None,
     rounds: int = ROUNDS,
 ) -> np.ndarray | None:
-    """Returns a Gram matrix (E,) of a polynomial, starting from another's.
+    """Returns a Gram matrix (E,) of a polynomial near another's; None if none is found.
 
     Args:
         entries: (E,) to start from.
         project: from entries (E,) to the closest that represent the polynomial.
         aim: least eigenvalue that the search aims at; twice the margin if None.
-
-    Returns:
-        None where there is none or none was found.
     """
     aim = 2.0 * margin if aim is None else aim
     state = entries

@@ -49,11 +49,9 @@ def fly_from(
     model: GliderModel | None = None,
     deviation: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Flies states from one of the funnel's times to its end.
+    """Flies states (B, n) from one of the funnel's times to its end.
 
     Args:
-        funnel: the funnel, whose feedback flies.
-        states: (B, n).
         model: the glider that flies; the funnel's own if None.
         deviation: δ (m,) of that glider in the funnel's set; V is then about its own
             center. None: about the nominal.
@@ -82,9 +80,7 @@ def boundary_states(
 ) -> np.ndarray:
     """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
 
-    Args:
-        directions: (B, n).
-        deviation: δ (m,) as for `fly_from`.
+    Those of a glider of the funnel's set are about its own center.
     """
     states = funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
     if deviation is not None and funnel.gliders:
