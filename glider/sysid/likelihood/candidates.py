@@ -58,12 +58,10 @@ class Candidates:
         for j, slot in enumerate(self.slots):
             if j not in always and not self.task.is_shape(slot):
                 share[j] = -prior.mean[j]
-        prior = model_fit.Prior(
-            mean=prior.mean + share,
-            precision=prior.precision,
-            lower=prior.lower + share,
-            upper=prior.upper + share,
-        )
+        mean = prior.mean.copy()
+        mean[: len(self.slots)] = 0.0  # Unknown parameters count from where they are.
+        lower, upper = prior.lower + share, prior.upper + share
+        prior = dataclasses.replace(prior, mean=mean, lower=lower, upper=upper)
         return counted_from(grams, share), prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
@@ -90,18 +88,17 @@ def gather(task: Task, model: model_fit.FitResult) -> Candidates:
     variants: dict[str, list[Variant]] = {}
     for kind in model.kinds:
         acting = enumerate(directions)
-        columns = [j for j, d in acting if d.kind == kind and d.slot not in own]
-        variants[kind] = [tuple(columns)]
+        mine = [j for j, d in acting if d.kind == kind and d.slot not in own]
+        variants[kind] = [tuple(mine)]
     for kind in task.kinds:
         if kind in model.kinds:
             continue
         allowed = set(task.free((kind,))) - own
         variants[kind] = []
         for columns in starts_of(layout, layout.kinds[kind], model.theta):
-            mine = [d for d in columns if d.slot in allowed]
             first = len(directions)
-            variants[kind].append(tuple(range(first, first + len(mine))))
-            directions += mine
+            directions += [d for d in columns if d.slot in allowed]
+            variants[kind].append(tuple(range(first, len(directions))))
     flights, wild = tamed(
         task, directions, model_fit.linear_flights(task, model, directions)
     )

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -106,7 +107,7 @@ class LinearFlight:
 
     def _with_columns(self, name: str, columns: np.ndarray) -> "LinearFlight":
         """Returns the flight with more columns of one array, zero in the others."""
-        wider = {}
+        wider: dict[str, Any] = {}
         for other in ("inputs", "outputs", "start"):
             old = getattr(self, other)
             more = np.zeros((*old.shape[:-1], columns.shape[-1]))
