@@ -1,7 +1,7 @@
 """Flights in and out: folders of logs, read, checked and written; motion capture.
 
-logs: `Campaign` and `Flight` in memory. reader, settings, flight_table, flight_reader:
-a folder, its campaign.yaml, the columns of a flight, the flight. writer: the way back.
-samples: campaigns that ship. importing: logs of other software. checks: are the logs
-right? motion_capture: logs of simulated flights.
+logs: `Campaign` and `Flight` in memory. reader, settings, flight_table: a folder, its
+campaign.yaml, the columns of its flights. writer: the way back. samples: campaigns
+that ship. importing: logs of other software. checks: are the logs right?
+motion_capture: logs of simulated flights.
 """

@@ -9,8 +9,7 @@ stays unknown.
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.campaign.flight_reader import with_flights
-from glider.campaign.flight_table import Table, read_table
+from glider.campaign.flight_table import read_table, with_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import campaign_folder
 from glider.campaign.settings import read_settings
@@ -48,22 +47,16 @@ def load_campaign(
     campaign, mapping = read_settings(file)
     files = [path / name for name in _choose(path, flights, grades)]
     if mapping is None:
-        return _with_tables(campaign, [read_table(file) for file in files])
+        return with_flights(campaign, [read_table(file) for file in files])
 
     # SciPy's rotations are slow to import: only where there is a mapping.
-    from glider.campaign.importing.extraction import map_flight
+    from glider.campaign.importing.campaign_import import map_flight
     from glider.campaign.importing.sign_checks import check_signs
 
     tables = [map_flight(file, mapping, campaign) for file in files]
-    campaign = _with_tables(campaign, tables)
+    campaign = with_flights(campaign, tables)
     check_signs(campaign)
     return campaign
-
-
-def _with_tables(campaign: Campaign, tables: list[Table]) -> Campaign:
-    for table in tables[1:]:
-        _check_same_columns(tables[0], table)
-    return with_flights(campaign, tables)
 
 
 def _choose(
@@ -99,12 +92,3 @@ def _choose(
 
 def _with_suffix(names: Sequence[str]) -> set[str]:
     return {name.removesuffix(".csv") + ".csv" for name in names}
-
-
-def _check_same_columns(first: Table, other: Table) -> None:
-    for name in sorted(first.columns.keys() ^ other.columns.keys()):
-        has, lacks = (first, other) if name in first.columns else (other, first)
-        raise InputError(
-            f"{lacks.path}: column '{name}' is missing, which {has.path.name} has; "
-            "expected the same columns in all flights of a campaign."
-        )

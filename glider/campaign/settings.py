@@ -10,8 +10,6 @@ from glider.errors import expect
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
 
-_ELEVATORS = ("servo", "fixed", "fixed_per_flight")
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Vehicle:
@@ -33,7 +31,7 @@ class Vehicle:
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
         known = given(self)
-        is_known = known.pop("elevator") in _ELEVATORS
+        is_known = known.pop("elevator") in ("servo", "fixed", "fixed_per_flight")
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)

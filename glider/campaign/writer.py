@@ -1,6 +1,5 @@
 """Writes campaign folders that `glider.campaign.reader` reads."""
 
-import dataclasses
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,27 +43,19 @@ def save_campaign(
     replace_files(path, files, last="campaign.yaml")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Settings:
+def _settings_of(campaign: Campaign) -> dict[str, object]:
     """Fields of campaign.yaml, the unknown ones omitted."""
-
-    vehicle: dict[str, object]
-    pose_rate: float
-    command_rate: float | None
-
-
-def _settings_of(campaign: Campaign) -> _Settings:
     limits, servo = campaign.elevator_limits, campaign.elevator == "servo"
     vehicle = campaign.vehicle | {
         "elevator_limits": None if limits is None else list(limits),
         "elevator_rate_limit": campaign.elevator_rate_limit,
         "elevator": None if servo else campaign.elevator,
     }
-    return _Settings(
-        vehicle={name: value for name, value in vehicle.items() if value is not None},
-        pose_rate=campaign.pose_rate,
-        command_rate=campaign.command_rate,
-    )
+    return {
+        "vehicle": {n: value for n, value in vehicle.items() if value is not None},
+        "pose_rate": campaign.pose_rate,
+        "command_rate": campaign.command_rate,
+    }
 
 
 def save_flight(path: Path | str, flight: Flight) -> None:

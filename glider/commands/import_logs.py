@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
         guess = guess_mapping(args.files)
         figure = args.map.with_suffix(".png")
-        campaign = guess.imported.campaign
+        campaign = guess.campaign
         replace_file(figure, lambda path: save_import_figure(campaign, path))
         write_text(args.map, guess.text)
         print(guess.text, end="")

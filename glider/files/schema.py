@@ -130,8 +130,8 @@ def json_text(value: object, indent: int = 2) -> str:
 
 
 def yaml_text(value: Any) -> str:
-    """Returns a dataclass as YAML text, without the top fields that are None."""
-    fields = dataclasses.asdict(value)
+    """A dataclass or a dict as YAML text, without the top fields that are None."""
+    fields = value if isinstance(value, dict) else dataclasses.asdict(value)
     return yaml.dump(
         {name: field for name, field in fields.items() if field is not None},
         Dumper=_Dumper,

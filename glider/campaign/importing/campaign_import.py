@@ -1,21 +1,23 @@
-"""`import_campaign`: logs of other software in, a campaign folder out."""
+"""`import_campaign`: logs of other software in, a campaign folder out, step by step."""
 
 import dataclasses
 import fnmatch
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.importing.extraction import (
-    CutRecording,
-    campaign_of_cuts,
-    cut_recordings,
-)
+from glider.campaign.flight_table import Table, with_flights
+from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
+from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Recording
+from glider.campaign.importing.selection import select
+from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
+from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
@@ -27,6 +29,31 @@ _ROLLS = 0.1
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 RECORD = "import.txt"
 """File in the campaign's folder that reports what was done."""
+
+
+class CutFlight(NamedTuple):
+    """A flight of a recording, in SI and the axes of this project."""
+
+    table: Table  # Its times are on the clock of the recording.
+    why: str  # It begins and ends there.
+
+    @property
+    def begin(self) -> float:
+        """Time of its first row [s]."""
+        return float(self.table.columns["time"][0])
+
+    @property
+    def end(self) -> float:
+        """Time of its last row [s]."""
+        return float(self.table.columns["time"][-1])
+
+
+class CutRecording(NamedTuple):
+    """The flights of a recording, and notes on what was done to it."""
+
+    path: Path
+    flights: tuple[CutFlight, ...]
+    notes: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -43,10 +70,11 @@ class ImportResult:
         flights = iter(self.campaign.flights)
         for recording in self.recordings:
             lines.append(f"{recording.path}: {_count(recording.flights, 'flight')}")
-            for cut in recording.flights:
+            for cut_flight in recording.flights:
                 flight = next(flights)
-                rows, span = len(flight.time), f"{cut.begin:.3f}-{cut.end:.3f} s"
-                lines += [f"  {flight.name}  {span}, {rows} rows", f"    {cut.why}"]
+                span = f"{cut_flight.begin:.3f}-{cut_flight.end:.3f} s"
+                lines.append(f"  {flight.name}  {span}, {len(flight.time)} rows")
+                lines.append(f"    {cut_flight.why}")
             lines += [f"  {note}" for note in recording.notes]
         lines += [f"warning: {words}" for words in self.undecided]
         return "\n".join(map(printable, lines))
@@ -69,7 +97,6 @@ def import_campaign(
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
     imported = read_flights(files, mapping)
-    out = Path(out)
     save_campaign(out, imported.campaign, {RECORD: imported.describe() + "\n"})
     return imported
 
@@ -97,6 +124,116 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
+def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
+    """Converts a file that is one flight to a table in SI; nothing is cut."""
+    track = make_track(select(read_recording(file), mapping), mapping)
+    [recording] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
+    return recording.flights[0].table
+
+
+def cut_recordings(
+    recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
+) -> tuple[CutRecording, ...]:
+    """Finds the flights in recordings."""
+    tracks = [make_track(select(r, mapping), mapping) for r in recordings]
+    found = [cut(track, settings.gravity) for track in tracks]
+    return _extract(tracks, found, mapping, settings)
+
+
+def campaign_of_cuts(
+    settings: Campaign, recordings: Sequence[CutRecording]
+) -> Campaign:
+    """A campaign of the flights of recordings, numbered in their order."""
+    tables: list[Table] = []
+    for flight in (f for recording in recordings for f in recording.flights):
+        columns = dict(flight.table.columns)
+        columns["time"] = columns["time"] - flight.begin
+        name = f"flight_{len(tables):03d}.csv"
+        tables.append(Table(path=flight.table.path, name=name, columns=columns))
+    return with_flights(settings, tables)
+
+
+def _extract(
+    tracks: list[Track],
+    found: list[tuple[list[Cut], list[str]]],
+    mapping: Mapping,
+    settings: Campaign,
+) -> tuple[CutRecording, ...]:
+    """Makes tables of the flights that were cut out of recordings."""
+    clocked = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
+    recordings = []
+    for (track, of_clock), (cuts, of_cuts) in zip(clocked, found, strict=True):
+        flights, notes = [], of_cuts + of_clock
+        for piece in cuts:
+            flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
+            columns, of_servo = _columns(flight, settings, mapping.source)
+            notes += [note for note in of_servo if note not in notes]
+            table = Table(path=track.path, columns=columns)
+            flights.append(CutFlight(table, piece.why))
+        recordings.append(CutRecording(track.path, tuple(flights), tuple(notes)))
+    return tuple(recordings)
+
+
+def _on_one_clock(
+    tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
+) -> list[tuple[Track, list[str]]]:
+    """Recordings with all logs on their poses' clocks, each with notes on it."""
+    clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
+    result: list[tuple[Track, list[str]]] = [(track, []) for track in tracks]
+    if clock == "same":
+        return result
+    if clock != "find":
+        notes = [f"clock: shifted by {clock:g} s, as specified"]
+        return [(shift(track, float(clock)), notes) for track in tracks]
+    flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
+    if not flying:
+        return result
+    offsets = find_offsets([(tracks[i], [c.track for c in flights[i]]) for i in flying])
+    for i, offset in zip(flying, offsets, strict=True):
+        error = "" if offset.std is None else f" ± {offset.std:.3f}"
+        note = (
+            f"clock: the elevator's is {offset.seconds:+.3f}{error} s ahead of that of "
+            f"the poses (correlation {offset.correlation:.2f}); it was shifted back"
+        )
+        if tracks[i].servo.elevator is None or not _has_two_clocks(tracks[i]):
+            note += ", and a delay of the servo, if any, with it"
+        result[i] = (shift(tracks[i], offset.seconds), [note])
+    return result
+
+
+def _has_two_clocks(track: Track) -> bool:
+    return any(log.clock != track.clock for log in track.servo.given)
+
+
+def _has_servo(track: Track) -> bool:
+    """Whether the elevator, or a command, can be compared with another log."""
+    if is_measured(track):
+        return len(track.servo.given) > 1
+    return bool(track.servo.elevator or track.servo.angle_command)
+
+
+def _columns(
+    flight: Track, settings: Campaign, source: str
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of a campaign's file, and notes on what was made of servo logs."""
+    pitch, sideways = angles_of(flight)
+    x, y, z = flight.position.T
+    columns = {"time": flight.time, "x": x, "z": z, "pitch": _centered(pitch)}
+    servo = make_servo(flight, settings, source)
+    if servo is not None:
+        columns |= {"elevator": servo.elevator, "elevator_rate_command": servo.command}
+    if sideways is not None:
+        roll, yaw = map(_centered, sideways.T)
+        columns |= {"y": y, "roll": roll, "yaw": yaw}
+    return columns, [f"servo: {servo.note}"] if servo and servo.note else []
+
+
+def _centered(angle: np.ndarray) -> np.ndarray:
+    """An unwrapped angle (n,) without whole turns in its mean [rad]."""
+    turn = 2.0 * np.pi
+    return angle - turn * np.round(np.mean(angle) / turn)
+
+
 def _check_rotation(
     recordings: Sequence[Recording], claim: Mapping, campaign: Campaign
 ) -> None:
@@ -109,14 +246,13 @@ def _check_rotation(
     roll = _sideways(campaign)
     for other in _ORDERS:
         frame = dataclasses.replace(claim.frame, rotation=other)
+        rival = dataclasses.replace(claim, frame=frame)
         try:
-            rival = dataclasses.replace(claim, frame=frame)
-            turned = campaign_of_cuts(
-                campaign, cut_recordings(recordings, rival, campaign)
-            )
-            misfit = misfit_of(turned)
+            cuts = cut_recordings(recordings, rival, campaign)
+            turned = campaign_of_cuts(campaign, cuts)
         except InputError:
             continue
+        misfit = misfit_of(turned)
         if misfit is None:
             continue
         straighter = 2.0 * _sideways(turned) + _ROLLS < roll and misfit < own
@@ -193,9 +329,5 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
         for pattern, part in parts.items()
         for group in part.groups
     )
-    rotations = [part.rotation for part in parts.values() if part.rotation]
-    return Recording(
-        path=files[patterns[0]],
-        groups=groups,
-        rotation=rotations[0] if rotations else None,
-    )
+    rotation = next((p.rotation for p in parts.values() if p.rotation), None)
+    return Recording(path=files[patterns[0]], groups=groups, rotation=rotation)

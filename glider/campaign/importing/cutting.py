@@ -6,7 +6,7 @@ stands still or is frozen; each part that moves is searched for the last push of
 and for the first jump of the velocity.
 """
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,7 @@ _MAX_GAP = 0.1  # Time without the body that splits a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
-_PUSH = (
-    6.0  # Force along the path that only a hand exerts, as in checks.standing [m/s²].
-)
+_PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 AFTER_RELEASE = 0.05
 """Time after the hand lets go that is cut as well: fingers touch the tail [s]."""
@@ -32,8 +30,7 @@ _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Cut:
+class Cut(NamedTuple):
     """One flight of a recording."""
 
     track: Track
@@ -128,7 +125,7 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     inside = (motion.time >= begin) & (motion.time <= end)
     if not inside.any() or np.median(push[inside]) > _FREE:
         return "something pushes it throughout"
-    return Cut(track=flight, why=f"{start}; {stop}")
+    return Cut(flight, f"{start}; {stop}")
 
 
 def _push(motion: Motion, gravity: float) -> np.ndarray:

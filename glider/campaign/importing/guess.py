@@ -6,7 +6,6 @@ air agree best with the attitude. Each line of the proposal has its reason; a si
 the flights do not show is left to the user, with a question mark.
 """
 
-import dataclasses
 import itertools
 import json
 import re
@@ -19,13 +18,8 @@ import numpy as np
 from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.forces import usable_motion
 from glider.campaign.checks.masks import no_masks
-from glider.campaign.importing.campaign_import import ImportResult
+from glider.campaign.importing.campaign_import import campaign_of_cuts, cut_recordings
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.extraction import (
-    CutRecording,
-    campaign_of_cuts,
-    cut_recordings,
-)
 from glider.campaign.importing.mapping import QUANTITIES, Mapping
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
@@ -77,6 +71,7 @@ _RANGES = (
 """Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
 _AXES = [sign + axis for axis in "xyz" for sign in ("", "-")]
 _PITCH = ("nose_down", "nose_up")
+_RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_TRIED = 4  # Files that frames are tried on.
 _MAX_FILES = 12  # Files that are read.
 
@@ -84,12 +79,11 @@ Fields = dict[str, str]
 """Fields of one part of a mapping: columns, units or frame."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Guess:
+class Guess(NamedTuple):
     """A proposed mapping."""
 
     text: str  # Of the MAP file, with reasons.
-    imported: ImportResult  # What it makes of the logs.
+    campaign: Campaign  # What it makes of the logs.
 
 
 class _Logs(NamedTuple):
@@ -107,14 +101,12 @@ class _Logs(NamedTuple):
         return claim
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Trial:
+class _Trial(NamedTuple):
     """A frame that was tried."""
 
     frame: Fields
     misfit: float  # Of the forces, gravity given [m/s²].
     campaign: Campaign
-    recordings: tuple[CutRecording, ...]
 
     @property
     def rows(self) -> int:
@@ -150,17 +142,15 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
-    lines.append(
-        "  elevator_rate_limit: 13.0  # ? rad/s: that of your servo"
-        if servo
-        else "  elevator: fixed  # no column of an elevator was found"
-    )
+    if not servo:
+        lines.append("  elevator: fixed  # no column of an elevator was found")
+    elif "elevator" in columns:
+        lines.append("  elevator: servo  # add its elevator_rate_limit if you know it")
+    else:
+        lines.append("  elevator: servo  # ? add its elevator_rate_limit in rad/s")
     best = _try_frame(_Logs(logs, columns, units), frame) or best
-    imported = ImportResult(
-        campaign=best.campaign, recordings=best.recordings, undecided=()
-    )
     text = "".join(f"{printable(line)}\n" for line in lines)
-    return Guess(text=text, imported=imported)
+    return Guess(text, best.campaign)
 
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
@@ -347,8 +337,8 @@ def _nearest_axis(direction: np.ndarray, other: str) -> str:
 def _try_frame(logs: _Logs, frame: Fields) -> _Trial | None:
     """What a frame makes of the logs; None where it makes no flights."""
     servo = any(name.startswith("elevator") for name in logs.columns)
-    vehicle = Vehicle(elevator_rate_limit=13.0) if servo else Vehicle(elevator="fixed")
-    settings = Settings(vehicle=vehicle).campaign(Path("guess"))
+    fixed, moving = Vehicle(elevator="fixed"), Vehicle(elevator_rate_limit=_RATE_LIMIT)
+    settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
     try:
         recordings = cut_recordings(logs.recordings, logs.claim(frame), settings)
         if not any(recording.flights for recording in recordings):
@@ -357,6 +347,4 @@ def _try_frame(logs: _Logs, frame: Fields) -> _Trial | None:
         misfit = misfit_of(campaign)
     except InputError:
         return None
-    if misfit is None:
-        return None
-    return _Trial(frame=frame, misfit=misfit, campaign=campaign, recordings=recordings)
+    return None if misfit is None else _Trial(frame, misfit, campaign)

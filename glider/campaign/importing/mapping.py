@@ -6,20 +6,21 @@ Its fields stand in a MAP file, or in campaign.yaml, beside those of the vehicle
 
 import dataclasses
 import math
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from glider.campaign.importing.units import Unit, scale_of
 from glider.errors import InputError, expect, show
 
 QUANTITIES = {
     "time": "time",
+    "position": "length",
+    "attitude": "angle",
     "x": "length",
     "y": "length",
     "z": "length",
-    "position": "length",
     "roll": "angle",
     "pitch": "angle",
     "yaw": "angle",
-    "attitude": "angle",
     "elevator": "angle",
     "elevator_rate_command": "rate",
     "elevator_angle_command": "angle",
@@ -66,48 +67,38 @@ class Markers:
             )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Columns of a log by quantity; vectors by their common name or by all names."""
-
-    time: str | list[str] | None = None
-    position: str | list[str] | None = None
-    attitude: str | list[str] | Markers | None = None
-    x: str | None = None
-    y: str | None = None
-    z: str | None = None
-    roll: str | None = None
-    pitch: str | None = None
-    yaw: str | None = None
-    elevator: str | None = None
-    elevator_rate_command: str | None = None
-    elevator_angle_command: str | None = None
+Names = str | list[str]
+"""Columns of a vector: their common name, or all names."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Units:
-    """Units of quantities, or of all of a kind."""
+def _check_units(units: object) -> None:
+    """Raises InputError where a unit is none of the quantity's kind."""
+    for name, unit in given(units).items():
+        scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
 
-    time: Unit | None = None
-    length: Unit | None = None
-    angle: Unit | None = None
-    rate: Unit | None = None
-    position: Unit | None = None
-    attitude: Unit | None = None
-    x: Unit | None = None
-    y: Unit | None = None
-    z: Unit | None = None
-    roll: Unit | None = None
-    pitch: Unit | None = None
-    yaw: Unit | None = None
-    elevator: Unit | None = None
-    elevator_rate_command: Unit | None = None
-    elevator_angle_command: Unit | None = None
 
-    def __post_init__(self):
-        """Raises InputError where a unit is none of the quantity's kind."""
-        for name, unit in given(self).items():
-            scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
+def _schema(name: str, fields: dict[str, Any], **methods: Any) -> type:
+    """Schema of fields that may be missing, by name and type."""
+    optional = [(field, kind | None, None) for field, kind in fields.items()]
+    return dataclasses.make_dataclass(
+        name, optional, namespace=methods, frozen=True, kw_only=True
+    )
+
+
+if TYPE_CHECKING:
+    Columns: TypeAlias = Any
+    Units: TypeAlias = Any
+else:
+    Columns = _schema(
+        "Columns",
+        dict.fromkeys(QUANTITIES, str)
+        | {"time": Names, "position": Names, "attitude": Names | Markers},
+    )
+    Units = _schema(
+        "Units",
+        dict.fromkeys(("time", "length", "angle", "rate", *QUANTITIES), Unit),
+        __post_init__=_check_units,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -179,7 +170,7 @@ class Mapping:
     """How a log becomes flights."""
 
     source: str  # The file that says so.
-    columns: dict[str, str | list[str] | Markers]  # By quantity.
+    columns: dict[str, Names | Markers]  # By quantity.
     units: dict[str, Unit]  # By quantity or kind.
     frame: Frame
     clock: str | float | None  # "same", "find", an offset [s]; None: by the files.

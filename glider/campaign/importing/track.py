@@ -89,10 +89,12 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
 
 
 def turn_along(track: Track) -> Track:
-    """Turns a flight so that x is along its way over the ground; y = 0 at first.
+    """Turns a flight along the throw: x along its way over the ground, y = 0 at first.
 
-    The way is the line that fits the horizontal positions best.
+    The way is the line that fits the horizontal positions best. Other flights stay.
     """
+    if not track.along_throw:
+        return track
     ground = track.position[:, :2]
     _, _, axes = np.linalg.svd(ground - np.mean(ground, axis=0), full_matrices=False)
     along = axes[0] * np.sign(axes[0] @ (ground[-1] - ground[0]) or 1.0)

@@ -145,7 +145,13 @@ def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
     if name == "motive":  # Files to join are not guessed.
         files = [file for file in files if "poses" in file.name]
     path = tmp_path / "MAP.yaml"
-    path.write_text(guess_mapping(files).text)
+    text = guess_mapping(files).text
+    path.write_text(text)
+    assert "elevator_rate_limit" not in yaml.safe_load(text)["vehicle"]  # Nobody said.
+    if name == "ulog":  # Only commanded angles: the servo's limit must be given.
+        with pytest.raises(InputError, match="elevator_rate_limit is missing"):
+            read_flights(files, path)
+        path.write_text(text + "  elevator_rate_limit: 13.0\n")
     imported = read_flights(files, path).campaign
     for flight, true in zip(imported.flights, campaign.flights, strict=True):
         assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-5
