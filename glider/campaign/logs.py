@@ -17,11 +17,8 @@ from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
-
 _NOT_IN_NAMES = frozenset("<>&\"'`")
-
-MAX_ANGLE = 2 * math.pi
-"""Largest angle in a log [rad]; more are degrees."""
+MAX_ANGLE = 2 * math.pi  # Largest angle in a log [rad]; more are degrees.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,15 +68,7 @@ def campaign_of(
     pose_rate: float,
     command_rate: float,
 ) -> Campaign:
-    """A campaign of flights of a glider with a servo, all its parameters known.
-
-    Args:
-        name: of the campaign.
-        parameters: of the glider; its effects stay undeclared.
-        flights: in the order of their names.
-        pose_rate: of the logs [Hz].
-        command_rate: of the commands [Hz].
-    """
+    """A campaign of a glider with a servo, all its parameters known; rates in Hz."""
     limits = parameters.elevator_limits
     return Campaign(
         name=name,
@@ -97,16 +86,13 @@ def campaign_of(
 def split_flights(
     campaign: Campaign, held_out_fraction: float, seed: int
 ) -> tuple[tuple[Flight, ...], tuple[Flight, ...]]:
-    """Splits by whole flights; the same seed gives the same split.
+    """Flights to fit and flights held out, each sorted by name.
 
     Args:
         campaign: of at least 3 flights.
         held_out_fraction: in (0, 1); rounded to at least 1 flight held out and
             at least 2 to fit.
-        seed: of the random choice.
-
-    Returns:
-        The flights to fit and the flights held out, each sorted by name.
+        seed: of the random choice: the same gives the same split.
     """
     count = len(campaign.flights)
     if count < 3:
@@ -121,9 +107,7 @@ def split_flights(
         )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
-    held_out, fit = order[:num_held_out], order[num_held_out:]
     flights = sorted(campaign.flights, key=lambda flight: flight.name)
-    return (
-        tuple(flights[i] for i in sorted(fit)),
-        tuple(flights[i] for i in sorted(held_out)),
-    )
+    parts = (sorted(order[num_held_out:]), sorted(order[:num_held_out]))
+    fit, held_out = (tuple(flights[i] for i in rows) for rows in parts)
+    return fit, held_out

@@ -21,28 +21,26 @@ class MotionCapture:
     """Cameras that see the pose, and a sensor of the elevator's angle.
 
     The defaults are those of the practice campaigns.
+
+    Attributes:
+        rate: of the samples [Hz].
+        position: standard deviation of a measured x and z [m].
+        pitch: standard deviation of a measured pitch [rad].
+        elevator: standard deviation of a measured elevator angle [rad].
     """
 
     rate: float = 120.0
-    """Frequency of the samples [Hz]."""
-
     position: float = 0.0004
-    """Standard deviation of a measured x and z [m]."""
-
     pitch: float = 0.0025
-    """Standard deviation of a measured pitch [rad]."""
-
     elevator: float = 0.005
-    """Standard deviation of a measured elevator angle [rad]."""
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""
-        for name, value in dataclasses.asdict(self).items():
+        for name, value in vars(self).items():
             least = "positive" if name == "rate" else "not negative"
             fits = value > 0.0 if name == "rate" else value >= 0.0
-            expected = f"a finite number, {least}"
-            field = f"MotionCapture: '{name}'"
-            expect(math.isfinite(value) and fits, field, value, expected)
+            what, expected = f"MotionCapture: '{name}'", f"a finite number, {least}"
+            expect(fits and math.isfinite(value), what, value, expected)
 
     @property
     def std(self) -> np.ndarray:

@@ -24,9 +24,8 @@ def load_campaign(
 ) -> Campaign:
     """Loads a campaign; only the chosen flights are read and checked.
 
-    Pitch is unwrapped where it jumps by more than π between two rows. Files in other
-    units, axes and columns are converted to SI as campaign.yaml specifies, and their
-    signs are checked.
+    Angles are unwrapped. Files in other units, axes and columns are converted to SI as
+    campaign.yaml specifies, and their signs are checked.
 
     Args:
         path: the folder, or its .zip, or the name of a sample.

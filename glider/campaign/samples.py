@@ -3,13 +3,13 @@
 A packed campaign is unpacked into the user's cache folder, once for each content.
 """
 
-import dataclasses
 import hashlib
 import os
 import shutil
 import zipfile
 import zlib
 from pathlib import Path
+from typing import NamedTuple
 
 from glider.errors import InputError
 from glider.files import schema
@@ -17,26 +17,17 @@ from glider.paths import cache_folder, models_path
 
 _FOLDER = "campaigns"
 _MOST_FILES = 10_000
-_MOST_BYTES = 500_000_000
-"""Size of an unpacked campaign, at most: 10,000 flights of a second take 57 MB."""
-_MOST_RATIO = 100
-"""Ratio of a file's size to that in the archive, at most; the samples have 2.6."""
+_MOST_BYTES = 500_000_000  # Of an unpacked campaign: 10,000 flights of 1 s take 57 MB.
+_MOST_RATIO = 100  # Of a file's size to that in the archive; the samples have 2.6.
 _SMALL = 1_000_000  # Size below which any ratio passes [bytes].
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Sample:
-    """A campaign that ships with the package.
+class Sample(NamedTuple):
+    """A campaign that ships with the package."""
 
-    Attributes:
-        name: that `load_campaign` and the command line take.
-        holds: what its logs hold that a flat plate in still air lacks.
-        flights: number of them.
-    """
-
-    name: str
-    holds: str
-    flights: int
+    name: str  # That `load_campaign` and the command line take.
+    holds: str  # What its logs hold that a flat plate in still air lacks.
+    flights: int  # Number of them.
 
 
 def sample_names() -> tuple[str, ...]:
@@ -55,7 +46,7 @@ def list_samples() -> tuple[Sample, ...]:
     for name, holds in _read_list().items():
         with zipfile.ZipFile(_archive(name)) as archive:
             flights = sum(file.endswith(".csv") for file in archive.namelist())
-        found.append(Sample(name=name, holds=holds, flights=flights))
+        found.append(Sample(name, holds, flights))
     return tuple(found)
 
 
@@ -63,11 +54,7 @@ def campaign_folder(campaign: Path | str) -> Path:
     """Finds the folder of a campaign; unpacks it if need be.
 
     Args:
-        campaign: its folder; or its .zip, with or without that suffix; or the name of
-            a sample.
-
-    Raises:
-        InputError: it is none of these.
+        campaign: its folder; its .zip, with or without that suffix; or a sample's name.
     """
     path = Path(campaign)
     if path.is_dir():
@@ -138,10 +125,8 @@ def _extract(packed: zipfile.ZipFile, folder: Path, archive: Path) -> None:
     """
     files = packed.infolist()
     size = sum(file.file_size for file in files)
-    ratio = max(
-        (f.file_size / max(f.compress_size, 1) for f in files if f.file_size > _SMALL),
-        default=1.0,
-    )
+    large = [file for file in files if file.file_size > _SMALL]
+    ratio = max((f.file_size / max(f.compress_size, 1) for f in large), default=1.0)
     for what, found, most in (
         ("files", len(files), _MOST_FILES),
         ("bytes when unpacked", size, _MOST_BYTES),

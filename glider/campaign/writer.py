@@ -16,7 +16,7 @@ from glider.campaign.logs import (
 )
 from glider.errors import InputError
 from glider.files import schema
-from glider.files.writing import replace_file, replace_files
+from glider.files.writing import replace_files
 
 
 def save_campaign(
@@ -37,7 +37,7 @@ def save_campaign(
             "expected an empty folder."
         )
     text = schema.yaml_text(_settings_of(campaign))
-    files = {flight.name: _csv_of(flight) for flight in campaign.flights}
+    files = {flight.name: flight_csv(flight) for flight in campaign.flights}
     files |= {name: words.encode() for name, words in (more or {}).items()}
     files["campaign.yaml"] = text.encode()
     replace_files(path, files, last="campaign.yaml")
@@ -45,29 +45,21 @@ def save_campaign(
 
 def _settings_of(campaign: Campaign) -> dict[str, object]:
     """Fields of campaign.yaml, the unknown ones omitted."""
-    limits, servo = campaign.elevator_limits, campaign.elevator == "servo"
+    limits = campaign.elevator_limits
     vehicle = campaign.vehicle | {
-        "elevator_limits": None if limits is None else list(limits),
+        "elevator_limits": list(limits) if limits else None,
         "elevator_rate_limit": campaign.elevator_rate_limit,
-        "elevator": None if servo else campaign.elevator,
+        "elevator": None if campaign.elevator == "servo" else campaign.elevator,
     }
-    return {
-        "vehicle": {n: value for n, value in vehicle.items() if value is not None},
-        "pose_rate": campaign.pose_rate,
-        "command_rate": campaign.command_rate,
-    }
+    vehicle = {name: value for name, value in vehicle.items() if value is not None}
+    rates = {"pose_rate": campaign.pose_rate, "command_rate": campaign.command_rate}
+    return {"vehicle": vehicle, **rates}
 
 
-def save_flight(path: Path | str, flight: Flight) -> None:
-    """Writes one flight_*.csv."""
-    replace_file(Path(path), lambda file: file.write_bytes(_csv_of(flight)))
+def flight_csv(flight: Flight) -> bytes:
+    """Content of a flight_*.csv, in nine digits (time: fifteen, for epoch times).
 
-
-def _csv_of(flight: Flight) -> bytes:
-    """Table of a flight in nine digits (time: fifteen, for epoch times).
-
-    An angle that has tumbled beyond a full turn is wrapped into ±π, as motion
-    capture logs it.
+    An angle that has tumbled beyond a full turn is wrapped into ±π, as cameras log it.
     """
     x, z, pitch = flight.pose.T
     names, columns = POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]

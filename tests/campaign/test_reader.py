@@ -20,12 +20,16 @@ from glider.campaign.logs import (
     split_flights,
 )
 from glider.campaign.reader import load_campaign
-from glider.campaign.writer import save_campaign, save_flight
+from glider.campaign.writer import flight_csv, save_campaign
 from glider.errors import InputError
 
 VEHICLE = {"mass": 0.08, "wing_area": 0.0885, "hinge_offset": 0.27, "gravity": 9.81}
 LIMITS = (-0.4463, 0.9473)
 NAMES = tuple(f"flight_{i:03d}.csv" for i in range(4))
+
+
+def save_flight(path, flight):
+    path.write_bytes(flight_csv(flight))
 
 
 def make_flight(name="flight_000.csv", *, time=None, servo=True):

@@ -1,13 +1,11 @@
 """Do clocks run at the rates that the campaign has, and do elevators follow commands?
 
-A clock that runs 5 % slow makes gravity 10 % less and every force with it: other
-effects explain that well. Only the clocks that wrote the log show it: its rows come at
-the rate of the cameras, its commands at that of the flight computer.
+A clock that runs 5 % slow makes gravity and every force 10 % less: other effects
+explain that well. Only the rates of rows (the cameras') and commands show it.
 
 The rate of the elevator is compared with the commands, over delays of up to 0.35 s and
 with either sign (a turned sign is traced later). A delay, a lag or stops of the servo
-lower the correlation; another clock, another flight's commands or an empty column
-remove it.
+lower the correlation; another clock or another flight's commands remove it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,8 +29,7 @@ _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
 commands of another flight (20 campaigns, the best of all delays)."""
-_MOVES = 0.03
-"""An elevator that moves by less than this in all flights does not move [rad]."""
+_MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _WINDOW = 0.04  # Time over which a rate is taken [s].
 _MIN_RATES = 15  # Rates that a correlation is of, at least.
 _FOLLOWS_ALONE = 0.6
@@ -46,8 +43,7 @@ _OFF = 0.02
 """Share by which a rate may differ from the one given: times are rounded to
 milliseconds, and a command shows in the first row after it."""
 _FEWEST = 30  # Intervals that a rate is taken from, at least.
-_MOST_TICKS = 3
-"""Ticks in an interval, at most: beyond, a rate that is off has lost count."""
+_MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost count.
 
 
 def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
@@ -55,7 +51,7 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     if campaign.elevator != "servo":
         return
     commanded = max(np.ptp(_integrate(f)) for f in campaign.flights)
-    kept = [_angles(f, masks) for f in campaign.flights]
+    kept = [_known_angles(f, masks)[1] for f in campaign.flights]
     moved = max((np.ptp(angles) for angles in kept if len(angles)), default=0.0)
     if commanded < _MOVES and moved < _MOVES:
         return
@@ -70,10 +66,11 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
             f"{commanded:.2g} rad at most while it moves by {moved:.3g}; "
             "expected the commands that were given."
         )
-    follows, _ = calc_correlation(campaign.flights, masks)
+    follows = abs(calc_correlation(campaign.flights, masks)[0])
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(campaign.flights, masks, _SHIFTS)
-        hint = f"; shifted by {shift:.2f} s they do" if shifted > 2 * _FOLLOWS else ""
+        fits = abs(shifted) > 2 * _FOLLOWS
+        hint = f"; shifted by {shift:.2f} s they do" if fits else ""
         raise InputError(
             f"{campaign.path}: column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
@@ -121,8 +118,7 @@ def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
     """
     if campaign.elevator != "servo" or campaign.elevator_limits is None:
         return
-    angles = np.concatenate([_angles(f, masks) for f in campaign.flights])
-    lowest, highest = np.percentile(angles, [1.0, 99.0])
+    lowest, highest = np.percentile(_angles(campaign, masks), [1.0, 99.0])
 
     def excess(lower: float, upper: float) -> float:
         return float(max(lower - lowest, highest - upper, 0.0))
@@ -147,7 +143,7 @@ def find_stops(
     """
     if campaign.elevator_limits is None:
         return None
-    angles = np.concatenate([_angles(f, masks) for f in campaign.flights])
+    angles = _angles(campaign, masks)
     lower, upper = campaign.elevator_limits
     lowest, highest = float(np.min(angles)), float(np.max(angles))
     return (
@@ -162,34 +158,18 @@ def find_unrelated(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str,
         return ()
     usual, delay = calc_correlation(campaign.flights, masks)
     near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
+    least = _FOLLOWS_ALONE * abs(usual)
+    wide = [f for f in campaign.flights if np.ptp(_integrate(f)) > _WIDE]
     return tuple(
-        f.name
-        for f in campaign.flights
-        if np.ptp(_integrate(f)) > _WIDE
-        and calc_correlation([f], masks, near)[0] < _FOLLOWS_ALONE * usual
+        f.name for f in wide if abs(calc_correlation([f], masks, near)[0]) < least
     )
 
 
 def calc_correlation(
     flights: Sequence[Flight], masks: Mapping[str, Masks], delays: np.ndarray = _DELAYS
 ) -> tuple[float, float]:
-    """How well elevators follow commands, 0 to 1, and at which delay [s]."""
-    correlation = _correlate(flights, masks, delays)
-    best = int(np.argmax(np.abs(correlation)))
-    return float(abs(correlation[best])), float(delays[best])
-
-
-def follow_sign(flights: Sequence[Flight], masks: Mapping[str, Masks]) -> int:
-    """-1 where elevators clearly turn against their commands, else +1."""
-    correlation = _correlate(flights, masks, _DELAYS)
-    return -1 if correlation[np.argmax(np.abs(correlation))] < -_FOLLOWS else 1
-
-
-def _correlate(
-    flights: Sequence[Flight], masks: Mapping[str, Masks], delays: np.ndarray
-) -> np.ndarray:
-    """Correlation of elevators with commands at each delay (k,)."""
-    pairs = [_rates(f, masks[f.name].elevator, delays) for f in flights]
+    """Best correlation of elevators with commands, -1 to 1, and its delay [s]."""
+    pairs = [_rates(f, masks, delays) for f in flights]
     rate = np.concatenate([elevator for elevator, _ in pairs])
     commands = np.concatenate([commands for _, commands in pairs], axis=1)
     known = np.isfinite(commands)
@@ -197,23 +177,33 @@ def _correlate(
     square = (known @ rate**2) * np.sum(commands**2, axis=1)
     correlation = commands @ rate / np.sqrt(np.maximum(square, 1e-30))
     correlation[np.sum(known, axis=1) < _MIN_RATES] = 0.0
-    return correlation
+    best = int(np.argmax(np.abs(correlation)))
+    return float(correlation[best]), float(delays[best])
+
+
+def follow_sign(flights: Sequence[Flight], masks: Mapping[str, Masks]) -> int:
+    """-1 where elevators clearly turn against their commands, else +1."""
+    return -1 if calc_correlation(flights, masks)[0] < -_FOLLOWS else 1
 
 
 def _rates(
-    flight: Flight, faulty: np.ndarray, delays: np.ndarray
+    flight: Flight, masks: Mapping[str, Masks], delays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean rates (k,) of the elevator and (delays, k) of earlier commands."""
-    assert flight.elevator is not None
-    time, angle = flight.time[~faulty], flight.elevator[~faulty]
+    """Changes (k,) of the elevator and (delays, k) by earlier commands [rad]."""
+    time, angle = _known_angles(flight, masks)
     if len(time) < 2:
         return np.empty(0), np.empty((len(delays), 0))
-    begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
-    ends = np.stack([begin, begin + _WINDOW])
-    rate = np.diff(np.interp(ends, time, angle), axis=0)[0]
+    ends, rate = mean_rates(time, angle)
     path, at = _integrate(flight), ends - delays[:, None, None]
     earlier = np.interp(at, flight.time, path, left=np.nan, right=np.nan)
     return rate, earlier[:, 1] - earlier[:, 0]
+
+
+def mean_rates(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (2, k) of windows in a log (n,), and by how much the angle (k,) changes."""
+    begin = np.arange(time[0], time[-1] - _WINDOW, _WINDOW / 2)
+    ends = np.stack([begin, begin + _WINDOW])
+    return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
 
 
 def _integrate(flight: Flight) -> np.ndarray:
@@ -223,10 +213,19 @@ def _integrate(flight: Flight) -> np.ndarray:
     return np.concatenate([[0.0], moved])
 
 
-def _angles(flight: Flight, masks: Mapping[str, Masks]) -> np.ndarray:
-    """The elevator's angles (k,) that are not masked [rad]."""
-    angles = np.asarray(flight.elevator)
-    return angles[~masks[flight.name].elevator] if flight.name in masks else angles
+def _known_angles(
+    flight: Flight, masks: Mapping[str, Masks]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and angles [rad] (k,) of the elevator that are not masked."""
+    assert flight.elevator is not None
+    mask = masks.get(flight.name)
+    known = slice(None) if mask is None else ~mask.elevator
+    return flight.time[known], flight.elevator[known]
+
+
+def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
+    """All angles (k,) of the elevator that are not masked [rad]."""
+    return np.concatenate([_known_angles(f, masks)[1] for f in campaign.flights])
 
 
 def _switches(flight: Flight) -> np.ndarray:

@@ -12,7 +12,7 @@ tracked point from the center of mass. The constant c is gravity: it shows which
 down, and as a fall of 9.81 m/s² the scale of positions and times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,9 +40,9 @@ class ForceFit(NamedTuple):
     misfit: float  # Robust RMS of what is left [m/s²].
 
 
-def usable_motion(flight: Flight, masks: dict[str, Masks]) -> Motion:
-    """Motion over the usable rows of a flight."""
-    usable = masks[flight.name].usable
+def usable_motion(flight: Flight, masks: Mapping[str, Masks]) -> Motion:
+    """Motion over the usable rows of a flight; without its mask all are."""
+    usable = masks[flight.name].usable if flight.name in masks else slice(None)
     return calc_motion(flight.time[usable], flight.pose[usable], stride=_STRIDE)
 
 
@@ -81,9 +81,8 @@ def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     wind, forces = np.zeros(2), np.zeros(4)
     offset = _offset_columns(motion, sign)
     thrust = body_axes(sign * motion.pose[:, 2])[0]
-    constants = [np.tile(axis, (len(motion.time), 1)) for axis in np.eye(2)]
-    if down is not None:
-        constants = []
+    free = np.eye(2) if down is None else []  # A constant that is fitted.
+    constants = [np.tile(axis, (len(motion.time), 1)) for axis in free]
     target = motion.acceleration[:, :2] - (0.0 if down is None else down)
     weight = np.ones(target.size)
     for iteration in range(_ITERATIONS):
@@ -128,13 +127,8 @@ def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
     body, normal = body_axes(sign * motion.pose[:, 2])
     air = motion.velocity[:, :2] - wind
     speed = np.hypot(air[:, 0], air[:, 1])
-    return np.stack(
-        [
-            (speed * np.sum(air * flow, axis=1))[:, None] * force
-            for flow in (normal, body)
-            for force in (normal, body)
-        ]
-    )
+    flows = [(speed * np.sum(air * axis, axis=1))[:, None] for axis in (normal, body)]
+    return np.stack([flow * force for flow in flows for force in (normal, body)])
 
 
 def _offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:

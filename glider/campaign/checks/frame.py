@@ -34,8 +34,7 @@ _UPRIGHT = 1.1
 """Angle of the constant from straight down that passes [rad]: a frame may be tilted by
 0.5 (frame_tilt), an exchange of axes turns it by 1.57."""
 _NEAR = 0.2  # Part of gravity by which the constant may be off without a question.
-_SIZE = 1.9
-"""Ratio of the constant to gravity, or its inverse, that passes."""
+_SIZE = 1.9  # Ratio of the constant to gravity, or its inverse, that passes.
 _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 """Columns that change by less in every flight do not change [m, m, rad]."""
 _CLEARLY = 1.25

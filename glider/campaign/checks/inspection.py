@@ -11,8 +11,7 @@ from glider.campaign.checks.forces import calc_heading, fit_forces, join, usable
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import ALL, ExcludedRows, Masks, name_rows
 from glider.campaign.checks.planarity import find_rolled
-from glider.campaign.checks.rows import find_faults
-from glider.campaign.checks.standing import find_hand
+from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 
@@ -155,7 +154,6 @@ def _find_tail_first(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, s
     reasons: dict[str, str] = {}
     for group, why in ((ahead[sign], "tail first"), (onward, "the other way along x")):
         most = sum(group.values()) * 2 >= len(group)
-        for name, value in group.items():
-            if value != most:
-                reasons.setdefault(name, f"it flies {why}, unlike most flights")
+        for name in (name for name, value in group.items() if value != most):
+            reasons.setdefault(name, f"it flies {why}, unlike most flights")
     return reasons

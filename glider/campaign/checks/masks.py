@@ -6,8 +6,7 @@ import numpy as np
 
 from glider.campaign.logs import Flight
 
-ALL = "all"
-"""`ExcludedRows.rows` of a whole flight."""
+ALL = "all"  # `ExcludedRows.rows` of a whole flight.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,6 +41,15 @@ def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
     """First and last (inclusive) of each run of True in flags (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def find_repeats(values: np.ndarray, least: int) -> np.ndarray:
+    """Rows (n,) that repeat the one before, where `least` or more are equal."""
+    same = np.all(np.diff(values, axis=0, prepend=np.nan) == 0.0, axis=1)
+    repeats = np.zeros(len(same), dtype=bool)
+    for first, last in stretches(same):
+        repeats[first : last + 1] = last - first + 2 >= least
+    return repeats
 
 
 def name_rows(flags: np.ndarray) -> str:

@@ -1,17 +1,23 @@
-"""Rows of a log that show no flight: frozen, standing, sticking out, displaced.
+"""Rows of a log that show no flight: frozen, held, standing, sticking out, displaced.
 
-Nothing here knows where down is or what a glider does: only that it moves smoothly,
-and that cameras have noise. Rows are excluded, never corrected.
+A glider moves smoothly, and cameras have noise. A body in free fall cannot stay where
+it is: from rest it falls 18 mm in 60 ms. Air takes energy from a glider: what
+accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 import dataclasses
 
 import numpy as np
 
-from glider.campaign.checks.masks import ExcludedRows, Masks, name_rows, stretches
-from glider.campaign.checks.motion import robust_std
+from glider.campaign.checks.masks import (
+    ExcludedRows,
+    Masks,
+    find_repeats,
+    name_rows,
+    stretches,
+)
+from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
-from glider.campaign.checks.standing import find_standing
 from glider.campaign.logs import Campaign, Flight
 
 _EQUAL_POSES = 3  # Equal rows of x, z and pitch together that are frozen.
@@ -26,6 +32,19 @@ _UNCOMMANDED = 0.05
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
+_HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
+_PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
+_SHORTEST = 0.06  # Rows that lie must last, at least [s].
+_SLIDE = 0.003  # Height within which a glider slides before it lies [m].
+_HAND = 6.0
+"""Force per mass along the path, above that of the flight's second half, that only a
+hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
+_THROW = 16.0
+"""The same of the acceleration, where the direction of gravity is unknown and the log
+does not start from rest: a dive has 9.8 [m/s²]."""
+_REST = 1.0  # Slower than this a log starts from rest: in a hand [m/s].
+_HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
+_LATER = 0.5  # From this share of the log on the force is "usual".
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -43,10 +62,17 @@ def find_faults(campaign: Campaign) -> Faults:
     The noise is measured on all flights: one bad flight does not hide itself. For false
     alarms see `smoothness.THRESHOLD`; a row that sticks out by 4 noises or less passes.
     """
-    noise, digits = _measure_noise(campaign), _measure_digits(campaign)
-    elevator_noise = _measure_elevator_noise(campaign)
+    flights = campaign.flights
+    known = [(f, np.isfinite(f.pose).all(axis=1)) for f in flights]
+    each = [_measure_noise(f.time[rows], f.pose[rows]) for f, rows in known]
+    noise = np.median(each, axis=0)
+    changes = np.abs(np.concatenate([np.diff(f.pose, axis=0) for f in flights]))
+    digits = np.min(changes, axis=0, where=changes > 0.0, initial=np.inf)
+    angles = [(f.time, f.elevator[:, None]) for f in flights if f.elevator is not None]
+    each = [_measure_noise(time, angle) for time, angle in angles]
+    elevator_noise = float(np.median(each)) if each else 0.0
     masks, excluded, warnings = {}, [], []
-    for flight in campaign.flights:
+    for flight in flights:
         of_pose = _pose_faults(flight, noise, digits)
         of_servo = _elevator_faults(campaign, flight, elevator_noise)
         pose = np.logical_or.reduce(list(of_pose.values()))
@@ -80,48 +106,25 @@ def _pose_faults(
     usable = ~(unknown | frozen)
     standing = find_standing(flight, usable)
     usable &= ~standing
-    own = np.clip(_flight_noise(flight, usable), noise, 3.0 * noise)
-    track = Track(time=flight.time, pose=flight.pose, noise=own)
-    verdict = find_one_motion(track, usable)
-    usable &= ~(verdict.sticks_out | verdict.displaced)
+    own = _measure_noise(flight.time[usable], flight.pose[usable])
+    own = np.clip(own, noise, 3.0 * noise)
+    track = Track(flight.time, flight.pose, own)
+    sticks_out, displaced = find_one_motion(track, usable)
+    usable &= ~(sticks_out | displaced)
     return {
         "is not a number": unknown,
         "does not change while the glider moves: frozen": frozen,
         "lies still, or is held": standing,
-        "departs from the motion around it": verdict.sticks_out,
-        "the track jumps and stays displaced": verdict.displaced,
+        "departs from the motion around it": sticks_out,
+        "the track jumps and stays displaced": displaced,
         "beyond a gap whose commands are not known": _cut_off(flight, usable),
     }
 
 
-def _measure_noise(campaign: Campaign) -> np.ndarray:
-    """Standard deviations (3,) of x, z, pitch; the median of the flights'."""
-    each = [_flight_noise(f, np.isfinite(f.pose).all(axis=1)) for f in campaign.flights]
-    return np.median(each, axis=0)
-
-
-def _flight_noise(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    differences, _ = fourth_differences(flight.time[usable], flight.pose[usable])
-    return robust_std(differences) if len(differences) else np.zeros(3)
-
-
-def _measure_digits(campaign: Campaign) -> np.ndarray:
-    """The least change (3,) of x, z, pitch between rows of all flights."""
-    changes = np.abs(
-        np.concatenate([np.diff(f.pose, axis=0) for f in campaign.flights])
-    )
-    changes[~(changes > 0.0)] = np.inf
-    return np.min(changes, axis=0)
-
-
-def _measure_elevator_noise(campaign: Campaign) -> float:
-    """Standard deviation of the elevator's sensor [rad]."""
-    each = [
-        robust_std(fourth_differences(f.time, f.elevator[:, None])[0])[0]
-        for f in campaign.flights
-        if f.elevator is not None
-    ]
-    return float(np.median(each)) if each else 0.0
+def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Standard deviations (k,) of the noise of columns (n, k)."""
+    differences, _ = fourth_differences(time, values)
+    return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
 
 
 def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray:
@@ -131,10 +134,7 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
     much that equal numbers cannot be.
     """
     same = np.diff(flight.pose, axis=0, prepend=np.nan) == 0.0
-    frozen = np.zeros(len(same), dtype=bool)
-    for first, last in stretches(np.all(same, axis=1)):
-        if last - first + 2 >= _EQUAL_POSES:
-            frozen[first : last + 1] = True
+    frozen = find_repeats(flight.pose, _EQUAL_POSES)
     for k in range(3):
         noisy = noise[k] > _NOISY * digits[k]
         least = -1.0 if noisy else max(_SURELY * noise[k], _QUANTA * digits[k])
@@ -148,10 +148,8 @@ def _frozen(flight: Flight, noise: np.ndarray, digits: np.ndarray) -> np.ndarray
 def _missed(flight: Flight, column: int, first: int, last: int) -> float:
     """How far a column would have moved while it is equal, by its neighbors."""
     missed = [0.0]
-    for rows in (
-        slice(max(first - _REACH, 0), first + 1),
-        slice(last + 1, last + _REACH),
-    ):
+    before = slice(max(first - _REACH, 0), first + 1)
+    for rows in (before, slice(last + 1, last + _REACH)):
         time, values = flight.time[rows], flight.pose[rows, column]
         if len(time) >= 4:
             slope = np.polyfit(time - time[0], values, 1)[0]
@@ -172,9 +170,8 @@ def _elevator_faults(
     rate = campaign.elevator_rate_limit or float(np.max(np.abs(flight.command)))
     sticks_out = np.zeros(len(angle), dtype=bool)
     before, here, after = angle[:-2], angle[1:-1], angle[2:]
-    over = np.maximum(
-        here - np.maximum(before, after), np.minimum(before, after) - here
-    )
+    high, low = np.maximum(before, after), np.minimum(before, after)
+    over = np.maximum(here - high, low - here)
     # A turn of the servo within a step sticks out by a step at full rate.
     turn = rate * np.minimum(steps[:-1], steps[1:])
     sticks_out[1:-1] = over > _SURELY * np.sqrt(2.0) * noise + turn
@@ -212,3 +209,63 @@ def _describe_gaps(flight: Flight) -> list[str]:
         f"({steps[i]:.3g} s) after row {i + 2}"
         for i in np.flatnonzero(steps > _LONG_STEP * usual)
     ]
+
+
+def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
+    """Rows (n,), True where the glider lies still, or slides until it does.
+
+    Where most of the way follows, it has not been thrown yet; otherwise it has landed.
+    """
+    standing = np.zeros(len(usable), dtype=bool)
+    rows = np.flatnonzero(usable)
+    if len(rows) < 3:
+        return standing
+    time, place = flight.time[rows], flight.pose[rows, :2]
+    still = np.zeros(len(rows), dtype=bool)
+    first = np.searchsorted(time, time - _HALF - 1e-9)
+    last = np.searchsorted(time, time + _HALF + 1e-9) - 1
+    for ends in (first, last):
+        still |= np.hypot(*(place[ends] - place).T) > _PLACE
+    # At an end of the log one side is enough, if there are rows enough on it.
+    long = time[last] - time[first] > 0.75 * _HALF
+    still = ~still & long
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])
+    for a, b in stretches(still):
+        if time[b] - time[a] < _SHORTEST:
+            continue
+        if way[a] < 0.5 * way[-1]:
+            standing[: rows[b] + 1] = True
+        else:
+            level = np.abs(place[:, 1] - np.median(place[a : b + 1, 1])) < _SLIDE
+            before = np.flatnonzero(~level[:a])
+            standing[rows[before[-1] + 1 if len(before) else 0] :] = True
+    return standing
+
+
+def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.ndarray:
+    """Rows (n,), True at the start, where a hand still accelerates the glider.
+
+    A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
+    along the path is compared with that of the flight's second half. Gravity is None
+    where its direction is unknown: then only a throw that is stronger shows.
+    """
+    held = np.zeros(len(usable), dtype=bool)
+    motion = calc_motion(flight.time[usable], flight.pose[usable])
+    if len(motion.time) < 8:
+        return held
+    speed = np.maximum(motion.speed, 1e-3)
+    force = motion.acceleration[:, :2] + np.array([0.0, gravity or 0.0])
+    along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
+    middle = motion.time[0] + _LATER * (motion.time[-1] - motion.time[0])
+    usual = np.median(along[motion.time >= middle])
+    least = _THROW if gravity is None and speed[0] > _REST else _HAND
+    pushes = along - max(float(usual), 0.0) > least
+    if not pushes[0]:
+        return held
+    free = len(pushes) if pushes.all() else int(np.argmin(pushes))
+    if free == len(pushes) or speed[free] < _HAND_GAIN * speed[0]:
+        return held
+    # The cubics see the hand until their windows are past it.
+    half = motion.time[0] - flight.time[usable][0]
+    held[flight.time <= motion.time[free] + half] = True
+    return held

@@ -6,7 +6,7 @@ velocity (a collision). Rows that stick out are removed, the track is cut where 
 displaced, and the most rows that can be one motion are kept.
 """
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,21 +32,12 @@ _LONG_STEP = 3.0  # Steps longer than this many median ones are gaps, and cut.
 _MAX_EVENTS = 60  # Faults in one flight that are examined one by one.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Track:
+class Track(NamedTuple):
     """Rows of a track, and how noisy they are."""
 
     time: np.ndarray  # (n,) [s]
     pose: np.ndarray  # (n, 3)
     noise: np.ndarray  # (3,) standard deviations of x, z, pitch.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Verdict:
-    """Rows that are not of the one motion: (n,) True where so."""
-
-    sticks_out: np.ndarray
-    displaced: np.ndarray
 
 
 def fourth_differences(
@@ -70,8 +61,8 @@ def fourth_differences(
     return np.einsum("ik,ikj->ij", weights, near), step
 
 
-def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
-    """Finds usable rows that stick out of a track, and those that are displaced."""
+def find_one_motion(track: Track, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Usable rows (n,) that stick out of a track, and those that are displaced."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
     runs = _split_at_gaps(track, np.flatnonzero(usable))
     finished: list[np.ndarray] = []
@@ -96,8 +87,7 @@ def find_one_motion(track: Track, usable: np.ndarray) -> Verdict:
     rows = np.flatnonzero(kept)
     sticks_out[_outlying_ends(track, rows)] = True
     sticks_out[_outlying_ends(track, rows[::-1])] = True
-    displaced = usable & ~sticks_out & ~kept
-    return Verdict(sticks_out=sticks_out, displaced=displaced)
+    return sticks_out, usable & ~sticks_out & ~kept
 
 
 def _excess(track: Track, run: np.ndarray) -> np.ndarray:

@@ -4,5 +4,5 @@ campaign_import: `import_campaign`, all steps. mapping: `columns:`, `units:`, `f
 of a MAP file or of campaign.yaml. readers: one for each file format; recording: what
 each gives. Then one step after the other: selection (columns and units), track (axes),
 cutting (release to contact), clock_offset, servo_logs, sign_checks (is the mapping
-right?). guess: proposes a mapping. units: their names.
+right?). guess: proposes a mapping.
 """

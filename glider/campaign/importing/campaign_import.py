@@ -14,7 +14,6 @@ from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Recording
-from glider.campaign.importing.selection import select
 from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
@@ -24,11 +23,8 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
 
 _ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")
-_ROLLS = 0.1
-"""Roll and yaw of flights up to which no order of rotations is refused [rad]."""
+_ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
-RECORD = "import.txt"
-"""File in the campaign's folder that reports what was done."""
 
 
 class CutFlight(NamedTuple):
@@ -97,7 +93,8 @@ def import_campaign(
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
     imported = read_flights(files, mapping)
-    save_campaign(out, imported.campaign, {RECORD: imported.describe() + "\n"})
+    record = {"import.txt": imported.describe() + "\n"}
+    save_campaign(out, imported.campaign, record)
     return imported
 
 
@@ -126,7 +123,7 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
 
 def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
     """Converts a file that is one flight to a table in SI; nothing is cut."""
-    track = make_track(select(read_recording(file), mapping), mapping)
+    track = make_track(read_recording(file), mapping)
     [recording] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
     return recording.flights[0].table
 
@@ -135,7 +132,7 @@ def cut_recordings(
     recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
 ) -> tuple[CutRecording, ...]:
     """Finds the flights in recordings."""
-    tracks = [make_track(select(r, mapping), mapping) for r in recordings]
+    tracks = [make_track(recording, mapping) for recording in recordings]
     found = [cut(track, settings.gravity) for track in tracks]
     return _extract(tracks, found, mapping, settings)
 
@@ -207,9 +204,10 @@ def _has_two_clocks(track: Track) -> bool:
 
 def _has_servo(track: Track) -> bool:
     """Whether the elevator, or a command, can be compared with another log."""
-    if is_measured(track):
-        return len(track.servo.given) > 1
-    return bool(track.servo.elevator or track.servo.angle_command)
+    elevator, _, angle_command = servo = track.servo
+    return (
+        len(servo.given) > 1 if is_measured(track) else bool(elevator or angle_command)
+    )
 
 
 def _columns(

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.clocks import mean_rates
 from glider.campaign.checks.forces import join
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.selection import ServoLogs, Stream
-from glider.campaign.importing.track import Track, angles_of
+from glider.campaign.importing.track import Track, planar_pose
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
@@ -33,7 +34,6 @@ best, at least: else either may be right. A common offset of all recordings need
 `_ONLY_COMMON`: by chance it does not fit many."""
 _ONLY_COMMON = 1.5
 _NEAR = 0.25  # [s]
-_WINDOW = 0.04  # Time over which a rate is taken [s].
 _ITERATIONS = 10  # Of Gauss-Newton in all offsets.
 _SEEDS = 4  # Recordings from which the elevator's effect is first estimated.
 _PEAKS = 3  # Offsets of each that are tried.
@@ -43,8 +43,7 @@ Follow = Callable[[float], float]
 """From an offset [s] to the correlation, 0 where too little is covered."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Offset:
+class Offset(NamedTuple):
     """How far a clock is ahead, and how well the signals then follow one another."""
 
     seconds: float
@@ -62,6 +61,11 @@ class _Turning(NamedTuple):
     alpha: np.ndarray  # (k,) angle of attack [rad]
     base: np.ndarray  # (k, 4) columns without the elevator.
     target: np.ndarray  # (k,) [rad/s²]
+
+    @property
+    def offsets(self) -> np.ndarray:
+        """All offsets (m,) at which poses and elevator overlap [s]."""
+        return _overlaps(self.track.time, self.elevator.time)
 
     def column(self, offset: float) -> np.ndarray | None:
         """V² sin(elevator - alpha) (k,) at an offset; None if it is not logged."""
@@ -87,31 +91,22 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
         recordings: each whole, and the flights cut out of it, at least one.
     """
     if all(is_measured(track) for track, _ in recordings):
-        return [_search(track, *_follow_rates(track)) for track, _ in recordings]
+        return [_follow_commands(track) for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
     if len(recordings) > 1:
         with contextlib.suppress(InputError):
-            common = _best(
-                turnings[0].track,
-                np.arange(
-                    max(t.elevator.time[0] - t.track.time[-1] for t in turnings),
-                    min(t.elevator.time[-1] - t.track.time[0] for t in turnings),
-                    _STEP,
-                ),
-                _follow_pitch(turnings),
-                only=_ONLY_COMMON,
-            )
+            first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
+            last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
+            track, offsets = turnings[0].track, np.arange(first, last, _STEP)
+            common = _best(track, offsets, _follow_pitch(turnings), only=_ONLY_COMMON)
             return [common] * len(recordings)
         return _find_separate(turnings)
-    [turning] = turnings
-    return [_search(turning.track, turning.elevator.time, _follow_pitch(turnings))]
+    return [_best(turnings[0].track, turnings[0].offsets, _follow_pitch(turnings))]
 
 
 def shift(track: Track, seconds: float) -> Track:
     """Shifts the servo's logs of another clock onto the clock of the poses."""
-    moved = [
-        log and dataclasses.replace(log, time=log.time - seconds) for log in track.servo
-    ]
+    moved = [log and log._replace(time=log.time - seconds) for log in track.servo]
     if is_measured(track):
         moved[0] = track.servo.elevator
     return dataclasses.replace(track, servo=ServoLogs(*moved))
@@ -127,19 +122,15 @@ def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
     """Finds an offset for each recording, with the elevator's effect common to all."""
     effect = _first_effect(turnings[:_SEEDS])
     for k in range(_ROUNDS):
+        sure = k == _ROUNDS - 1
         offsets = [
-            _search(
-                turning.track,
-                turning.elevator.time,
-                _follow_effect(turning, effect),
-                sure=k == _ROUNDS - 1,
-            )
-            for turning in turnings
+            _best(t.track, t.offsets, _follow_effect(t, effect), sure=sure)
+            for t in turnings
         ]
         effect = _pool(turnings, [offset.seconds for offset in offsets])
     closer, std = _refine(turnings, np.array([o.seconds for o in offsets]))
     return [
-        dataclasses.replace(offset, seconds=float(s), std=float(error))
+        Offset(float(s), offset.correlation, float(error))
         for offset, s, error in zip(offsets, closer, std, strict=True)
     ]
 
@@ -152,14 +143,15 @@ def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
     """
     best, effect = -1.0, np.zeros(5)
     for turning in turnings:
-        offsets, values = _scan(turning, _follow_pitch([turning]))
+        offsets = turning.offsets
+        values = _scan(offsets, _follow_pitch([turning]))
         for _ in range(_PEAKS):
             peak = int(np.argmax(values))
             if values[peak] <= 0.0:
                 break
             here = _pool([turning], [float(offsets[peak])])
             agreement = sum(
-                float(np.max(_scan(other, _follow_effect(other, here))[1]))
+                float(np.max(_scan(other.offsets, _follow_effect(other, here))))
                 for other in turnings
             )
             if agreement > best:
@@ -200,23 +192,13 @@ def _refine(
     return offsets, std
 
 
-def _search(
-    track: Track, other: np.ndarray, follow: Follow, *, sure: bool = True
-) -> Offset:
-    """Best of all offsets at which poses and another log, at times (k,), overlap."""
-    return _best(track, _overlaps(track, other), follow, sure=sure)
+def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Offsets (m,) at which two logs with times (n,) and (k,) overlap."""
+    return np.arange(other[0] - time[-1], other[-1] - time[0] + _STEP, _STEP)
 
 
-def _overlaps(track: Track, other: np.ndarray) -> np.ndarray:
-    return np.arange(
-        other[0] - track.time[-1], other[-1] - track.time[0] + _STEP, _STEP
-    )
-
-
-def _scan(turning: _Turning, follow: Follow) -> tuple[np.ndarray, np.ndarray]:
-    """All offsets (m,) at which two logs overlap, and how well each fits."""
-    offsets = _overlaps(turning.track, turning.elevator.time)
-    return offsets, np.array([follow(offset) for offset in offsets])
+def _scan(offsets: np.ndarray, follow: Follow) -> np.ndarray:
+    return np.array([follow(offset) for offset in offsets])
 
 
 def _best(
@@ -228,7 +210,7 @@ def _best(
     only: float = _ONLY,
 ) -> Offset:
     """Best of some offsets (m,); if `sure`, refused where another fits as well."""
-    values = np.array([follow(offset) for offset in offsets])
+    values = _scan(offsets, follow)
     best = int(np.argmax(values)) if len(values) else 0
     highest = float(np.max(values, initial=0.0))
     far = np.abs(offsets - offsets[best]) > _NEAR if len(values) else []
@@ -241,20 +223,15 @@ def _best(
             "elsewhere); expected 'clock: SECONDS' or 'clock: same' in the mapping."
         )
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
-    values = np.array([follow(offset) for offset in fine])
+    values = _scan(fine, follow)
     best = int(np.argmax(values))
-    return Offset(seconds=float(fine[best]), correlation=float(values[best]))
+    return Offset(float(fine[best]), float(values[best]))
 
 
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     elevator = track.servo.elevator or track.servo.angle_command
     assert elevator is not None
-    motions = []
-    for flight in flights:
-        pitch, _ = angles_of(flight)
-        pose = np.column_stack([flight.position[:, [0, 2]], pitch])
-        motions.append(calc_motion(flight.time, pose))
-    motion = join(motions)
+    motion = join([calc_motion(f.time, planar_pose(f)) for f in flights])
     v, speed = motion.velocity, motion.speed
     alpha = np.arctan2(-v[:, 1], v[:, 0]) - motion.pose[:, 2]
     square = speed**2
@@ -313,8 +290,8 @@ def _without(column: np.ndarray, base: np.ndarray) -> np.ndarray:
     return column - base @ (base.T @ column)
 
 
-def _follow_rates(track: Track) -> tuple[np.ndarray, Follow]:
-    """Times of the commands, and a comparison of them with the elevator's rate."""
+def _follow_commands(track: Track) -> Offset:
+    """Offset at which the elevator's rate follows the commands best."""
     elevator, rates, angles = track.servo
     command = rates or angles
     assert elevator is not None and command is not None
@@ -323,9 +300,7 @@ def _follow_rates(track: Track) -> tuple[np.ndarray, Follow]:
         path = command.values[:, 0] - command.values[0, 0]
     else:
         path = np.append(0.0, np.cumsum(command.values[:-1, 0] * steps))
-    begin = np.arange(elevator.time[0], elevator.time[-1] - _WINDOW, _WINDOW / 2)
-    ends = np.stack([begin, begin + _WINDOW])
-    rate = np.diff(np.interp(ends, elevator.time, elevator.values[:, 0]), axis=0)[0]
+    ends, rate = mean_rates(elevator.time, elevator.values[:, 0])
 
     def follow(offset: float) -> float:
         first, last = ends + offset
@@ -336,4 +311,4 @@ def _follow_rates(track: Track) -> tuple[np.ndarray, Follow]:
         size = (rate[inside] @ rate[inside]) * (asked[inside] @ asked[inside])
         return float(abs(rate[inside] @ asked[inside]) / max(np.sqrt(size), 1e-12))
 
-    return command.time, follow
+    return _best(track, _overlaps(track.time, command.time), follow)

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.masks import stretches
+from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import Motion, calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
-from glider.campaign.importing.track import Track, angles_of, take
+from glider.campaign.importing.track import Track, planar_pose, take
 
 _MAX_GAP = 0.1  # Time without the body that splits a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
@@ -22,10 +22,8 @@ _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
 _PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
-AFTER_RELEASE = 0.05
-"""Time after the hand lets go that is cut as well: fingers touch the tail [s]."""
-BEFORE_CONTACT = 0.06
-"""Time before a contact that is cut as well [s]."""
+_AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
+BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
@@ -40,7 +38,7 @@ class Cut(NamedTuple):
 def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
     flights, notes = [], []
-    seen = ~_frozen(track)
+    seen = ~find_repeats(track.position, _EQUAL_ROWS)
     for first, last in _parts(track, seen):
         part = take(track, slice(first, last + 1))
         is_lost = last + 1 < len(seen) and (
@@ -52,29 +50,16 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
             flights.append(found)
         else:
             notes.append(f"{span}: {found}")
-    lost = int(np.sum(~seen))
     if not len(seen):
         notes.append("the body is never seen")
-    if lost:
+    if lost := int(np.sum(~seen)):
         notes.append(f"{lost} rows that repeat the one before: the body was lost")
     return flights, notes
-
-
-def _frozen(track: Track) -> np.ndarray:
-    """Rows (n,) whose position repeats to the last digit for some rows."""
-    same = np.all(np.diff(track.position, axis=0, prepend=np.nan) == 0.0, axis=1)
-    frozen = np.zeros(len(same), dtype=bool)
-    for first, last in stretches(same):
-        if last - first + 2 >= _EQUAL_ROWS:
-            frozen[first : last + 1] = True
-    return frozen
 
 
 def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
     rows = np.flatnonzero(seen)
-    if len(rows) < _MIN_ROWS:
-        return []
     time, position = track.time[rows], track.position[rows]
     breaks = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
     parts = []
@@ -107,7 +92,7 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     begin, start = part.time[0], "the body is seen from here on"
     release = _find_release(motion, gravity * motion.pose[:, 2] + 0.5 * speed**2, push)
     if release is not None:
-        begin, start = release + AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
+        begin, start = release + _AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
     after = part.time >= begin
     if np.sum(after) < _MIN_ROWS:
         return "the hand never lets go"
@@ -148,13 +133,12 @@ def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float
 
 def _find_contact(flight: Track) -> float | None:
     """Time at which the velocity jumps [s]; None where it does not."""
-    pitch, _ = angles_of(flight)
-    pose = np.column_stack([flight.position[:, [0, 2]], pitch])
+    pose = planar_pose(flight)
     differences, _ = fourth_differences(flight.time, pose)
     if not len(differences):
         return None
-    rows = Rows(time=flight.time, pose=pose, noise=robust_std(differences))
-    displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool)).displaced
+    rows = Rows(flight.time, pose, robust_std(differences))
+    _, displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool))
     last = stretches(displaced)
     if last and last[-1][1] == len(displaced) - 1 and last[-1][0] > 0:
         return float(flight.time[last[-1][0]])

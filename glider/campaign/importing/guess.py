@@ -17,13 +17,11 @@ import numpy as np
 
 from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.forces import usable_motion
-from glider.campaign.checks.masks import no_masks
 from glider.campaign.importing.campaign_import import campaign_of_cuts, cut_recordings
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.mapping import QUANTITIES, Mapping
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import select
 from glider.campaign.importing.sign_checks import (
     CLEARLY,
     SIGNIFICANT,
@@ -57,9 +55,11 @@ _ULOG = {
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
 _RATE = "elevator_rate_command"
 _SCALARS = (_RATE, "elevator_angle_command", "time", "x", "z", "pitch", "elevator")
+_INSTEAD = {"x": "position", "z": "position", "pitch": "attitude"}
+_INSTEAD |= {"elevator_angle_command": _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_SHORTEST_STEP, _LONGEST_STEP = 2e-4, 0.2  # Of logs of poses [s].
+"""Units of time: logs of poses step by 0.2 to 200 ms."""
 _RANGES = (
     ("position", "length", 100.0, "mm"),
     ("x", "length", 100.0, "mm"),
@@ -75,8 +75,7 @@ _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed
 _MAX_TRIED = 4  # Files that frames are tried on.
 _MAX_FILES = 12  # Files that are read.
 
-Fields = dict[str, str]
-"""Fields of one part of a mapping: columns, units or frame."""
+Fields = dict[str, str]  # Fields of one part of a mapping: columns, units or frame.
 
 
 class Guess(NamedTuple):
@@ -121,22 +120,16 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if not logs:
         raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
     columns, reason = _guess_columns(logs[0])
-    units, reasons = _guess_units(logs[0], columns)
-    best, ratio = _best_frame(_Logs(logs[:_MAX_TRIED], columns, units))
-    frame = dict(best.frame)
-    if ratio <= CLEARLY:
-        why = f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
-    elif np.isfinite(ratio):
-        why = f"the forces fit {ratio:.2g} times as well as in the next best frame"
-    else:
-        why = "the columns make flights in no other frame"
-    servo = best.campaign.elevator == "servo"
+    reasons = _guess_units(logs[0], columns)
+    units = {kind: unit for kind, (unit, _) in reasons.items()}
+    best, why = _best_frame(_Logs(logs[:_MAX_TRIED], columns, units))
+    frame, servo = dict(best.frame), best.campaign.elevator == "servo"
     servo_why = _guess_elevator(best.campaign, frame) if servo else ""
     lines = ["# Proposed by --guess: check each line before you use it.", "columns:"]
     lines += [f"  {k}: {_quoted(v)}  # {reason}" for k, v in columns.items()]
     if units:
         lines.append("units:")
-        lines += [f"  {k}: {v}  # {reasons[k]}" for k, v in units.items()]
+        lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
     lines.append(f"frame:  # {why}")
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
@@ -145,9 +138,11 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if not servo:
         lines.append("  elevator: fixed  # no column of an elevator was found")
     elif "elevator" in columns:
-        lines.append("  elevator: servo  # add its elevator_rate_limit if you know it")
-    else:
-        lines.append("  elevator: servo  # ? add its elevator_rate_limit in rad/s")
+        lines.append(
+            "  elevator: servo  # if you know it: elevator_rate_limit in rad/s"
+        )
+    else:  # Commanded angles cannot be used without it.
+        lines.append("  elevator: servo  # ? elevator_rate_limit in rad/s is missing")
     best = _try_frame(_Logs(logs, columns, units), frame) or best
     text = "".join(f"{printable(line)}\n" for line in lines)
     return Guess(text, best.campaign)
@@ -155,13 +150,12 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
     """Sets the signs of elevator and command in a frame; returns the reason."""
-    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
-    motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
+    motions = {f.name: usable_motion(f, {}) for f in campaign.flights}
     effect = elevator_effect(campaign, motions)
     signs = ["trailing_edge_up", "trailing_edge_down"]
     own, other = reversed(signs) if effect > 0.0 else signs
     frame["elevator"] = own
-    if follow_sign(campaign.flights, masks) < 0:
+    if follow_sign(campaign.flights, {}) < 0:
         frame["command"] = other
     if abs(effect) < SIGNIFICANT:
         return "? the flights do not show it: check it"
@@ -181,7 +175,8 @@ def _guess_columns(log: Recording) -> tuple[Fields, str]:
     if all(any(n.startswith(name) for n in names) for name in _ULOG.values()):
         return dict(_ULOG), "PX4's topic"
     columns: Fields = {}
-    stems = list(dict.fromkeys(_stems(names)))
+    first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
+    stems = list(dict.fromkeys(match[1] for match in first if match))
     for quantity, shapes in _SHAPES.items():
         fits = [
             stem
@@ -193,13 +188,9 @@ def _guess_columns(log: Recording) -> tuple[Fields, str]:
         own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
         if fits:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
+    timed = any(group.time for group in log.groups)
     for quantity in _SCALARS:
-        if (
-            (quantity in ("x", "z") and "position" in columns)
-            or (quantity == "pitch" and "attitude" in columns)
-            or (quantity == "elevator_angle_command" and _RATE in columns)
-            or (quantity == "time" and any(group.time for group in log.groups))
-        ):
+        if _INSTEAD.get(quantity) in columns or (timed and quantity == "time"):
             continue
         taken = tuple(columns.values())
         for name in names:
@@ -218,18 +209,9 @@ def _guess_columns(log: Recording) -> tuple[Fields, str]:
     return {q: columns[q] for q in QUANTITIES if q in columns}, "by its name"
 
 
-def _stems(names: Sequence[str]) -> Iterator[str]:
-    """Yields what may be the common name of a vector's columns."""
-    for name in names:
-        match = re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name)
-        if match:
-            yield match[1]
-
-
 def _travel(log: Recording, stem: str) -> float:
     """Way of a vector: the glider moves most, not the wand on the floor."""
-    values, _ = _values(log, stem)
-    steps = np.abs(np.diff(values))
+    steps = np.abs(np.diff(_values(log, stem)[0]))
     return float(np.nansum(steps)) if np.isfinite(steps).any() else -1.0
 
 
@@ -243,32 +225,27 @@ def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     return column.values, column.unit
 
 
-def _guess_units(log: Recording, columns: Fields) -> tuple[Fields, Fields]:
+def _guess_units(log: Recording, columns: Fields) -> dict[str, tuple[str, str]]:
     """Units that the file does not report, by the ranges of the columns, and why."""
-    units: Fields = {}
-    reasons: Fields = {}
+    units = {}
     if "time" in columns:
         values, unit = _values(log, columns["time"])
         step = float(np.nanmedian(np.diff(values)))
-        fits = [
-            unit
-            for unit, size in _STEPS.items()
-            if _SHORTEST_STEP < step * size < _LONGEST_STEP
-        ]
+        fits = [u for u, size in _STEPS.items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
-            units["time"], reasons["time"] = fits[0], f"its median step is {step:.4g}"
+            units["time"] = fits[0], f"its median step is {step:.4g}"
     for quantity, kind, most, other in _RANGES:
         if quantity not in columns:
             continue
         values, unit = _values(log, columns[quantity])
         reach = float(np.nanmax(np.abs(values)))
         if unit is None and reach > most:
-            units[kind], reasons[kind] = other, f"'{quantity}' reaches {reach:.4g}"
-    return units, reasons
+            units[kind] = other, f"'{quantity}' reaches {reach:.4g}"
+    return units
 
 
-def _best_frame(logs: _Logs) -> tuple[_Trial, float]:
-    """The frame with the least misfit, and the ratio of the next best to it."""
+def _best_frame(logs: _Logs) -> tuple[_Trial, str]:
+    """The frame with the least misfit, and how clearly it is the best."""
     tried = [_try_frame(logs, frame) for frame in _frames(logs)]
     trials = [trial for trial in tried if trial is not None]
     if not trials:
@@ -278,10 +255,14 @@ def _best_frame(logs: _Logs) -> tuple[_Trial, float]:
             "mapping by hand."
         )
     most = max(trial.rows for trial in trials)
-    trials = [trial for trial in trials if 2 * trial.rows > most]
-    trials.sort(key=lambda trial: trial.misfit)
-    ratios = [trial.misfit / trials[0].misfit for trial in trials[1:]]
-    return trials[0], min(ratios, default=np.inf)
+    likely = (trial for trial in trials if 2 * trial.rows > most)
+    best, *others = sorted(likely, key=lambda trial: trial.misfit)
+    if not others:
+        return best, "the columns make flights in no other frame"
+    ratio = others[0].misfit / best.misfit
+    nearly = f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
+    clearly = f"the forces fit {ratio:.2g} times as well as in the next best frame"
+    return best, nearly if ratio <= CLEARLY else clearly
 
 
 def _frames(logs: _Logs) -> Iterator[Fields]:
@@ -296,23 +277,19 @@ def _frames(logs: _Logs) -> Iterator[Fields]:
             yield {"up": up, "forward": forward, "pitch": pitch}
         return
     if attitude is None:
-        for up, pitch in itertools.product(_AXES, _PITCH):
-            yield {"up": up, "pitch": pitch}
+        yield from ({"up": u, "pitch": p} for u, p in itertools.product(_AXES, _PITCH))
         return
-    found = {
-        axes: first.find_all(attitude, axes, "attitude")
-        for axes in ("xyzw", "xyz", "012")
-    }
-    readings: tuple[str, ...] = ("",)
-    if not found["xyzw"] and first.rotation is None:
-        three = found["xyz"] or found["012"]
-        readings = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
+    readings: tuple[Fields, ...] = ({},)
+    if not first.find_all(attitude, "xyzw", "attitude") and first.rotation is None:
+        three = any(first.find_all(attitude, a, "attitude") for a in ("xyz", "012"))
+        orders = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
+        readings = tuple({"rotation": order} for order in orders)
     for up, reading in itertools.product(_AXES, readings):
-        frame = {"up": up} | ({"rotation": reading} if reading else {})
+        frame = {"up": up} | reading
         claim = logs.claim(frame)
         ahead, above = [], []
         for log in logs.recordings:
-            track = make_track(select(log, claim), claim)
+            track = make_track(log, claim)
             for flight in cut(track, GliderParameters().gravity)[0]:
                 turns = flight.track.rotation
                 if turns is not None:

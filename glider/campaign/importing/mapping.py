@@ -8,7 +8,9 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from glider.campaign.importing.units import Unit, scale_of
+import numpy as np
+
+from glider.campaign.importing.recording import Unit, scale_of
 from glider.errors import InputError, expect, show
 
 QUANTITIES = {
@@ -67,8 +69,7 @@ class Markers:
             )
 
 
-Names = str | list[str]
-"""Columns of a vector: their common name, or all names."""
+Names = str | list[str]  # Columns of a vector: their common name, or all names.
 
 
 def _check_units(units: object) -> None:
@@ -175,6 +176,12 @@ class Mapping:
     frame: Frame
     clock: str | float | None  # "same", "find", an offset [s]; None: by the files.
     join: tuple[str, ...]  # Patterns of files that make one recording.
+
+
+def unit_vector(axis: str) -> np.ndarray:
+    """An axis such as "-z" as a unit vector (3,)."""
+    sign = -1.0 if axis.startswith("-") else 1.0
+    return sign * np.eye(3)["xyz".index(axis[-1])]
 
 
 def given(fields: object) -> dict:

@@ -1,17 +1,45 @@
-"""A recording: named columns of numbers, in groups of one clock each."""
+"""A recording: named columns of numbers, in groups of one clock each; their units.
+
+pint knows more units, but takes 0.7 s to import: longer than most imports.
+"""
 
 import dataclasses
 import difflib
 import importlib
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, expect, show
 
-_SPELLINGS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
+_VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
+
+_DEGREE = math.pi / 180.0
+_FACTORS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048},
+    "angle": {"rad": 1.0, "deg": _DEGREE},
+    "rate": {"rad/s": 1.0, "deg/s": _DEGREE},
+}
+_SPELLINGS = {
+    "s": "sec second",
+    "ms": "msec millisecond",
+    "us": "µs μs usec microsecond",
+    "ns": "nsec nanosecond",
+    "m": "meter metre",
+    "cm": "centimeter centimetre",
+    "mm": "millimeter millimetre",
+    "in": "inch inche",
+    "ft": "feet foot",
+    "rad": "radian",
+    "deg": "° degree",
+    "deg/s": "°/s dps",
+}
+_UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
+_UNITS |= {unit: unit for units in _FACTORS.values() for unit in units}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -21,9 +49,7 @@ class Column:
     values: np.ndarray  # (n,) as logged; nan where there is nothing.
     unit: str | None = None  # As the file reports it, e.g. "mm"; None: it does not.
     fault: str | None = None  # What is wrong with a cell; raised when it is used.
-    epoch: float | None = (
-        None  # Of the value 0, since 1970 [s], for times of a calendar.
-    )
+    epoch: float | None = None  # Of 0 in times of a calendar, since 1970 [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -76,9 +102,9 @@ class Recording:
 
         Their axes are letters in the order wanted, or digits for name[0], name[1].
         """
-        known = {full for full, _, _ in self._all()}
-        known |= {full.removeprefix(f"{g.name}.") for full, g, _ in self._all()}
-        spellings = ("{name}[{axis}]",) if axes[0].isdigit() else _SPELLINGS
+        known = {full.removeprefix(f"{g.name}.") for full, g, _ in self._all()}
+        known.update(self.names())
+        spellings = ("{name}[{axis}]",) if axes[0].isdigit() else _VECTORS
         for spelling in spellings:
             for letters in (axes, axes.upper()):
                 names = [spelling.format(name=address, axis=a) for a in letters]
@@ -115,3 +141,41 @@ def need(module: str, path: Path) -> ModuleType:
             f"{path}: reading it needs {module.partition('.')[0]}, which is not "
             "installed; pip install 'drake-glider[import]' installs it."
         ) from None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scale:
+    """SI value = gain (logged value - zero)."""
+
+    gain: float = 1.0
+    zero: float = 0.0
+
+    def __post_init__(self):
+        """Raises InputError where a logged value would be lost."""
+        finite = math.isfinite(self.gain) and math.isfinite(self.zero)
+        numbers = "finite numbers, and a gain other than 0"
+        expect(
+            self.gain and finite, "units: [gain, zero]", [self.gain, self.zero], numbers
+        )
+
+
+Unit = str | Scale  # A unit's name, or a calibration.
+
+
+def spell(text: str) -> str | None:
+    """Usual spelling of a unit, e.g. "mm" of "[Millimeters]"; None of other words."""
+    word = text.strip(" []()").lower()
+    return _UNITS.get(word) or _UNITS.get(word.removesuffix("s"))
+
+
+def scale_of(unit: Unit, kind: str, source: str) -> Scale:
+    """Scale of a unit of a kind; the source is for the message."""
+    if isinstance(unit, Scale):
+        return unit
+    factors, spelled = _FACTORS[kind], spell(unit)
+    if spelled not in factors:
+        raise InputError(
+            f"{source}: found {show(unit)}; expected one of {', '.join(factors)}, "
+            "or {gain: ..., zero: ...} for gain * (logged - zero)."
+        )
+    return Scale(gain=factors[spelled])

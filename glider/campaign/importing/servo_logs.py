@@ -16,8 +16,7 @@ from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
 
-_FASTEST = 99.0
-"""Percentile of the measured rates that is taken for the servo's limit [%]."""
+_FASTEST = 99.0  # Percentile of measured rates taken for the servo's limit [%].
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
 _HIDDEN = "so a lag or a delay of the servo cannot be found"

@@ -1,7 +1,6 @@
 """Do the flights fly in the frame that a mapping specifies? Refused, with why, if not.
 
-The checks of any campaign (`glider.campaign.checks.frame`) know axes, units and the
-direction of the fall. A mapping claims signs as well, so these are checked too: the
+Beside axes, units and the fall (`glider.campaign.checks.frame`) signs are checked: the
 forces of the air must agree with the pitch as mapped (fitted with either sign, and with
 other columns in its place), and the elevator must turn the glider, and follow its
 commands, in the direction that the mapping specifies.
@@ -22,34 +21,30 @@ from glider.campaign.checks.forces import (
     usable_motion,
 )
 from glider.campaign.checks.frame import check_frame
-from glider.campaign.checks.masks import no_masks
+from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 
-CLEARLY = 1.2
-"""Ratio of misfits above which the data contradict the mapping."""
+CLEARLY = 1.2  # Ratio of misfits above which the data contradict the mapping.
 SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect has a sign.
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
-_AHEAD = 0.4
-"""Least mean cosine of the angle of attack: the nose within 66 degrees of the way."""
+_AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ITERATIONS = 5  # Of Huber's weights.
 _UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
 
-Motions = dict[str, Motion]
-"""Of flights, by name."""
+Motions = dict[str, Motion]  # Of flights, by name.
 
 
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
     """Reports what could not be decided; raises InputError where signs are wrong."""
     masks = find_faults(campaign).masks
     _check_attitude(campaign)
-    _check_level(campaign)
     turned, warnings = check_frame(campaign, masks)
     if turned is not campaign:
         axis = "forward" if "'x'" in warnings[0] else "up"
@@ -64,8 +59,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     undecided = _check_pitch(campaign, motions, motion)
     if campaign.elevator == "servo":
         check_clocks(campaign, masks)
-        follows = follow_sign(campaign.flights, masks)
-        undecided += _check_elevator(campaign, motions, follows)
+        undecided += _check_elevator(campaign, motions, masks)
     return undecided
 
 
@@ -76,19 +70,16 @@ def misfit_of(campaign: Campaign) -> float | None:
     """
     try:
         _check_attitude(campaign)
-        _check_level(campaign)
     except InputError:
         return None
     if max(np.ptp(flight.pose[:, 1]) for flight in campaign.flights) < _LEAST_HEIGHT:
         return None
-    masks = {flight.name: no_masks(flight) for flight in campaign.flights}
-    motion = join([usable_motion(f, masks) for f in campaign.flights])
+    motion = join([usable_motion(f, {}) for f in campaign.flights])
     if len(motion.time) < _MIN_ROWS or calc_heading(motion, 1) < _AHEAD:
         return None
-    if np.mean(motion.velocity[:, 0]) < 0.0:
-        return None
     down = np.array([0.0, -campaign.gravity])
-    return fit_forces(motion, down, signs=(1,)).misfit
+    backwards = np.mean(motion.velocity[:, 0]) < 0.0
+    return None if backwards else fit_forces(motion, down, signs=(1,)).misfit
 
 
 def elevator_effect(campaign: Campaign, motions: Motions) -> float:
@@ -123,22 +114,18 @@ def elevator_effect(campaign: Campaign, motions: Motions) -> float:
 
 
 def _check_attitude(campaign: Campaign) -> None:
-    """Refuses a body that flies on its side, on its back or sideways throughout."""
+    """Refuses a body on its side, on its back or sideways, or flights up or down."""
     attitudes = [f.attitude for f in campaign.flights if f.attitude is not None]
-    if not attitudes:
-        return
-    _, roll, yaw = np.median(np.abs(np.concatenate(attitudes)), axis=0)
-    for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
-        if angle > _ASTRAY:
-            raise InputError(
-                f"{campaign.path}: frame: with these axes the {name} is "
-                f"{np.degrees(angle):.0f}° in most rows; expected the right '{field}' "
-                "(the axis of the body that points there), 'rotation' or 'up'."
-            )
-
-
-def _check_level(campaign: Campaign) -> None:
-    """Refuses flights that go up or down rather than along."""
+    if attitudes:
+        _, roll, yaw = np.median(np.abs(np.concatenate(attitudes)), axis=0)
+        for name, angle, field in (("roll", roll, "top"), ("yaw", yaw, "nose")):
+            if angle > _ASTRAY:
+                raise InputError(
+                    f"{campaign.path}: frame: with these axes the {name} is "
+                    f"{np.degrees(angle):.0f}° in most rows; expected the right "
+                    f"'{field}' (the axis of the body that points there), 'rotation' "
+                    "or 'up'."
+                )
     ways = np.abs([f.pose[-1, :2] - f.pose[0, :2] for f in campaign.flights])
     along, up = np.median(ways, axis=0)
     if up > _STEEP * along:
@@ -206,7 +193,7 @@ def _other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]
 
 
 def _check_elevator(
-    campaign: Campaign, motions: Motions, follows: int
+    campaign: Campaign, motions: Motions, masks: dict[str, Masks]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
     effect = elevator_effect(campaign, motions)
@@ -217,7 +204,7 @@ def _check_elevator(
             f"{effect:.0f} standard errors), so its trailing edge goes down; elevator: "
             f"{other} (or 'clock' is wrong)."
         )
-    if follows < 0:
+    if follow_sign(campaign.flights, masks) < 0:
         raise InputError(
             f"{campaign.path}: frame: the elevator turns against its commands; "
             f"command: {other}."

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from glider.campaign.importing.mapping import Frame, Mapping
-from glider.campaign.importing.selection import ServoLogs, Stream, Streams
+from glider.campaign.importing.mapping import Frame, Mapping, unit_vector
+from glider.campaign.importing.recording import Recording
+from glider.campaign.importing.selection import Picker, ServoLogs, Stream
 from glider.errors import InputError
 
-_MAX_GAP = 0.1
-"""Time between two attitudes above which none is interpolated [s]."""
+_MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -34,22 +34,26 @@ class Track:
     servo: ServoLogs  # Positive trailing edge up.
 
 
-def make_track(streams: Streams, mapping: Mapping) -> Track:
+def make_track(recording: Recording, mapping: Mapping) -> Track:
     """Turns a recording into the axes and signs of this project."""
-    frame = mapping.frame
-    planar = streams.position.values.shape[1] == 2
+    frame, pick = mapping.frame, Picker(recording, mapping)
+    logged = pick.position()
+    attitude = pick.attitude() or pick.scalars(("pitch",))
+    signs = (frame.elevator, frame.command, frame.command)
+    servo = ServoLogs(*map(_signed, pick.servo(), signs))
+    time, position = logged.time, logged.values
+    planar = position.shape[1] == 2
     world, along_throw = _world_axes(frame, planar, mapping.source)
-    position = streams.position.values
     if planar:
         position = np.insert(position, 1, 0.0, axis=1)
-    time = streams.position.time
     rotation = pitch = None
-    if streams.quaternion is not None:
-        rotation = world @ _rotations(streams.quaternion, time) @ _body_axes(frame).T
+    if attitude.values.shape[1] == 4:
+        nose, top = unit_vector(frame.nose), unit_vector(frame.top)
+        body = np.stack([nose, np.cross(top, nose), top])
+        rotation = world @ _rotations(attitude, time) @ body.T
         seen = np.isfinite(rotation).all(axis=(1, 2))
     else:
-        assert streams.pitch is not None
-        pitch = _pitches(streams.pitch, time)
+        pitch = _pitches(attitude, time)
         pitch *= 1.0 if frame.pitch == "nose_down" else -1.0
         seen = np.isfinite(pitch)
     position = position @ world.T
@@ -62,18 +66,14 @@ def make_track(streams: Streams, mapping: Mapping) -> Track:
         position[:, 0] -= ahead * cos + above * sin
         position[:, 2] -= above * cos - ahead * sin
     return Track(
-        path=streams.path,
+        path=recording.path,
         time=time[seen],
         position=position[seen],
         rotation=None if rotation is None else rotation[seen],
         pitch=None if pitch is None else np.unwrap(pitch[seen]),
         along_throw=along_throw,
-        clock=streams.position.clock,
-        servo=ServoLogs(
-            _signed(streams.servo.elevator, frame.elevator),
-            _signed(streams.servo.rate_command, frame.command),
-            _signed(streams.servo.angle_command, frame.command),
-        ),
+        clock=logged.clock,
+        servo=servo,
     )
 
 
@@ -89,9 +89,9 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
 
 
 def turn_along(track: Track) -> Track:
-    """Turns a flight along the throw: x along its way over the ground, y = 0 at first.
+    """Turns a flight along the throw: x along the line that fits its ground track best.
 
-    The way is the line that fits the horizontal positions best. Other flights stay.
+    Others stay as they are.
     """
     if not track.along_throw:
         return track
@@ -136,10 +136,14 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     return pitch, np.unwrap(np.column_stack(upright), axis=0)
 
 
+def planar_pose(track: Track) -> np.ndarray:
+    """Columns x [m], z [m] and pitch [rad] of a flight (n, 3)."""
+    return np.column_stack([track.position[:, [0, 2]], angles_of(track)[0]])
+
+
 def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bool]:
     """W (3, 3), and whether x has yet to be turned along each flight."""
-    forward = frame.forward
-    up = _unit(frame.up)
+    forward, up = frame.forward, unit_vector(frame.up)
     if planar:
         forward = forward or "x"
         if frame.up[-1] != "z" or forward[-1] != "x":
@@ -148,35 +152,22 @@ def _world_axes(frame: Frame, planar: bool, source: str) -> tuple[np.ndarray, bo
                 "columns are x and z; expected up z or -z and forward x or -x."
             )
         # y is not logged: it is what makes the axes right-handed.
-        return np.stack([_unit(forward), np.zeros(3), up]), False
-    if forward is None or forward == "throw":
-        rest = next(axis for axis in "xyz" if axis != frame.up[-1])
-        ahead = _unit(rest)
-    else:
-        ahead = _unit(forward)
-    return np.stack([ahead, np.cross(up, ahead), up]), forward in (None, "throw")
-
-
-def _body_axes(frame: Frame) -> np.ndarray:
-    nose, top = _unit(frame.nose), _unit(frame.top)
-    return np.stack([nose, np.cross(top, nose), top])
-
-
-def _unit(axis: str) -> np.ndarray:
-    sign = -1.0 if axis.startswith("-") else 1.0
-    return sign * np.eye(3)["xyz".index(axis[-1])]
+        return np.stack([unit_vector(forward), np.zeros(3), up]), False
+    along_throw = forward is None or forward == "throw"
+    if forward is None or along_throw:  # Any axis will do until then.
+        forward = next(axis for axis in "xyz" if axis != frame.up[-1])
+    ahead = unit_vector(forward)
+    return np.stack([ahead, np.cross(up, ahead), up]), along_throw
 
 
 def _rotations(stream: Stream, time: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
     known = stream.known()
     result = np.full((len(time), 3, 3), np.nan)
-    if len(known.time) < 2:
-        return result
-    inside = (time >= known.time[0]) & (time <= known.time[-1])
-    inside &= _is_near(known.time, time)
-    slerp = Slerp(known.time, Rotation.from_quat(known.values))
-    result[inside] = slerp(time[inside]).as_matrix()
+    if len(known.time) > 1:
+        near = _is_near(known.time, time)
+        slerp = Slerp(known.time, Rotation.from_quat(known.values))
+        result[near] = slerp(time[near]).as_matrix()
     return result
 
 
@@ -185,19 +176,19 @@ def _pitches(stream: Stream, time: np.ndarray) -> np.ndarray:
     known = stream.known()
     if len(known.time) < 2:
         return np.full(len(time), np.nan)
-    pitch = np.unwrap(known.values[:, 0])
-    pitch = np.interp(time, known.time, pitch, left=np.nan, right=np.nan)
-    return np.where(_is_near(stream.time, time), pitch, np.nan)
+    pitch = np.interp(time, known.time, np.unwrap(known.values[:, 0]))
+    return np.where(_is_near(known.time, time), pitch, np.nan)
 
 
 def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Whether times (n,) lie between two known ones that are close to one another."""
     index = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
     exact = np.isclose(time, known[index]) | np.isclose(time, known[index - 1])
-    return exact | (known[index] - known[index - 1] < _MAX_GAP)
+    near = exact | (known[index] - known[index - 1] < _MAX_GAP)
+    return near & (time >= known[0]) & (time <= known[-1])
 
 
 def _signed(stream: Stream | None, positive: str) -> Stream | None:
     if stream is None or positive == "trailing_edge_up":
         return stream
-    return dataclasses.replace(stream, values=-stream.values)
+    return stream._replace(values=-stream.values)

@@ -10,7 +10,6 @@ import pytest
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.readers import read_recording
 from glider.campaign.importing.recording import Column, Group, Recording
-from glider.campaign.importing.selection import select
 from glider.campaign.importing.track import make_track
 from glider.campaign.settings import Settings
 from glider.errors import InputError
@@ -250,5 +249,18 @@ def test_a_quaternion_that_is_none_is_not_seen(value):
     recording = Recording(path=Path("a"), groups=(Group(name="", columns=columns),))
     fields = {"columns": {"position": "p", "attitude": "q", "time": "t"}}
     mapping = schema.convert(fields, Settings, "MAP").mapping("MAP")
-    track = make_track(select(recording, mapping), mapping)
+    track = make_track(recording, mapping)
     assert len(track.time) == 8
+
+
+def test_a_long_gap_of_the_pitch_is_not_interpolated():
+    """As none of an attitude is: what happened in a quarter second is unknown."""
+    time = np.arange(60) / 100.0
+    pitch = np.sin(9.0 * time)
+    pitch[20:45], pitch[50] = np.nan, np.nan
+    columns = {"t": time, "x": 5.0 * time, "z": -time, "theta": pitch}
+    group = Group(name="", columns={n: Column(values=v) for n, v in columns.items()})
+    fields = {"columns": {"time": "t", "x": "x", "z": "z", "pitch": "theta"}}
+    mapping = schema.convert(fields, Settings, "MAP").mapping("MAP")
+    track = make_track(Recording(path=Path("a"), groups=(group,)), mapping)
+    assert np.array_equal(track.time, np.delete(time, np.s_[20:45]))

@@ -14,12 +14,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from glider.campaign.importing import units
-from glider.campaign.importing.recording import Column, Group, Recording, need
+from glider.campaign.importing.recording import Column, Group, Recording, need, spell
 from glider.errors import InputError
 
 _TIME = "Time"
@@ -27,8 +27,7 @@ _PROGRAM = Path(__file__).with_name("c3d_process.py")
 _TIMEOUT = 30.0  # Time to read a small file, at most [s].
 _SPEED = 2e6  # ... and what is read of a large one, at least [bytes/s].
 
-Parameters = dict[str, list]
-"""Values by GROUP:NAME."""
+Parameters = dict[str, list]  # Values by GROUP:NAME.
 
 
 def read(path: Path) -> Recording:
@@ -74,25 +73,20 @@ def _points(
     parameters: Parameters, points: np.ndarray, residuals: np.ndarray
 ) -> dict[str, Column]:
     """Columns of points (4, p, n), nan where residuals (p, n) are negative."""
-    length = units.spell(str((parameters.get("POINT:UNITS") or [""])[0]))
-    angle = units.spell(str((parameters.get("POINT:ANGLE_UNITS") or ["deg"])[0]))
+    length = spell(str(_first(parameters, "POINT:UNITS", "")))
+    angle = spell(str(_first(parameters, "POINT:ANGLE_UNITS", "deg")))
     angles = set(parameters.get("POINT:ANGLES") or [])
     places = np.where(residuals < 0.0, np.nan, points[:3])
     columns = {}
-    for label, place in zip(
-        _labels(parameters, "POINT", points.shape[1]),
-        np.moveaxis(places, 1, 0),
-        strict=True,
-    ):
+    for k, label in enumerate(_labels(parameters, "POINT", points.shape[1])):
         what, unit = ("Rotation", angle) if label in angles else ("Position", length)
-        for axis, values in zip("XYZ", place, strict=True):
-            columns[f"{label}.{what}.{axis}"] = Column(values=values, unit=unit)
+        columns |= _vector(f"{label}.{what}", places[:, k], unit)
     return columns
 
 
 def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
     """Columns of transformations (4, 4, b, n) from bodies to the laboratory."""
-    length = units.spell(str((parameters.get("POINT:UNITS") or [""])[0]))
+    length = spell(str(_first(parameters, "POINT:UNITS", "")))
     columns = {}
     for k, label in enumerate(_labels(parameters, "ROTATION", turns.shape[2])):
         body = np.moveaxis(turns[:, :, k], 2, 0)
@@ -103,11 +97,22 @@ def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
         matrices = np.where(seen[:, None, None], body[:, :3, :3], np.eye(3))
         quaternions = Rotation.from_matrix(matrices).as_quat()
         quaternions[~seen] = np.nan
-        for axis, values in zip("XYZ", place.T, strict=True):
-            columns[f"{label}.Position.{axis}"] = Column(values=values, unit=length)
-        for axis, values in zip("XYZW", quaternions.T, strict=True):
-            columns[f"{label}.Rotation.{axis}"] = Column(values=values)
+        columns |= _vector(f"{label}.Position", place.T, length)
+        columns |= _vector(f"{label}.Rotation", quaternions.T, None)
     return columns
+
+
+def _vector(name: str, rows: np.ndarray, unit: str | None) -> dict[str, Column]:
+    """Columns of a vector (3 or 4, n)."""
+    axes = "XYZW"[: len(rows)]
+    return {
+        f"{name}.{axis}": Column(values=values, unit=unit)
+        for axis, values in zip(axes, rows, strict=True)
+    }
+
+
+def _first(parameters: Parameters, name: str, default: Any) -> Any:
+    return (parameters.get(name) or [default])[0]
 
 
 def _group(name: str, columns: dict[str, Column], rate: float) -> Group:
@@ -133,11 +138,10 @@ def _labels(parameters: Parameters, group: str, count: int) -> list[str]:
 
 def _rate(path: Path, parameters: Parameters, group: str) -> float:
     """Rate of a group [Hz]; bodies may come at a multiple of the points'."""
-    rate = parameters.get(f"{group}:RATE")
-    if rate is None and group == "ROTATION":
-        ratio = (parameters.get("ROTATION:RATIO") or [1.0])[0]
-        return _rate(path, parameters, "POINT") * (float(ratio) or 1.0)
-    value = float(rate[0]) if rate else 0.0
+    if group == "ROTATION" and parameters.get("ROTATION:RATE") is None:
+        ratio = float(_first(parameters, "ROTATION:RATIO", 1.0))
+        return _rate(path, parameters, "POINT") * (ratio or 1.0)
+    value = float(_first(parameters, f"{group}:RATE", 0.0))
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(
             f"{path}: {group}:RATE is {value:g}; expected a positive rate in Hz."

@@ -9,23 +9,16 @@ import sys
 import ezc3d
 import numpy as np
 
-PARAMETERS = {
-    "POINT": ("RATE", "UNITS", "ANGLES", "ANGLE_UNITS"),
-    "ROTATION": ("RATE", "RATIO"),
-    "ANALOG": ("RATE",),
-}
-"""Parameters that are read, beside the labels, by group."""
-
 
 def main(source: str, target: str) -> None:
     """Reads one file and writes the other."""
     content = ezc3d.c3d(source)
-    parameters = {}
-    for group, wanted in PARAMETERS.items():
-        for name, parameter in content["parameters"].get(group, {}).items():
-            if name in wanted or name.startswith("LABELS"):
-                values = np.ravel(parameter["value"]).tolist()
-                parameters[f"{group}:{name}"] = values
+    parameters = {
+        f"{group}:{name}": np.ravel(parameter["value"]).tolist()
+        for group in ("POINT", "ROTATION", "ANALOG")
+        for name, parameter in content["parameters"].get(group, {}).items()
+        if name != "__METADATA__"
+    }
     data = content["data"]
     np.savez(
         target,

@@ -4,14 +4,18 @@ A column is named BODY.Position.X, BODY.Rotation.X (quaternions have a W), or
 MARKER.Position.X. Rows of zeros are rows in which the body was not seen.
 """
 
+import itertools
 import math
 from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.importing import units
-from glider.campaign.importing.readers.delimited import make_column, split_rows
-from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.readers.delimited import (
+    make_column,
+    number_rows,
+    split_rows,
+)
+from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError
 
 _TIME = "Time"
@@ -51,21 +55,18 @@ def _parse_motive(path: Path, text: str) -> Recording:
                 f"{path}: row {i + 1} ('{label}') has {len(rows[i])} cells; expected "
                 f"{len(axes)}, as in row {last + 1}."
             )
-    length = units.spell(facts.get("Length Units", ""))
+    length = spell(facts.get("Length Units", ""))
     euler = facts.get("Rotation Type", "")
-    data = [(i, row) for i, row in enumerate(rows[last + 1 :], last + 2) if any(row)]
-    columns: dict[str, Column] = {}
-    for j in range(1, len(axes)):
-        cells = [(i, row[j] if j < len(row) else "") for i, row in data]
-        if j == 1:
-            columns[_TIME] = make_column(_TIME, cells, "s")
-        elif axes[j] in ("X", "Y", "Z", "W"):
+    data = number_rows(rows, last + 1)
+    if len(axes) < 2:
+        raise InputError(f"{path}: row {last + 1} has no column of times.")
+    columns = {_TIME: make_column(_TIME, data, 1, "s")}
+    for j in range(2, len(axes)):
+        if axes[j] in ("X", "Y", "Z", "W"):
             name = f"{names[j]}.{parts[j]}.{axes[j]}"
             angle = None if euler == "Quaternion" else "deg"
             unit = length if parts[j] == "Position" else angle
-            columns.setdefault(name, make_column(name, cells, unit))
-    if _TIME not in columns:
-        raise InputError(f"{path}: row {last + 1} has no column of times.")
+            columns.setdefault(name, make_column(name, data, j, unit))
     _forget_unseen(path, columns)
     group = Group(name="", columns=columns, time=_TIME)
     order = euler.upper() if sorted(euler.upper()) == ["X", "Y", "Z"] else None
@@ -82,11 +83,8 @@ def _parse_vicon(path: Path, text: str) -> Recording:
     delimiter = max(",;\t", key=lambda d: sum(line.count(d) for line in lines[:10]))
     rows = split_rows(lines, delimiter)
     starts = [i for i, row in enumerate(rows) if row and row[0] in _SECTIONS]
-    ends = [*starts[1:], len(rows)]
-    groups = [
-        _parse_section(path, rows, start, end)
-        for start, end in zip(starts, ends, strict=True)
-    ]
+    bounds = itertools.pairwise([*starts, len(rows)])
+    groups = [_parse_section(path, rows, start, end) for start, end in bounds]
     return Recording(path=path, groups=tuple(groups))
 
 
@@ -102,10 +100,8 @@ def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
             f"{path}: section '{kind}' in row {start + 1} lacks its rate, names or "
             "units; expected an export of Vicon with its five header rows."
         ) from None
-    data = [
-        (i, row) for i, row in enumerate(rows[start + 5 : end], start + 6) if any(row)
-    ]
-    frames = make_column("Frame", [(i, row[0]) for i, row in data], None)
+    data = number_rows(rows, start + 5, end)
+    frames = make_column("Frame", data, 0, None)
     times = (frames.values - frames.values[:1].sum()) / rate
     columns = {_TIME: Column(values=times, unit="s", fault=frames.fault)}
     owner = ""
@@ -117,9 +113,8 @@ def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
         if not part or part[-1] not in "XYZW" or len(part) > 2:
             continue
         name = f"{owner}.{what}.{part[-1]}"
-        cells = [(i, row[j] if j < len(row) else "") for i, row in data]
-        unit = units.spell(spelled[j]) if j < len(spelled) else None
-        columns[name] = make_column(name, cells, unit)
+        unit = spell(spelled[j]) if j < len(spelled) else None
+        columns[name] = make_column(name, data, j, unit)
     _forget_unseen(path, columns)
     return Group(name="" if start == 0 else kind, columns=columns, time=_TIME)
 
@@ -129,12 +124,11 @@ def _forget_unseen(path: Path, columns: dict[str, Column]) -> None:
     bodies = [n.rpartition(".Position.")[0] for n in columns if ".Position." in n]
     for body in dict.fromkeys(bodies):
         names = [f"{body}.Position.{axis}" for axis in "XYZ"]
-        for name in names:
-            if name not in columns:
-                raise InputError(
-                    f"{path}: column '{name}' is missing; expected X, Y and Z of "
-                    "every body and marker."
-                )
+        if missing := [name for name in names if name not in columns]:
+            raise InputError(
+                f"{path}: column '{missing[0]}' is missing; expected X, Y and Z of "
+                "every body and marker."
+            )
         places = [columns[name].values for name in names]
         unseen = np.all(np.stack(places) == 0.0, axis=0)
         for name, column in columns.items():

@@ -1,7 +1,7 @@
 """Text files of numbers in any dialect: separators, decimal commas, several headers.
 
 Python's csv splits the rows: pandas and pyarrow need the dialect and the header's rows,
-which are what is found here, and do not give the line of a bad cell.
+which are found here, and do not give the line of a bad cell.
 """
 
 import csv
@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.importing import units
-from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError, show
 
 _BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
@@ -23,6 +22,8 @@ _UNIT_SUFFIXES = ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")
 _MIN_ROWS = 3
 
 Rows = Sequence[Sequence[str]]
+NumberedRows = Sequence[tuple[int, Sequence[str]]]
+"""Cells of rows, with their lines in the file."""
 
 
 def decode(path: Path, formats: Sequence[str]) -> str:
@@ -75,13 +76,13 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
     header = [[row[0].lstrip("#% "), *row[1:]] for row in header]
     of_row: list[str | None] = [None] * width
     if len(header) > 1 and _are_units(header[-1]):
-        of_row = [units.spell(cell) for cell in header.pop()]
+        of_row = [spell(cell) for cell in header.pop()]
     if not header:
         raise InputError(
             f"{path}: row {first + 1} is {show(', '.join(rows[first]))}, the first of "
             "numbers; expected a row with the names of the columns above it."
         )
-    data = [(i, row) for i, row in enumerate(rows[first:], first + 1) if any(row)]
+    data = number_rows(rows, first)
     for i, row in data:
         if len(row) != width:
             raise InputError(
@@ -96,29 +97,34 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
                 f"{path}: two columns are named '{bare}'; expected different names."
             )
         if name:
-            cells = [(i, row[j]) for i, row in data]
-            columns[bare] = make_column(bare, cells, of_row[j] or unit, comma)
+            columns[bare] = make_column(bare, data, j, of_row[j] or unit, comma)
     return Recording(path=path, groups=(Group(name="", columns=columns),))
 
 
+def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows:
+    """Some rows of a file that are not blank, with their lines."""
+    return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
+
+
 def make_column(
-    name: str, cells: list[tuple[int, str]], unit: str | None, comma: bool = False
+    name: str, rows: NumberedRows, j: int, unit: str | None, comma: bool = False
 ) -> Column:
-    """Makes a column of cells, with the numbers of their lines, and a unit if given.
+    """Makes a column of the j-th cells of rows.
 
     Times in ISO 8601 become seconds from the first row.
     """
-    values = np.array([_number(cell, comma) for _, cell in cells])
-    filled = np.array([cell.lower() not in _BLANK for _, cell in cells], dtype=bool)
+    cells = [row[j] if j < len(row) else "" for _, row in rows]
+    values = np.array([_number(cell, comma) for cell in cells])
+    filled = np.array([cell.lower() not in _BLANK for cell in cells], dtype=bool)
     bad = np.flatnonzero(np.isnan(values) & filled)
     if not len(bad):
         return Column(values=values, unit=unit)
     if len(bad) == np.sum(filled):
-        instants = np.array([_instant(cell) for _, cell in cells])
+        instants = np.array([_instant(cell) for cell in cells])
         if not np.isnan(instants[filled]).any():
             epoch = float(instants[filled][0])
             return Column(values=instants - epoch, unit="s", epoch=epoch)
-    line, cell = cells[bad[0]]
+    line, cell = rows[bad[0]][0], cells[bad[0]]
     fault = f"column '{name}', row {line}: found {show(cell)}; expected a number."
     return Column(values=values, unit=unit, fault=fault)
 
@@ -143,8 +149,8 @@ def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
 def split_unit(name: str) -> tuple[str, str | None]:
     """A name without the unit in brackets, and the unit that it has."""
     match = _UNIT_IN_NAME.match(name)
-    if match and units.spell(match[2]):
-        return match[1], units.spell(match[2])
+    if match and spell(match[2]):
+        return match[1], spell(match[2])
     stem, _, suffix = name.rpartition("_")
     return name, suffix if stem and suffix in _UNIT_SUFFIXES else None
 
@@ -165,24 +171,22 @@ def _find_delimiter(lines: Sequence[str]) -> str:
 
 def _first_data_row(rows: Rows, comma: bool) -> int | None:
     """The first row of numbers that is followed by some more like it."""
+
+    def has_numbers(row: Sequence[str]) -> bool:
+        filled = [cell for cell in row if cell]
+        numbers = sum(_is_number(cell, comma) for cell in filled)
+        return numbers > 0 and 2 * numbers >= len(filled)
+
     for i in range(len(rows) - _MIN_ROWS + 1):
         few = rows[i : i + _MIN_ROWS]
-        if all(_are_numbers(row, comma) and len(row) == len(few[0]) for row in few):
+        if all(has_numbers(row) and len(row) == len(few[0]) for row in few):
             return i
     return None
 
 
-def _are_numbers(row: Sequence[str], comma: bool) -> bool:
-    filled = [cell for cell in row if cell]
-    numbers = sum(_is_number(cell, comma) for cell in filled)
-    return numbers > 0 and 2 * numbers >= len(filled)
-
-
 def _are_units(row: Sequence[str]) -> bool:
-    known = [
-        units.spell(cell) is not None or cell.strip(" []()") in "-1" for cell in row
-    ]
-    return all(known) and any(units.spell(cell) for cell in row)
+    known = [spell(cell) is not None or cell.strip(" []()") in "-1" for cell in row]
+    return all(known) and any(spell(cell) for cell in row)
 
 
 def _is_number(cell: str, comma: bool) -> bool:

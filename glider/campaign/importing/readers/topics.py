@@ -7,6 +7,7 @@ otherwise when it was recorded.
 """
 
 import dataclasses
+import itertools
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -141,12 +142,11 @@ def _leaves(name: str, value: object) -> Iterator[tuple[str, float]]:
         yield name, float(value)
     elif isinstance(value, dict):
         fields = value
-    elif dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value)]
-        fields = {n: getattr(value, n) for n in names if not n.startswith("__")}
-    elif hasattr(value, "DESCRIPTOR"):  # Of protobuf.
-        names = [field.name for field in value.DESCRIPTOR.fields]
-        fields = {n: getattr(value, n) for n in names}
+    elif dataclasses.is_dataclass(value) or hasattr(value, "DESCRIPTOR"):
+        protobuf = getattr(value, "DESCRIPTOR", None)
+        known = protobuf.fields if protobuf else dataclasses.fields(value)
+        names = [field.name for field in known if not field.name.startswith("__")]
+        fields = {name: getattr(value, name) for name in names}
     elif isinstance(value, (list, tuple, np.ndarray)) and len(value) <= _LONGEST:
         for i, part in enumerate(value):
             yield from _leaves(f"{name}[{i}]", part)
@@ -156,11 +156,9 @@ def _leaves(name: str, value: object) -> Iterator[tuple[str, float]]:
 
 def _stamps(row: dict[str, float]) -> Iterator[float]:
     """Yields the times [s] that a message itself has; those of zero are none."""
-    for stamp in _STAMPS:
-        for second in _SECONDS:
-            for fraction in _NANOSECONDS:
-                names = f"{stamp}.{second}", f"{stamp}.{fraction}"
-                if all(name in row for name in names):
-                    time = row[names[0]] + 1e-9 * row[names[1]]
-                    if time > 0.0:
-                        yield time
+    for stamp, second, fraction in itertools.product(_STAMPS, _SECONDS, _NANOSECONDS):
+        names = f"{stamp}.{second}", f"{stamp}.{fraction}"
+        if all(name in row for name in names):
+            time = row[names[0]] + 1e-9 * row[names[1]]
+            if time > 0.0:
+                yield time
