@@ -13,14 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import (
-    ATTITUDE_COLUMNS,
-    MAX_ANGLE,
-    POSE_COLUMNS,
-    SERVO_COLUMNS,
-    Campaign,
-    Flight,
-)
+from glider.campaign import logs
+from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError, show
 from glider.files import schema
 
@@ -134,14 +128,14 @@ def _check_same_columns(first: Table, other: Table) -> None:
 
 def _make_flight(table: Table, campaign: Campaign) -> Flight:
     """Makes the flight of a table; InputError where the cells cannot be one in SI."""
-    wanted = POSE_COLUMNS
+    wanted = logs.POSE_COLUMNS
     if campaign.elevator == "servo":
-        wanted += SERVO_COLUMNS
-        if all(name in table.columns for name in POSE_COLUMNS):
+        wanted += logs.SERVO_COLUMNS
+        if all(name in table.columns for name in logs.POSE_COLUMNS):
             _check_servo_columns(table)
-    spatial = all(name in table.columns for name in ATTITUDE_COLUMNS)
+    spatial = all(name in table.columns for name in logs.ATTITUDE_COLUMNS)
     if spatial:
-        wanted += ATTITUDE_COLUMNS
+        wanted += logs.ATTITUDE_COLUMNS
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
@@ -170,7 +164,7 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
 
 def _check_servo_columns(table: Table) -> None:
     """Says what to do where a log lacks the servo, or a part of it."""
-    missing = [name for name in SERVO_COLUMNS if name not in table.columns]
+    missing = [name for name in logs.SERVO_COLUMNS if name not in table.columns]
     if missing == ["elevator_rate_command"]:
         raise InputError(
             f"{table.path}: column 'elevator_rate_command' is missing; a log without "
@@ -189,11 +183,11 @@ def _check_units(
     table: Table, columns: dict[str, np.ndarray], campaign: Campaign
 ) -> None:
     """Refuses what cannot be SI; a fault that an effect can model passes."""
-    elevator_bound, rate_bound = MAX_ANGLE, _MAX_ELEVATOR_RATE
+    elevator_bound, rate_bound = logs.MAX_ANGLE, _MAX_ELEVATOR_RATE
     if campaign.elevator_limits is not None:  # An elevator of the other sign passes.
         lower, upper = campaign.elevator_limits
         far = max(abs(lower), abs(upper)) + (upper - lower)
-        elevator_bound = min(far, MAX_ANGLE)
+        elevator_bound = min(far, logs.MAX_ANGLE)
     if campaign.elevator_rate_limit is not None:
         rate_bound = 10 * campaign.elevator_rate_limit
     tumble = "degrees; wrap a tumble into ±pi"
@@ -201,9 +195,9 @@ def _check_units(
         ("x", _MAX_POSITION, "m", "millimeters"),
         ("z", _MAX_POSITION, "m", "millimeters"),
         ("y", _MAX_POSITION, "m", "millimeters"),
-        ("pitch", MAX_ANGLE, "rad", tumble),
-        ("roll", MAX_ANGLE, "rad", tumble),
-        ("yaw", MAX_ANGLE, "rad", tumble),
+        ("pitch", logs.MAX_ANGLE, "rad", tumble),
+        ("roll", logs.MAX_ANGLE, "rad", tumble),
+        ("yaw", logs.MAX_ANGLE, "rad", tumble),
         ("elevator", elevator_bound, "rad", "degrees"),
         ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
     ):

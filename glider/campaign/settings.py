@@ -35,12 +35,12 @@ class Vehicle:
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
-        expect(
-            max(map(abs, self.elevator_limits or [0.0])) <= MAX_ANGLE,
-            "field 'elevator_limits'",
-            self.elevator_limits,
+        limits, unit = (
+            self.elevator_limits or [0.0],
             "radians (this looks like degrees)",
         )
+        small = max(map(abs, limits)) <= MAX_ANGLE
+        expect(small, "field 'elevator_limits'", limits, unit)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,21 +63,19 @@ class Settings:
             known = rate is None or 0 < rate < math.inf
             expect(known, f"field '{name}'", rate, "a positive number of Hz")
         number = isinstance(self.clock, float) and math.isfinite(self.clock)
-        expect(
-            number or self.clock in (None, "same", "find"),
-            "field 'clock'",
-            self.clock,
+        known = number or self.clock in (None, "same", "find")
+        expected = (
             "'same', 'find', or how many seconds the elevator's clock is ahead of that "
-            "of the poses",
+            "of the poses"
         )
+        expect(known, "field 'clock'", self.clock, expected)
         join = self.join or ["*", "*"]
-        expect(
-            len(join) > 1 and all(pattern.count("*") == 1 for pattern in join),
-            "field 'join'",
-            join,
+        known = len(join) > 1 and all(pattern.count("*") == 1 for pattern in join)
+        expected = (
             "two or more names of files with one * each: those with the same text for "
-            "* are one recording",
+            "* are one recording"
         )
+        expect(known, "field 'join'", join, expected)
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
 
@@ -89,7 +87,7 @@ class Settings:
             path=folder,
             vehicle={n: float(known[n]) for n in PARAMETER_NAMES if n in known},
             elevator=self.vehicle.elevator,
-            elevator_limits=(float(limits[0]), float(limits[1])) if limits else None,
+            elevator_limits=(limits[0], limits[1]) if limits else None,
             elevator_rate_limit=self.vehicle.elevator_rate_limit,
             pose_rate=math.nan if self.pose_rate is None else self.pose_rate,
             command_rate=self.command_rate,
@@ -101,14 +99,9 @@ class Settings:
         if not {"columns", "units", "frame", "clock", "join"} & given(self).keys():
             return None
         assert not isinstance(self.frame, str)
-        return Mapping(
-            source=source,
-            columns=given(self.columns or Columns()),
-            units=given(self.units or Units()),
-            frame=self.frame or Frame(),
-            clock=self.clock,
-            join=tuple(self.join or ()),
-        )
+        columns, units = given(self.columns or Columns()), given(self.units or Units())
+        frame, join = self.frame or Frame(), tuple(self.join or ())
+        return Mapping(source, columns, units, frame, self.clock, join)
 
 
 def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:

@@ -6,14 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.logs import (
-    ATTITUDE_COLUMNS,
-    MAX_ANGLE,
-    POSE_COLUMNS,
-    SERVO_COLUMNS,
-    Campaign,
-    Flight,
-)
+from glider.campaign import logs
+from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_files
@@ -62,13 +56,13 @@ def flight_csv(flight: Flight) -> bytes:
     An angle that has tumbled beyond a full turn is wrapped into ±π, as cameras log it.
     """
     x, z, pitch = flight.pose.T
-    names, columns = POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
+    names, columns = logs.POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:
-        names += SERVO_COLUMNS
+        names += logs.SERVO_COLUMNS
         columns += [flight.elevator, flight.command]
     if flight.attitude is not None:
         y, roll, yaw = flight.attitude.T
-        names += ATTITUDE_COLUMNS
+        names += logs.ATTITUDE_COLUMNS
         columns += [y, _wrap(roll), _wrap(yaw)]
     buffer = io.BytesIO()
     np.savetxt(
@@ -84,6 +78,6 @@ def flight_csv(flight: Flight) -> bytes:
 
 def _wrap(angle: np.ndarray) -> np.ndarray:
     """Angles (n,), wrapped into ±π where they pass a full turn [rad]."""
-    if np.any(np.abs(angle) > MAX_ANGLE):
+    if np.any(np.abs(angle) > logs.MAX_ANGLE):
         return np.angle(np.exp(1j * angle))
     return angle

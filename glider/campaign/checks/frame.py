@@ -1,8 +1,8 @@
 """Do flights fall down, nose ahead, at the gravity that campaign.yaml specifies?
 
 The fit of `forces` determines gravity: its direction shows which way is down, its size
-the units. It is done with either sign of the pitch and the better one taken: a turned
-angle is traced later (`glider.sysid.search.signs`) and is no fault of the frame.
+the units. The better sign of the pitch is taken: a turned angle is traced later
+(`glider.sysid.search.signs`) and is no fault of the frame.
 
 Measured margins: over 20 simulated campaigns and a measured one the direction of
 gravity is off by at most 0.07 rad and its size by 12 %. With strong effects of the
@@ -15,14 +15,8 @@ import dataclasses
 
 import numpy as np
 
-from glider.campaign.checks.forces import (
-    ForceFit,
-    body_axes,
-    calc_heading,
-    fit_forces,
-    join,
-    usable_motion,
-)
+from glider.campaign.checks import forces
+from glider.campaign.checks.forces import ForceFit
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign
@@ -38,8 +32,7 @@ _SIZE = 1.9  # Ratio of the constant to gravity, or its inverse, that passes.
 _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 """Columns that change by less in every flight do not change [m, m, rad]."""
 _CLEARLY = 1.25
-"""Ratio of misfits, with the given gravity and with the constant free, above which the
-data contradict it."""
+"""Ratio of misfits, with gravity given and free, above which the data contradict it."""
 _PATH = 0.01
 """Median angle of attack below which the pitch is taken for that of the path [rad]; the
 plate of the default glider needs 0.15 at 7 m/s to carry it."""
@@ -55,22 +48,21 @@ def check_frame(
 
     Angles are left as they are logged.
     """
-    gravity = campaign.gravity
-    motion = join([usable_motion(f, masks) for f in campaign.flights])
+    motion = forces.join([forces.usable_motion(f, masks) for f in campaign.flights])
     if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
-    _check_columns(campaign, motion)
+    fit = forces.fit_forces(motion)
+    _check_columns(campaign, motion, fit)
     _check_attitude(campaign, motion)
-    fit = fit_forces(motion)
     warnings: list[str] = []
-    turned = _check_down(campaign, motion, fit, gravity, warnings)
-    _check_time(campaign, motion, fit, gravity)
+    turned = _check_down(campaign, motion, fit, warnings)
+    _check_time(campaign, motion, fit)
     turned = _check_ahead(turned, motion, fit, warnings)
     _check_force(campaign, fit)
     return turned, tuple(warnings)
 
 
-def _check_columns(campaign: Campaign, motion: Motion) -> None:
+def _check_columns(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
     """Refuses a column that never moves, or a pitch in degrees."""
     for k, (name, least) in enumerate(_LEAST.items()):
         if all(np.ptp(f.pose[:, k]) < least for f in campaign.flights):
@@ -79,11 +71,9 @@ def _check_columns(campaign: Campaign, motion: Motion) -> None:
                 "expected one that moves with the glider."
             )
     pitch = motion.pose[:, 2]
-    scale = np.pi / 180.0
-    factor = np.array([1.0, 1.0, scale])
-    as_degrees = motion._replace(pose=motion.pose * factor)
     wide = np.ptp(np.percentile(pitch, [2, 98])) > np.pi
-    if wide and fit_forces(as_degrees).misfit * 2.0 < fit_forces(motion).misfit:
+    as_degrees = motion._replace(pose=motion.pose * [1.0, 1.0, np.pi / 180.0])
+    if wide and 2.0 * forces.fit_forces(as_degrees).misfit < fit.misfit:
         raise InputError(
             f"{campaign.path}: column 'pitch' fits the motion in degrees "
             f"(from {pitch.min():.3g} to {pitch.max():.3g}); expected radians."
@@ -95,7 +85,7 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
     velocity = motion.velocity[:, :2]
     fast = motion.speed > 0.5 * np.median(motion.speed)
     for sign in (1, -1):
-        body, normal = body_axes(sign * motion.pose[:, 2])
+        body, normal = forces.body_axes(sign * motion.pose[:, 2])
         across, along = np.sum(velocity * normal, 1), np.sum(velocity * body, 1)
         median = float(np.median(np.abs(np.arctan2(across, along))[fast]))
         if median < _PATH:
@@ -106,17 +96,13 @@ def _check_attitude(campaign: Campaign, motion: Motion) -> None:
 
 
 def _check_down(
-    campaign: Campaign,
-    motion: Motion,
-    fit: ForceFit,
-    gravity: float,
-    warnings: list[str],
+    campaign: Campaign, motion: Motion, fit: ForceFit, warnings: list[str]
 ) -> Campaign:
     """Turns z up; refuses another direction or size of the fall."""
-    x, z = fit.constant
+    (x, z), gravity = fit.constant, campaign.gravity
     if np.hypot(x, z + gravity) < _NEAR * gravity:
         return campaign
-    given = fit_forces(motion, np.array([0.0, -gravity]))
+    given = forces.fit_forces(motion, np.array([0.0, -gravity]))
     if given.misfit < _CLEARLY * fit.misfit:
         return campaign
     size, angle = float(np.hypot(x, z)), float(np.arctan2(x, -z))
@@ -142,32 +128,30 @@ def _check_down(
     return _turn(campaign, z=True)
 
 
-def _check_time(
-    campaign: Campaign, motion: Motion, fit: ForceFit, gravity: float
-) -> None:
+def _check_time(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
     """Refuses flights that gain energy from still air: time runs backwards.
 
     A few glides alone do not determine forces and gravity together: it must hold with
     the given gravity as well.
     """
-    down = np.array([0.0, np.copysign(gravity, fit.constant[1])])
-    if _pushes(fit) and _pushes(fit_forces(motion, down)):
+    down = np.array([0.0, np.copysign(campaign.gravity, fit.constant[1])])
+
+    def pushes(fit: ForceFit) -> bool:  # Measured: -0.7 or less.
+        return bool(fit.forces[0] + fit.forces[3] > 0.2)
+
+    if pushes(fit) and pushes(forces.fit_forces(motion, down)):
         raise InputError(
             f"{campaign.path}: the air pushes the gliders along instead of slowing "
             "them; expected rows in the order of time (do they run backwards?)."
         )
 
 
-def _pushes(fit: ForceFit) -> bool:
-    """Whether the force of the air does work on the glider; measured: -0.7 or less."""
-    return bool(fit.forces[0] + fit.forces[3] > 0.2)
-
-
 def _check_ahead(
     campaign: Campaign, motion: Motion, fit: ForceFit, warnings: list[str]
 ) -> Campaign:
     """Turns x ahead; refuses flights tail first."""
-    heading, back = calc_heading(motion, fit.sign), np.mean(motion.velocity[:, 0]) < 0.0
+    heading = forces.calc_heading(motion, fit.sign)
+    back = np.mean(motion.velocity[:, 0]) < 0.0
     if back and heading < 0.0:
         warnings.append(
             "column 'x' pointed backwards (the flights went along -x, tail first): "
@@ -207,14 +191,12 @@ def _turn(campaign: Campaign, *, x: bool = False, z: bool = False) -> Campaign:
 
     Of the measured attitude y turns, with the angle about the axis that turns.
     """
-    pose = np.array([-1.0 if x else 1.0, -1.0 if z else 1.0, 1.0])
-    attitude = np.array([-1.0, -1.0 if x else 1.0, -1.0 if z else 1.0])
-    flights = tuple(
-        dataclasses.replace(
-            f,
-            pose=f.pose * pose,
-            attitude=None if f.attitude is None else f.attitude * attitude,
-        )
-        for f in campaign.flights
-    )
-    return dataclasses.replace(campaign, flights=flights)
+    signs = [-1.0 if x else 1.0, -1.0 if z else 1.0]
+    flights = []
+    for flight in campaign.flights:
+        attitude = flight.attitude
+        if attitude is not None:
+            attitude = attitude * [-1.0, *signs]
+        pose = flight.pose * [*signs, 1.0]
+        flights.append(dataclasses.replace(flight, pose=pose, attitude=attitude))
+    return dataclasses.replace(campaign, flights=tuple(flights))

@@ -82,9 +82,7 @@ class _Kept:
                 f"cannot be used, {name} for one: {why}."
             )
         self.campaign = dataclasses.replace(self.campaign, flights=kept)
-        self.excluded += [
-            ExcludedRows(file=name, rows=ALL, why=why) for name, why in reasons.items()
-        ]
+        self.excluded += [ExcludedRows(n, ALL, why) for n, why in reasons.items()]
 
     def mask(self, find: Callable[[Flight, np.ndarray], np.ndarray], why: str) -> None:
         """Excludes the rows that `find` finds in each flight, given its usable ones."""
@@ -92,10 +90,9 @@ class _Kept:
             mask = self.masks[flight.name]
             found = find(flight, mask.usable) & mask.usable
             if found.any():
-                mask = dataclasses.replace(mask, pose=mask.pose | found)
-                self.masks[flight.name] = mask
-                rows = name_rows(found)
-                self.excluded.append(ExcludedRows(file=flight.name, rows=rows, why=why))
+                both = dataclasses.replace(mask, pose=mask.pose | found)
+                self.masks[flight.name] = both
+                self.excluded.append(ExcludedRows(flight.name, name_rows(found), why))
 
     def drop_short(self, cause: str = "") -> None:
         """Excludes flights of which too few rows are kept, or too scattered ones."""

@@ -9,7 +9,7 @@ from glider.campaign.logs import Flight
 ALL = "all"  # `ExcludedRows.rows` of a whole flight.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class ExcludedRows:
     """Rows of a file that are not used, and why."""
 

@@ -80,9 +80,7 @@ def find_faults(campaign: Campaign) -> Faults:
         masks[flight.name] = Masks(pose=pose, elevator=elevator)
         for what, faults in (("pose", of_pose), ("elevator", of_servo)):
             excluded += [
-                ExcludedRows(
-                    file=flight.name, rows=name_rows(flags), why=f"{what}: {why}"
-                )
+                ExcludedRows(flight.name, name_rows(flags), f"{what}: {why}")
                 for why, flags in faults.items()
                 if flags.any()
             ]

@@ -63,10 +63,8 @@ class Markers:
     def __post_init__(self):
         """Raises InputError where one wing tip is missing."""
         if (self.left is None) != (self.right is None):
-            raise InputError(
-                "columns: attitude has one of 'left' and 'right'; expected both, or "
-                "neither."
-            )
+            one = "columns: attitude has one of 'left' and 'right'"
+            raise InputError(f"{one}; expected both, or neither.")
 
 
 Names = str | list[str]  # Columns of a vector: their common name, or all names.
@@ -144,12 +142,11 @@ class Frame:
             expected = f"{meaning}, one of {', '.join(values)}"
             expect(known, f"frame: field '{name}'", value, expected)
         euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
-        expect(
-            euler or self.rotation in (None, *_ROTATIONS),
-            "frame: field 'rotation'",
-            self.rotation,
-            f"an order of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}",
+        known = euler or self.rotation in (None, *_ROTATIONS)
+        expected = (
+            f"an order of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}"
         )
+        expect(known, "frame: field 'rotation'", self.rotation, expected)
         for one, other in (("up", "forward"), ("nose", "top")):
             a, b = getattr(self, one), getattr(self, other)
             if b and a[-1] == b[-1]:
@@ -157,16 +154,15 @@ class Frame:
                     f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
                     "expected two different axes."
                 )
-        point = self.tracked_point
-        expect(
-            len(point) == 2 and all(map(math.isfinite, point)),
-            "frame: field 'tracked_point'",
-            point,
+        point, expected = (
+            self.tracked_point,
             "[ahead, above] of the center of mass in m",
         )
+        known = len(point) == 2 and all(map(math.isfinite, point))
+        expect(known, "frame: field 'tracked_point'", point, expected)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Mapping:
     """How a log becomes flights."""
 

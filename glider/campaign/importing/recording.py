@@ -152,11 +152,12 @@ class Scale:
 
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
-        finite = math.isfinite(self.gain) and math.isfinite(self.zero)
-        numbers = "finite numbers, and a gain other than 0"
-        expect(
-            self.gain and finite, "units: [gain, zero]", [self.gain, self.zero], numbers
+        both, numbers = (
+            [self.gain, self.zero],
+            "finite numbers, and a gain other than 0",
         )
+        fits = self.gain and all(map(math.isfinite, both))
+        expect(fits, "units: [gain, zero]", both, numbers)
 
 
 Unit = str | Scale  # A unit's name, or a calibration.

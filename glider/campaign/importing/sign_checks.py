@@ -12,14 +12,8 @@ sign by 16 standard errors or more, and its rate correlates with the commands by
 
 import numpy as np
 
+from glider.campaign.checks import forces
 from glider.campaign.checks.clocks import check_clocks, follow_sign
-from glider.campaign.checks.forces import (
-    calc_heading,
-    fit_forces,
-    huber_weights,
-    join,
-    usable_motion,
-)
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
@@ -52,8 +46,8 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
             f"{campaign.path}: frame: '{axis}' has the wrong sign: "
             f"{warnings[0].partition(':')[0]}."
         )
-    motions = {f.name: usable_motion(f, masks) for f in campaign.flights}
-    motion = join(list(motions.values()))
+    motions = {f.name: forces.usable_motion(f, masks) for f in campaign.flights}
+    motion = forces.join(list(motions.values()))
     if len(motion.time) < _MIN_ROWS:
         return ("too few rows to check the signs of the mapping",)
     undecided = _check_pitch(campaign, motions, motion)
@@ -74,12 +68,12 @@ def misfit_of(campaign: Campaign) -> float | None:
         return None
     if max(np.ptp(flight.pose[:, 1]) for flight in campaign.flights) < _LEAST_HEIGHT:
         return None
-    motion = join([usable_motion(f, {}) for f in campaign.flights])
-    if len(motion.time) < _MIN_ROWS or calc_heading(motion, 1) < _AHEAD:
+    motion = forces.join([forces.usable_motion(f, {}) for f in campaign.flights])
+    if len(motion.time) < _MIN_ROWS or forces.calc_heading(motion, 1) < _AHEAD:
         return None
     down = np.array([0.0, -campaign.gravity])
     backwards = np.mean(motion.velocity[:, 0]) < 0.0
-    return None if backwards else fit_forces(motion, down, signs=(1,)).misfit
+    return None if backwards else forces.fit_forces(motion, down, signs=(1,)).misfit
 
 
 def elevator_effect(campaign: Campaign, motions: Motions) -> float:
@@ -108,7 +102,7 @@ def elevator_effect(campaign: Campaign, motions: Motions) -> float:
         weighted = design * weight[:, None]
         solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
         rest = target - design @ solution
-        weight = huber_weights(rest)
+        weight = forces.huber_weights(rest)
     covariance = np.linalg.pinv(weighted.T @ weighted) * np.mean((weight * rest) ** 2)
     return float(solution[0] / max(np.sqrt(covariance[0, 0]), 1e-12))
 
@@ -142,7 +136,7 @@ def _check_pitch(
     """Refuses a pitch with the wrong sign, or another angle in its place."""
     gravity = campaign.gravity
     down = np.array([0.0, -gravity])
-    heading = calc_heading(motion, 1)
+    heading = forces.calc_heading(motion, 1)
     if heading < _AHEAD:
         raise InputError(
             f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
@@ -150,10 +144,10 @@ def _check_pitch(
             "throw (frame: nose, pitch)."
         )
     many = len(campaign.flights) >= _MIN_FLIGHTS
-    own = fit_forces(motion, down, signs=(1,)).misfit
-    turned = fit_forces(motion, down, signs=(-1,)).misfit
+    own = forces.fit_forces(motion, down, signs=(1,)).misfit
+    turned = forces.fit_forces(motion, down, signs=(-1,)).misfit
     for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):
-        misfit = fit_forces(motion, gravity * np.array(toward)).misfit
+        misfit = forces.fit_forces(motion, gravity * np.array(toward)).misfit
         if many and misfit * CLEARLY < min(own, turned):
             raise InputError(
                 f"{campaign.path}: frame: 'up' is wrong: with {axis} of the flights in "
@@ -168,7 +162,7 @@ def _check_pitch(
         )
     for name, other in _other_angles(campaign, motions).items():
         pose = np.column_stack([motion.pose[:, :2], other])
-        misfit = fit_forces(motion._replace(pose=pose), down).misfit
+        misfit = forces.fit_forces(motion._replace(pose=pose), down).misfit
         if many and misfit * CLEARLY < own:
             raise InputError(
                 f"{campaign.path}: columns: with '{name}' in its place the pitch fits "
