@@ -81,7 +81,7 @@ def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     wind, forces = np.zeros(2), np.zeros(4)
     offset = _offset_columns(motion, sign)
     thrust = body_axes(sign * motion.pose[:, 2])[0]
-    free = np.eye(2) if down is None else []  # A constant that is fitted.
+    free = np.eye(2)[: 2 if down is None else 0]
     constants = [np.tile(axis, (len(motion.time), 1)) for axis in free]
     target = motion.acceleration[:, :2] - (0.0 if down is None else down)
     weight = np.ones(target.size)

@@ -85,10 +85,11 @@ class Picker:
         if isinstance(name, Markers):
             return self._markers(name)
         shapes = ("xyzw", "0123", "xyz", "012")
-        axes, *found = self._find("attitude", name, shapes, "of a rotation")
-        if len(axes) == 3:
-            return self._angles(self._stream(("attitude",) * 3, *found), rotation)
-        stream = self._stream(("attitude",) * 4, *found, scaled=False)
+        axes, group, columns = self._find("attitude", name, shapes, "of a rotation")
+        scaled, quantities = len(axes) == 3, ("attitude",) * len(axes)
+        stream = self._stream(quantities, group, columns, scaled=scaled)
+        if scaled:
+            return self._angles(stream, rotation)
         return self._quaternions(stream, axes, rotation)
 
     def servo(self) -> ServoLogs:
@@ -180,8 +181,9 @@ class Picker:
 
     def _vector(self, quantity: str, name: Names | Markers) -> Stream:
         """Points (n, 3) [m]."""
-        _, *found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
-        return self._stream(("position",) * 3, *found)
+        shapes = ("xyz", "012")
+        _, group, columns = self._find(quantity, name, shapes, "with x, y, z")
+        return self._stream(("position",) * 3, group, columns)
 
     def _find(
         self, quantity: str, name: Names | Markers, shapes: tuple[str, ...], what: str

@@ -77,7 +77,7 @@ def _points(
     angle = spell(str(_first(parameters, "POINT:ANGLE_UNITS", "deg")))
     angles = set(parameters.get("POINT:ANGLES") or [])
     places = np.where(residuals < 0.0, np.nan, points[:3])
-    columns = {}
+    columns: dict[str, Column] = {}
     for k, label in enumerate(_labels(parameters, "POINT", points.shape[1])):
         what, unit = ("Rotation", angle) if label in angles else ("Position", length)
         columns |= _vector(f"{label}.{what}", places[:, k], unit)
@@ -87,7 +87,7 @@ def _points(
 def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
     """Columns of transformations (4, 4, b, n) from bodies to the laboratory."""
     length = spell(str(_first(parameters, "POINT:UNITS", "")))
-    columns = {}
+    columns: dict[str, Column] = {}
     for k, label in enumerate(_labels(parameters, "ROTATION", turns.shape[2])):
         body = np.moveaxis(turns[:, :, k], 2, 0)
         seen = np.isfinite(body).all(axis=(1, 2)) & (

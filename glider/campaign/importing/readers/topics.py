@@ -135,7 +135,7 @@ class _Topics:
         return Recording(path=path, groups=tuple(groups))
 
 
-def _leaves(name: str, value: object) -> Iterator[tuple[str, float]]:
+def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
     """Yields the numbers in a message, by their names with dots."""
     fields: dict[str, object] = {}
     if isinstance(value, (bool, int, float, np.number)):
