@@ -4,8 +4,8 @@ A packed campaign is unpacked into the user's cache folder, once for each conten
 """
 
 import hashlib
-import os
 import shutil
+import tempfile
 import zipfile
 import zlib
 from pathlib import Path
@@ -76,13 +76,9 @@ def copy_sample(name: str, out: Path) -> None:
     if out.exists():
         raise InputError(f"{out}: exists; expected the name of a new folder.")
     source = campaign_folder(name)
-    part = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copytree(source, part)
-        part.rename(out)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as part:
+        shutil.copytree(source, Path(part, out.name)).rename(out)
 
 
 def _archive(name: str) -> Path:
@@ -96,11 +92,14 @@ def _unpacked(archive: Path) -> Path:
     place = cache_folder() / _FOLDER / digest / archive.stem
     if place.is_dir():
         return place
-    part = place.with_name(f".{os.getpid()}")
-    try:
-        with zipfile.ZipFile(archive) as packed:
-            _extract(packed, part, archive)
-        inner = [p.parent for p in part.rglob("campaign.yaml")]
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as part:
+        try:
+            with zipfile.ZipFile(archive) as packed:
+                _extract(packed, Path(part, "all"), archive)
+        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
+            raise InputError(f"{archive}: cannot be unpacked: {error}.") from None
+        inner = [p.parent for p in Path(part).rglob("campaign.yaml")]
         if len(inner) != 1:
             raise InputError(
                 f"{archive}: holds {len(inner)} files campaign.yaml; expected one."
@@ -110,10 +109,6 @@ def _unpacked(archive: Path) -> Path:
         except OSError:
             if not place.is_dir():  # Another process may have done the same.
                 raise
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
-        raise InputError(f"{archive}: cannot be unpacked: {error}.") from None
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return place
 
 

@@ -128,9 +128,8 @@ def _find_servoless(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, st
         mask = masks[flight.name]
         share = np.mean(mask.elevator[mask.usable]) if mask.usable.any() else 0.0
         if share > _MAX_FAULTY:
-            reasons[flight.name] = (
-                f"{100 * share:.0f} % of the rows of its elevator are faulty"
-            )
+            why = f"{100 * share:.0f} % of the rows of its elevator are faulty"
+            reasons[flight.name] = why
     return reasons
 
 

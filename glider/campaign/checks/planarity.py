@@ -49,9 +49,7 @@ def planarity(flight: Flight) -> Planarity | None:
     if flight.attitude is None:
         return None
     y, roll, yaw = flight.attitude.T
-    motion = calc_motion(
-        flight.time, np.column_stack([flight.pose[:, 0], flight.pose[:, 1], y])
-    )
+    motion = calc_motion(flight.time, np.column_stack([flight.pose[:, :2], y]))
     square = np.mean(motion.velocity**2, axis=0) if len(motion.time) else np.ones(3)
     return Planarity(
         roll=float(np.max(np.abs(roll))),
@@ -62,14 +60,10 @@ def planarity(flight: Flight) -> Planarity | None:
 
 def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """The wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
-    return np.stack(
-        [
-            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
-            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
-            np.cos(pitch) * np.cos(roll),
-        ],
-        axis=1,
-    )
+    ahead, side = np.sin(pitch) * np.cos(roll), np.sin(roll)
+    x = np.cos(yaw) * ahead + np.sin(yaw) * side
+    y = np.sin(yaw) * ahead - np.cos(yaw) * side
+    return np.stack([x, y, np.cos(pitch) * np.cos(roll)], axis=1)
 
 
 def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:

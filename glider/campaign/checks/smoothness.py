@@ -1,9 +1,9 @@
 """Smooth runs of a track, and the largest set of them that is one motion.
 
 Fourth differences of a smooth motion are noise. Where they exceed it, a row sticks
-out, or the track continues displaced (a marker was taken for another), or with another
-velocity (a collision). Rows that stick out are removed, the track is cut where it is
-displaced, and the most rows that can be one motion are kept.
+out, or the track is displaced (a marker was taken for another), or has another velocity
+(a collision). Rows that stick out are removed, the track is cut where it is displaced,
+and the most rows that can be one motion are kept.
 """
 
 from typing import NamedTuple
@@ -64,7 +64,10 @@ def fourth_differences(
 def find_one_motion(track: Track, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Usable rows (n,) that stick out of a track, and those that are displaced."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
-    runs = _split_at_gaps(track, np.flatnonzero(usable))
+    rows = np.flatnonzero(usable)
+    limit = _LONG_STEP * np.median(np.diff(track.time)) * 1.01
+    gaps = np.flatnonzero(np.diff(track.time[rows]) > limit) + 1
+    runs = [run for run in np.split(rows, gaps) if len(run)]
     finished: list[np.ndarray] = []
     events = 0
     while runs:
@@ -131,29 +134,18 @@ def _total_excess(track: Track, rows: np.ndarray) -> float:
     return float(np.sum(np.maximum(_excess(track, rows) ** 2 - 1.0, 0.0)))
 
 
-def _split_at_gaps(track: Track, rows: np.ndarray) -> list[np.ndarray]:
-    steps = np.diff(track.time[rows])
-    limit = _LONG_STEP * np.median(np.diff(track.time)) * 1.01
-    return [r for r in np.split(rows, np.flatnonzero(steps > limit) + 1) if len(r)]
-
-
 def _longest_chain(track: Track, runs: list[np.ndarray]) -> list[np.ndarray]:
     """The runs with most rows that can follow one another in one motion."""
-    runs = sorted((r for r in runs if len(r) >= _STENCIL), key=lambda r: int(r[0]))
-    if len(runs) <= 1:
-        return runs
-    best = [len(r) for r in runs]
-    before = [-1] * len(runs)
-    for j in range(len(runs)):
-        for i in range(j):
-            total = best[i] + len(runs[j])
-            if total > best[j] and _meet(track, runs[i], runs[j]):
-                best[j], before[j] = total, i
-    chain, j = [], int(np.argmax(best))
-    while j >= 0:
-        chain.append(runs[j])
-        j = before[j]
-    return chain[::-1]
+
+    def rows(chain: list[np.ndarray]) -> int:
+        return sum(map(len, chain))
+
+    chains: list[list[np.ndarray]] = []  # The longest that ends with each run.
+    long = (run for run in runs if len(run) >= _STENCIL)
+    for run in sorted(long, key=lambda run: int(run[0])):
+        earlier = [chain for chain in chains if _meet(track, chain[-1], run)]
+        chains.append([*max(earlier, key=rows, default=[]), run])
+    return max(chains, key=rows, default=[])
 
 
 def _outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from glider.campaign.importing.clock_offset import find_offsets, is_measured, sh
 from glider.campaign.importing.cutting import Cut, cut
 from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording, read_recordings
-from glider.campaign.importing.recording import Column, Recording
+from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
@@ -308,8 +308,8 @@ def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:
 def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
     """One recording of several files; times of a calendar are from the earliest on."""
     parts = {pattern: read_recording(files[pattern]) for pattern in patterns}
-    columns = [c for p in parts.values() for g in p.groups for c in g.columns.values()]
-    start = min((c.epoch for c in columns if c.epoch is not None), default=0.0)
+    logged = [c for p in parts.values() for g in p.groups for c in g.columns.values()]
+    start = min((c.epoch for c in logged if c.epoch is not None), default=0.0)
 
     def since_start(column: Column) -> Column:
         if column.epoch is None:
@@ -317,15 +317,11 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
         values = column.values + (column.epoch - start)
         return dataclasses.replace(column, values=values, epoch=start)
 
-    groups = tuple(
-        dataclasses.replace(
-            group,
-            name=f"{pattern}:{group.name}" if group.name else pattern,
-            columns={name: since_start(c) for name, c in group.columns.items()},
-            clock=pattern,
-        )
-        for pattern, part in parts.items()
-        for group in part.groups
-    )
+    groups = []
+    for pattern, part in parts.items():
+        for group in part.groups:
+            name = f"{pattern}:{group.name}" if group.name else pattern
+            columns = {n: since_start(c) for n, c in group.columns.items()}
+            groups.append(Group(name, columns, group.time, clock=pattern))
     rotation = next((p.rotation for p in parts.values() if p.rotation), None)
-    return Recording(path=files[patterns[0]], groups=groups, rotation=rotation)
+    return Recording(files[patterns[0]], tuple(groups), rotation)

@@ -232,22 +232,18 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     elevator = track.servo.elevator or track.servo.angle_command
     assert elevator is not None
     motion = join([calc_motion(f.time, planar_pose(f)) for f in flights])
-    v, speed = motion.velocity, motion.speed
-    alpha = np.arctan2(-v[:, 1], v[:, 0]) - motion.pose[:, 2]
-    square = speed**2
+    (vx, vz, rate), speed = motion.velocity.T, motion.speed
+    alpha, square = np.arctan2(-vz, vx) - motion.pose[:, 2], speed**2
     lift = [square * np.sin(alpha), square * np.cos(alpha)]
-    base = np.column_stack([np.ones(len(speed)), *lift, speed * v[:, 2]])
+    base = np.column_stack([np.ones(len(speed)), *lift, speed * rate])
     target = motion.acceleration[:, 2]
     return _Turning(track, elevator, motion.time, square, alpha, base, target)
 
 
 def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     """Effects (5,) of base and elevator in all recordings together."""
-    designs = []
-    for turning, offset in zip(turnings, offsets, strict=True):
-        column = turning.column(offset)
-        assert column is not None
-        designs.append(np.column_stack([turning.base, column]))
+    pairs = zip(turnings, offsets, strict=True)
+    designs = [np.column_stack([t.base, t.column(offset)]) for t, offset in pairs]
     target = np.concatenate([turning.target for turning in turnings])
     return np.linalg.lstsq(np.concatenate(designs), target, rcond=None)[0]
 
@@ -272,12 +268,9 @@ def _follow_pitch(turnings: Sequence[_Turning]) -> Follow:
     target = _without(np.concatenate([turning.target for turning in turnings]), base)
 
     def follow(offset: float) -> float:
-        columns = []
-        for turning in turnings:
-            column = turning.column(offset)
-            if column is None:
-                return 0.0
-            columns.append(column)
+        columns = [turning.column(offset) for turning in turnings]
+        if any(column is None for column in columns):
+            return 0.0
         column = _without(np.concatenate(columns), base)
         size = (column @ column) * (target @ target)
         return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
@@ -295,11 +288,9 @@ def _follow_commands(track: Track) -> Offset:
     elevator, rates, angles = track.servo
     command = rates or angles
     assert elevator is not None and command is not None
-    steps = np.diff(command.time)
-    if rates is None:  # Angles are those that rates add up to.
-        path = command.values[:, 0] - command.values[0, 0]
-    else:
-        path = np.append(0.0, np.cumsum(command.values[:-1, 0] * steps))
+    path = command.values[:, 0]
+    if rates is not None:  # They add up to angles.
+        path = np.append(0.0, np.cumsum(path[:-1] * np.diff(command.time)))
     ends, rate = mean_rates(elevator.time, elevator.values[:, 0])
 
     def follow(offset: float) -> float:

@@ -42,7 +42,7 @@ _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.spl
 _UNITS |= {unit: unit for units in _FACTORS.values() for unit in units}
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Column:
     """One column of a log."""
 
@@ -52,7 +52,7 @@ class Column:
     epoch: float | None = None  # Of 0 in times of a calendar, since 1970 [s].
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Group:
     """Columns that share their rows: a table, a topic, a struct."""
 
@@ -62,7 +62,7 @@ class Group:
     clock: str = ""  # Groups of one clock have the same name here.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Recording:
     """One recording as it was logged, in its own names, units and axes."""
 

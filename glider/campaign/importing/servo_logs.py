@@ -1,8 +1,8 @@
 """Elevator and command of a flight, from the servo logs that users have.
 
 The model is driven by rates. A commanded angle becomes the rate of an ideal servo that
-goes there as fast as its limit allows; an elevator that was only measured becomes its
-own rate. What cannot be identified of the servo then is reported.
+goes there as fast as its limit allows; an elevator without commands its own rate. What
+cannot be identified of the servo then is reported.
 """
 
 from typing import NamedTuple
@@ -54,7 +54,8 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         _check_covered(flight, elevator, source)
         measured = np.interp(flight.time, elevator.time, elevator.values[:, 0])
     if angles is not None:
-        return _from_angles(flight, angles, measured, settings, source)
+        asked, limit = _hold(flight, angles, source), settings.elevator_rate_limit
+        return _from_angles(flight.time, asked, measured, limit, source)
     if measured is None:
         raise InputError(
             f"{source}: columns: no angle of the elevator is mapped; expected "
@@ -68,24 +69,23 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
 
 
 def _from_angles(
-    flight: Track,
-    command: Stream,
+    time: np.ndarray,
+    asked: np.ndarray,
     measured: np.ndarray | None,
-    settings: Campaign,
+    limit: float | None,
     source: str,
 ) -> Servo:
-    """Servo that goes to commanded angles at its limit."""
-    asked, limit = _hold(flight, command, source), settings.elevator_rate_limit
+    """Servo that goes to commanded angles (n,) at its limit."""
     if limit is None:
         if measured is None:
             raise InputError(
                 f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
                 "angles are commanded, to make rates of them."
             )
-        rates = np.abs(_rate_of(flight.time, measured))
+        rates = np.abs(_rate_of(time, measured))
         limit = max(float(np.percentile(rates, _FASTEST)), _LEAST_LIMIT)
     start = asked[0] if measured is None else measured[0]
-    angle, rate = _chase(flight.time, asked, float(start), limit)
+    angle, rate = _chase(time, asked, float(start), limit)
     note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
         return Servo(measured, rate, note)
@@ -113,8 +113,7 @@ def _check_covered(flight: Track, stream: Stream, source: str) -> None:
 
 def _rate_of(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """The rates (n,) that, each held for a row, make an elevator's path."""
-    smooth = savgol_filter(angle, 5, 2)
-    rate = np.diff(smooth) / np.diff(time)
+    rate = np.diff(savgol_filter(angle, 5, 2)) / np.diff(time)
     return np.append(rate, rate[-1])
 
 

@@ -86,9 +86,8 @@ def elevator_effect(campaign: Campaign, motions: Motions) -> float:
     columns, targets = [], []
     for flight in campaign.flights:
         motion = motions[flight.name]
-        if len(motion.time) < 3:
+        if flight.elevator is None or len(motion.time) < 3:
             continue
-        assert flight.elevator is not None
         angle = np.interp(motion.time, flight.time, flight.elevator)
         speed, (vx, vz, rate) = motion.speed, motion.velocity.T
         alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]

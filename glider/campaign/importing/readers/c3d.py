@@ -43,11 +43,11 @@ def read(path: Path) -> Recording:
         groups.append(_group(name, columns, _rate(path, parameters, "ROTATION")))
     if analogs.shape[0] and analogs.shape[1]:
         labels = _labels(parameters, "ANALOG", len(analogs))
-        columns = {n: Column(values=v) for n, v in zip(labels, analogs, strict=True)}
+        columns = dict(zip(labels, map(Column, analogs), strict=True))
         groups.append(_group("ANALOG", columns, _rate(path, parameters, "ANALOG")))
     if not groups:
         raise InputError(f"{path}: holds no point; expected a recording of some.")
-    return Recording(path=path, groups=tuple(groups))
+    return Recording(path, tuple(groups))
 
 
 def _load(path: Path) -> tuple[Parameters, dict[str, np.ndarray]]:
@@ -104,10 +104,9 @@ def _bodies(parameters: Parameters, turns: np.ndarray) -> dict[str, Column]:
 
 def _vector(name: str, rows: np.ndarray, unit: str | None) -> dict[str, Column]:
     """Columns of a vector (3 or 4, n)."""
-    axes = "XYZW"[: len(rows)]
     return {
-        f"{name}.{axis}": Column(values=values, unit=unit)
-        for axis, values in zip(axes, rows, strict=True)
+        f"{name}.{axis}": Column(values, unit)
+        for axis, values in zip("XYZW", rows, strict=False)
     }
 
 
@@ -117,8 +116,8 @@ def _first(parameters: Parameters, name: str, default: Any) -> Any:
 
 def _group(name: str, columns: dict[str, Column], rate: float) -> Group:
     rows = len(next(iter(columns.values())).values)
-    times = Column(values=np.arange(rows) / rate, unit="s")
-    return Group(name=name, columns={_TIME: times} | columns, time=_TIME)
+    times = Column(np.arange(rows) / rate, "s")
+    return Group(name, {_TIME: times} | columns, _TIME)
 
 
 def _labels(parameters: Parameters, group: str, count: int) -> list[str]:

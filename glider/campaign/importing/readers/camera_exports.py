@@ -68,9 +68,8 @@ def _parse_motive(path: Path, text: str) -> Recording:
             unit = length if parts[j] == "Position" else angle
             columns.setdefault(name, make_column(name, data, j, unit))
     _forget_unseen(path, columns)
-    group = Group(name="", columns=columns, time=_TIME)
     order = euler.upper() if sorted(euler.upper()) == ["X", "Y", "Z"] else None
-    return Recording(path=path, groups=(group,), rotation=order)
+    return Recording(path, (Group("", columns, _TIME),), order)
 
 
 def _parse_vicon(path: Path, text: str) -> Recording:
@@ -84,8 +83,7 @@ def _parse_vicon(path: Path, text: str) -> Recording:
     rows = split_rows(lines, delimiter)
     starts = [i for i, row in enumerate(rows) if row and row[0] in _SECTIONS]
     bounds = itertools.pairwise([*starts, len(rows)])
-    groups = [_parse_section(path, rows, start, end) for start, end in bounds]
-    return Recording(path=path, groups=tuple(groups))
+    return Recording(path, tuple(_parse_section(path, rows, *b) for b in bounds))
 
 
 def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
@@ -103,7 +101,7 @@ def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
     data = number_rows(rows, start + 5, end)
     frames = make_column("Frame", data, 0, None)
     times = (frames.values - frames.values[:1].sum()) / rate
-    columns = {_TIME: Column(values=times, unit="s", fault=frames.fault)}
+    columns = {_TIME: Column(times, "s", frames.fault)}
     owner = ""
     for j in range(2, len(parts)):
         owner = (names[j] if j < len(names) else "") or owner
@@ -116,7 +114,7 @@ def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:
         unit = spell(spelled[j]) if j < len(spelled) else None
         columns[name] = make_column(name, data, j, unit)
     _forget_unseen(path, columns)
-    return Group(name="" if start == 0 else kind, columns=columns, time=_TIME)
+    return Group("" if start == 0 else kind, columns, _TIME)
 
 
 def _forget_unseen(path: Path, columns: dict[str, Column]) -> None:

@@ -98,7 +98,7 @@ def parse_rows(path: Path, rows: Rows, *, comma: bool = False) -> Recording:
             )
         if name:
             columns[bare] = make_column(bare, data, j, of_row[j] or unit, comma)
-    return Recording(path=path, groups=(Group(name="", columns=columns),))
+    return Recording(path, (Group("", columns),))
 
 
 def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows:
@@ -118,15 +118,15 @@ def make_column(
     filled = np.array([cell.lower() not in _BLANK for cell in cells], dtype=bool)
     bad = np.flatnonzero(np.isnan(values) & filled)
     if not len(bad):
-        return Column(values=values, unit=unit)
+        return Column(values, unit)
     if len(bad) == np.sum(filled):
         instants = np.array([_instant(cell) for cell in cells])
         if not np.isnan(instants[filled]).any():
             epoch = float(instants[filled][0])
-            return Column(values=instants - epoch, unit="s", epoch=epoch)
+            return Column(instants - epoch, "s", epoch=epoch)
     line, cell = rows[bad[0]][0], cells[bad[0]]
     fault = f"column '{name}', row {line}: found {show(cell)}; expected a number."
-    return Column(values=values, unit=unit, fault=fault)
+    return Column(values, unit, fault)
 
 
 def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
@@ -161,9 +161,8 @@ def _find_delimiter(lines: Sequence[str]) -> str:
 
     def count(delimiter: str) -> float:
         rows = split_rows(tail, delimiter)
-        comma = delimiter != ","
-        numeric = [sum(_is_number(c, comma) for c in row) for row in rows]
-        same = len({len(row) for row in rows}) == 1
+        numeric = [sum(_is_number(c, delimiter != ",") for c in row) for row in rows]
+        same = len(set(map(len, rows))) == 1
         return (float(np.median(numeric)) if numeric else 0.0) + 0.5 * same
 
     return max(";\t,| ", key=count)
@@ -207,9 +206,7 @@ def _instant(cell: str) -> float:
 
     Without a zone it is taken for UTC; only differences matter.
     """
-    if ":" not in cell:
-        return np.nan
-    for text in (cell, f"1970-01-01T{cell.removeprefix('T')}"):
+    for text in (cell, f"1970-01-01T{cell.removeprefix('T')}") if ":" in cell else ():
         try:
             time = datetime.datetime.fromisoformat(text)
         except ValueError:

@@ -28,16 +28,15 @@ def read_parquet(path: Path) -> Recording:
         bare, unit = delimited.split_unit(name)
         if types.is_timestamp(kind) or types.is_duration(kind):
             numbers = values.cast(arrow.int64()).to_numpy().astype(float)
-            columns[name] = Column(values=numbers, unit=kind.unit)
+            columns[name] = Column(numbers, kind.unit)
         elif types.is_integer(kind) or types.is_floating(kind):
-            columns[bare] = Column(values=values.to_numpy().astype(float), unit=unit)
+            columns[bare] = Column(values.to_numpy().astype(float), unit)
         elif types.is_list(kind) or types.is_fixed_size_list(kind):
             rows = values.to_pylist()
             if len({len(row) for row in rows if row is not None}) == 1:
-                matrix = np.array(rows, dtype=float)
-                for i, column in enumerate(matrix.T):
-                    columns[f"{name}[{i}]"] = Column(values=column)
-    return Recording(path=path, groups=(Group(name="", columns=columns),))
+                for i, column in enumerate(np.array(rows, dtype=float).T):
+                    columns[f"{name}[{i}]"] = Column(column)
+    return Recording(path, (Group("", columns),))
 
 
 def read_mat(path: Path) -> Recording:
@@ -54,17 +53,13 @@ def read_mat(path: Path) -> Recording:
     for name, array in _arrays("", content):
         parent, _, own = name.rpartition(".")
         for label, values in _vectors(own, array):
-            group = groups.setdefault((parent, len(values)), {})
-            group[label] = Column(values=values)
+            groups.setdefault((parent, len(values)), {})[label] = Column(values)
     if not groups:
         raise InputError(
             f"{path}: holds no vector or matrix of numbers; expected one at least, in "
             "a variable or a struct (of an array of structs, write one file each)."
         )
-    return Recording(
-        path=path,
-        groups=tuple(Group(name=n, columns=c) for (n, _), c in groups.items()),
-    )
+    return Recording(path, tuple(Group(n, c) for (n, _), c in groups.items()))
 
 
 def _arrays(prefix: str, content: object) -> Iterator[tuple[str, np.ndarray]]:

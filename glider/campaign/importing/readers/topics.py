@@ -35,18 +35,16 @@ def read_ulog(path: Path) -> Recording:
         log = pyulog.ULog(stream)
     groups = []
     for topic in log.data_list:
+        units = {"timestamp": "us"}
         columns = {
-            name: Column(
-                values=np.asarray(values, dtype=float),
-                unit="us" if name == "timestamp" else None,
-            )
+            name: Column(np.asarray(values, dtype=float), units.get(name))
             for name, values in topic.data.items()
         }
         name = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name
-        groups.append(Group(name=name, columns=columns, time="timestamp"))
+        groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
-    return Recording(path=path, groups=tuple(groups), rotation="wxyz")
+    return Recording(path, tuple(groups), rotation="wxyz")
 
 
 def read_bag(path: Path) -> Recording:
@@ -122,17 +120,13 @@ class _Topics:
         for topic, rows in self.rows.items():
             rows.sort(key=lambda row: row[_TIME])
             names = dict.fromkeys(name for row in rows for name in row)
-            columns = {
-                name: Column(
-                    values=np.array([row.get(name, np.nan) for row in rows]),
-                    unit="s" if name == _TIME else None,
-                )
-                for name in names
-            }
-            groups.append(Group(name=topic, columns=columns, time=_TIME))
+            values = {n: np.array([row.get(n, np.nan) for row in rows]) for n in names}
+            columns = {name: Column(column) for name, column in values.items()}
+            columns[_TIME] = Column(values[_TIME], "s")
+            groups.append(Group(topic, columns, _TIME))
         if not groups:
             raise InputError(f"{path}: holds no message that can be read.")
-        return Recording(path=path, groups=tuple(groups))
+        return Recording(path, tuple(groups))
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
