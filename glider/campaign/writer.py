@@ -51,10 +51,7 @@ def _settings_of(campaign: Campaign) -> dict[str, object]:
 
 
 def flight_csv(flight: Flight) -> bytes:
-    """Content of a flight_*.csv, in nine digits (time: fifteen, for epoch times).
-
-    An angle that has tumbled beyond a full turn is wrapped into ±π, as cameras log it.
-    """
+    """CSV of a flight in nine digits (time: 15); angles of a tumble wrapped into ±π."""
     x, z, pitch = flight.pose.T
     names, columns = logs.POSE_COLUMNS, [flight.time, x, z, _wrap(pitch)]
     if flight.elevator is not None and flight.command is not None:

@@ -86,10 +86,9 @@ def check_clocks(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
 
 
 def check_rates(campaign: Campaign) -> tuple[str, ...]:
-    """Warns where the rows do not come at the campaign's pose_rate.
+    """Warns where rows do not come at the campaign's pose_rate.
 
-    Refuses a campaign whose commands are off by the same share: then the clock of the
-    log is wrong.
+    Refuses commands that are off by the same share: the clock of the log is wrong.
     """
     rows = _pace((f.time for f in campaign.flights), campaign.pose_rate)
     if rows is None or abs(rows - 1.0) < _OFF:

@@ -54,10 +54,7 @@ def join(motions: list[Motion]) -> Motion:
 def fit_forces(
     motion: Motion, down: np.ndarray | None = None, signs: Sequence[int] = (1, -1)
 ) -> ForceFit:
-    """Fits the forces with the better of some signs of the pitch.
-
-    The constant is fitted as well, unless `down` [m/s²] is given.
-    """
+    """Fits forces, with the best sign; the constant too, unless it is given [m/s²]."""
     return min((_fit(motion, s, down) for s in signs), key=lambda fit: fit.misfit)
 
 
@@ -114,10 +111,7 @@ def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
 
 
 def huber_weights(rest: np.ndarray) -> np.ndarray:
-    """Square roots of Huber's weights of residuals (n,), by their own robust scale.
-
-    scipy.optimize.least_squares has his loss, with a scale that must be known.
-    """
+    """Square roots of Huber's weights of residuals (n,), by their own robust scale."""
     bound = _HUBER * (robust_std(rest) + 1e-9)
     return np.sqrt(np.minimum(1.0, bound / np.maximum(np.abs(rest), 1e-12)))
 

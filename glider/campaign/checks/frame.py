@@ -44,10 +44,7 @@ passes: mass and areas may be off by 6 (the library's bounds)."""
 def check_frame(
     campaign: Campaign, masks: dict[str, Masks]
 ) -> tuple[Campaign, tuple[str, ...]]:
-    """Corrects axes that are certainly turned, and reports it; refuses what cannot be.
-
-    Angles are left as they are logged.
-    """
+    """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
     motion = forces.join([forces.usable_motion(f, masks) for f in campaign.flights])
     if len(motion.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()

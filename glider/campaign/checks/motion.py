@@ -12,10 +12,7 @@ _LONGEST = 1.5  # Duration of a window with missing rows over that of one withou
 
 
 def robust_std(values: np.ndarray) -> np.ndarray:
-    """Standard deviation about zero along the first axis, by the median.
-
-    That of scipy.stats takes 0.3 s to import.
-    """
+    """Standard deviation about zero along axis 0; scipy.stats takes 0.3 s to import."""
     return 1.4826 * np.median(np.abs(values), axis=0)
 
 

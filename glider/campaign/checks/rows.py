@@ -210,10 +210,7 @@ def _describe_gaps(flight: Flight) -> list[str]:
 
 
 def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Rows (n,), True where the glider lies still, or slides until it does.
-
-    Where most of the way follows, it has not been thrown yet; otherwise it has landed.
-    """
+    """Rows (n,) that lie still or slide until they do, before the throw or landed."""
     standing = np.zeros(len(usable), dtype=bool)
     rows = np.flatnonzero(usable)
     if len(rows) < 3:

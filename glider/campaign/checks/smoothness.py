@@ -43,10 +43,7 @@ class Track(NamedTuple):
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Differences (n - 4, k) scaled to the noise of a row, and mean steps (n - 4,).
-
-    Times (n,) may have any steps [s].
-    """
+    """Differences (n - 4, k) over the noise of a row, and mean steps (n - 4,) [s]."""
     count = len(time) - _STENCIL + 1
     if count <= 0:
         return np.empty((0, pose.shape[1])), np.empty(0)
@@ -149,10 +146,7 @@ def _longest_chain(track: Track, runs: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
-    """The first rows (k,), three at most, that a parabola through the next ones misses.
-
-    Fourth differences barely respond to them.
-    """
+    """First rows (k,), at most 3, that a parabola through the next ones misses."""
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
         if len(inner) < _ENDS:

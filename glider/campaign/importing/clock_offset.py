@@ -163,11 +163,7 @@ def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
 def _refine(
     turnings: Sequence[_Turning], offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Refines offsets (m,) and the effect together; returns their errors, too.
-
-    Gauss-Newton in all at once: alternating converges slowly, as pitch rates follow the
-    elevator.
-    """
+    """Offsets (m,) refined with the effect, by Gauss-Newton, and their errors."""
     offsets, std = offsets.copy(), np.full(len(offsets), np.nan)
     for _ in range(_ITERATIONS):
         effect = _pool(turnings, offsets)

@@ -78,17 +78,15 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
-    """Finds the flight in a part of a recording, or why there is none.
-
-    The body is seen and moves throughout; it may be lost at the end, as by an impact.
-    """
+    """The flight in a part in which the body moves throughout, or why there is none."""
     motion = calc_motion(part.time, part.position)
     if len(motion.time) < 8:
         return "too short for a flight"
     speed = np.linalg.norm(motion.velocity, axis=1)
     if np.max(speed) < _FASTEST:
         return f"never faster than {np.max(speed):.2g} m/s: carried, or rolling"
-    push = _push(motion, gravity)
+    force = motion.acceleration + np.array([0.0, 0.0, gravity])
+    push = np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3)
     begin, start = part.time[0], "the body is seen from here on"
     release = _find_release(motion, gravity * motion.pose[:, 2] + 0.5 * speed**2, push)
     if release is not None:
@@ -111,13 +109,6 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     if not inside.any() or np.median(push[inside]) > _FREE:
         return "something pushes it throughout"
     return Cut(flight, f"{start}; {stop}")
-
-
-def _push(motion: Motion, gravity: float) -> np.ndarray:
-    """Force per mass along the path (k,), without gravity [m/s²]."""
-    speed = np.maximum(np.linalg.norm(motion.velocity, axis=1), 1e-3)
-    force = motion.acceleration + np.array([0.0, 0.0, gravity])
-    return np.sum(force * motion.velocity, axis=1) / speed
 
 
 def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:

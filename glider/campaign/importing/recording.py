@@ -77,10 +77,7 @@ class Recording:
         return [address for address, _, _ in self._all()]
 
     def find(self, address: str, field: str) -> tuple[Group, Column]:
-        """Finds a column and its group by its address, or by its name if unique.
-
-        The `field` of the mapping that asks is for the message.
-        """
+        """Finds a column by its address or unique name; `field` is for messages."""
         found = [
             (full == address, group, column)
             for full, group, column in self._all()

@@ -70,10 +70,7 @@ class Picker:
         return self.scalars(("x", "y", "z") if "y" in columns else ("x", "z"))
 
     def attitude(self) -> Stream | None:
-        """Quaternions (n, 4) x, y, z, w, from the body to the log's axes.
-
-        None where only a pitch is mapped.
-        """
+        """Quaternions (n, 4) x, y, z, w from body to log; None for a pitch alone."""
         rotation = self._mapping.frame.rotation or self._recording.rotation
         name = self._mapping.columns.get("attitude")
         if name is None:

@@ -31,11 +31,7 @@ class Servo(NamedTuple):
 
 
 def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
-    """Elevator and command of a flight; None where the elevator is fixed.
-
-    All logs are on the clock of the poses. Refused where they do not determine the
-    elevator's path.
-    """
+    """Elevator and command on the poses' clock; None where the elevator is fixed."""
     if settings.elevator != "servo":
         if flight.servo.given:
             raise InputError(

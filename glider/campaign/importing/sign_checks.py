@@ -58,10 +58,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
 
 
 def misfit_of(campaign: Campaign) -> float | None:
-    """Misfit of the forces [m/s²]; None where the campaign does not show flights.
-
-    Gravity is given, and points down; the pitch is taken as it is.
-    """
+    """Misfit of the forces, gravity given [m/s²]; None where there are no flights."""
     try:
         _check_attitude(campaign)
     except InputError:

@@ -89,10 +89,7 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
 
 
 def turn_along(track: Track) -> Track:
-    """Turns a flight along the throw: x along the line that fits its ground track best.
-
-    Others stay as they are.
-    """
+    """Turns x along the line that fits the ground track best, where it must be."""
     if not track.along_throw:
         return track
     ground = track.position[:, :2]

@@ -121,10 +121,7 @@ def _group(name: str, columns: dict[str, Column], rate: float) -> Group:
 
 
 def _labels(parameters: Parameters, group: str, count: int) -> list[str]:
-    """Labels of points, bodies or channels; more than 255 are in LABELS2, LABELS3.
-
-    One that is empty or repeated gets its number.
-    """
+    """Labels of a group, also those in LABELS2, ...; empty or repeated: numbered."""
     lists = ["LABELS", *(f"LABELS{i}" for i in range(2, count // 255 + 2))]
     values = [v for name in lists for v in parameters.get(f"{group}:{name}", [])]
     found = [str(value).strip() for value in values]

@@ -35,10 +35,7 @@ def parse(path: Path, text: str) -> Recording | None:
 
 
 def _parse_motive(path: Path, text: str) -> Recording:
-    """Bodies and markers under a header of six rows.
-
-    Lengths are in the unit that the first row reports, Euler angles in degrees.
-    """
+    """Bodies and markers under six rows; lengths in the first's unit, angles in deg."""
     rows = split_rows(text.splitlines(), ",")
     facts = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     heads = {r[1]: i for i, r in enumerate(rows[1:8], 1) if len(r) > 2 and r[1]}

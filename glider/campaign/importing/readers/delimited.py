@@ -109,10 +109,7 @@ def number_rows(rows: Rows, first: int, last: int | None = None) -> NumberedRows
 def make_column(
     name: str, rows: NumberedRows, j: int, unit: str | None, comma: bool = False
 ) -> Column:
-    """Makes a column of the j-th cells of rows.
-
-    Times in ISO 8601 become seconds from the first row.
-    """
+    """The j-th cells of rows; times in ISO 8601 become seconds from the first row."""
     cells = [row[j] if j < len(row) else "" for _, row in rows]
     values = np.array([_number(cell, comma) for cell in cells])
     filled = np.array([cell.lower() not in _BLANK for cell in cells], dtype=bool)
@@ -130,10 +127,7 @@ def make_column(
 
 
 def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
-    """Cells of lines, quotes removed; " " stands for any white space.
-
-    Each line by itself, so that a lone quote does not swallow the rest.
-    """
+    """Cells of lines, each by itself: a lone quote must not swallow the rest."""
     if delimiter == " ":
         return [line.split() for line in lines]
     rows = []
