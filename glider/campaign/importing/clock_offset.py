@@ -11,7 +11,7 @@ the poses and the commands on another, the elevator's rate must follow theirs.
 import contextlib
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,9 +122,9 @@ def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
     """Finds an offset for each recording, with the elevator's effect common to all."""
     effect = _first_effect(turnings[:_SEEDS])
     for k in range(_ROUNDS):
-        sure = k == _ROUNDS - 1
+        last = k == _ROUNDS - 1
         offsets = [
-            _best(t.track, t.offsets, _follow_effect(t, effect), sure=sure)
+            _best(t.track, t.offsets, _follow_effect(t, effect), sure=last)
             for t in turnings
         ]
         effect = _pool(turnings, [offset.seconds for offset in offsets])
@@ -144,14 +144,14 @@ def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
     best, effect = -1.0, np.zeros(5)
     for turning in turnings:
         offsets = turning.offsets
-        values = _scan(offsets, _follow_pitch([turning]))
+        values = np.array(list(map(_follow_pitch([turning]), offsets)))
         for _ in range(_PEAKS):
             peak = int(np.argmax(values))
             if values[peak] <= 0.0:
                 break
             here = _pool([turning], [float(offsets[peak])])
             agreement = sum(
-                float(np.max(_scan(other.offsets, _follow_effect(other, here))))
+                max(map(_follow_effect(other, here), other.offsets))
                 for other in turnings
             )
             if agreement > best:
@@ -193,10 +193,6 @@ def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.arange(other[0] - time[-1], other[-1] - time[0] + _STEP, _STEP)
 
 
-def _scan(offsets: np.ndarray, follow: Follow) -> np.ndarray:
-    return np.array([follow(offset) for offset in offsets])
-
-
 def _best(
     track: Track,
     offsets: np.ndarray,
@@ -206,7 +202,7 @@ def _best(
     only: float = _ONLY,
 ) -> Offset:
     """Best of some offsets (m,); if `sure`, refused where another fits as well."""
-    values = _scan(offsets, follow)
+    values = np.array(list(map(follow, offsets)))
     best = int(np.argmax(values)) if len(values) else 0
     highest = float(np.max(values, initial=0.0))
     far = np.abs(offsets - offsets[best]) > _NEAR if len(values) else []
@@ -219,9 +215,9 @@ def _best(
             "elsewhere); expected 'clock: SECONDS' or 'clock: same' in the mapping."
         )
     fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
-    values = _scan(fine, follow)
-    best = int(np.argmax(values))
-    return Offset(float(fine[best]), float(values[best]))
+    correlations = list(map(follow, fine))
+    best = int(np.argmax(correlations))
+    return Offset(float(fine[best]), correlations[best])
 
 
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
@@ -238,8 +234,11 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
 
 def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     """Effects (5,) of base and elevator in all recordings together."""
-    pairs = zip(turnings, offsets, strict=True)
-    designs = [np.column_stack([t.base, t.column(offset)]) for t, offset in pairs]
+    designs = []
+    for turning, offset in zip(turnings, offsets, strict=True):
+        column = turning.column(offset)
+        assert column is not None
+        designs.append(np.column_stack([turning.base, column]))
     target = np.concatenate([turning.target for turning in turnings])
     return np.linalg.lstsq(np.concatenate(designs), target, rcond=None)[0]
 
@@ -264,7 +263,7 @@ def _follow_pitch(turnings: Sequence[_Turning]) -> Follow:
     target = _without(np.concatenate([turning.target for turning in turnings]), base)
 
     def follow(offset: float) -> float:
-        columns = [turning.column(offset) for turning in turnings]
+        columns: list[Any] = [turning.column(offset) for turning in turnings]
         if any(column is None for column in columns):
             return 0.0
         column = _without(np.concatenate(columns), base)

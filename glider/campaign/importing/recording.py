@@ -62,6 +62,9 @@ class Group:
     clock: str = ""  # Groups of one clock have the same name here.
 
 
+Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
+
+
 @dataclasses.dataclass(frozen=True)
 class Recording:
     """One recording as it was logged, in its own names, units and axes."""
@@ -92,9 +95,7 @@ class Recording:
             raise InputError(f"{self.path}: {column.fault}")
         return group, column
 
-    def find_all(
-        self, address: str, axes: str, field: str
-    ) -> tuple[Group, list[Column]] | None:
+    def find_all(self, address: str, axes: str, field: str) -> Vector | None:
         """Finds the columns of a vector by their common name; None where it is none.
 
         Their axes are letters in the order wanted, or digits for name[0], name[1].

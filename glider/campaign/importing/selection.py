@@ -20,6 +20,7 @@ from glider.campaign.importing.recording import (
     Column,
     Group,
     Recording,
+    Vector,
     scale_of,
     spell,
 )
@@ -82,11 +83,10 @@ class Picker:
         if isinstance(name, Markers):
             return self._markers(name)
         shapes = ("xyzw", "0123", "xyz", "012")
-        axes, group, columns = self._find("attitude", name, shapes, "of a rotation")
-        scaled, quantities = len(axes) == 3, ("attitude",) * len(axes)
-        stream = self._stream(quantities, group, columns, scaled=scaled)
-        if scaled:
-            return self._angles(stream, rotation)
+        axes, found = self._find("attitude", name, shapes, "of a rotation")
+        if len(axes) == 3:
+            return self._angles(self._stream(("attitude",) * 3, found), rotation)
+        stream = self._stream(("attitude",) * 4, found, scaled=False)
         return self._quaternions(stream, axes, rotation)
 
     def servo(self) -> ServoLogs:
@@ -111,7 +111,7 @@ class Picker:
                 f"{', '.join(quantities)} are in different groups; "
                 "expected one with the same times",
             )
-        return self._stream(quantities, group, [column for _, column in pairs])
+        return self._stream(quantities, (group, [column for _, column in pairs]))
 
     def _optional(self, quantity: str) -> Stream | None:
         """The known rows of a quantity; None where the mapping has none."""
@@ -138,10 +138,8 @@ class Picker:
         stream.values[~((norm > 0.5) & (norm < 2.0))] = np.nan
         norm = norm[np.isfinite(norm)]
         if len(norm) and np.median(np.abs(norm - 1.0)) > 0.01:
-            raise self._error(
-                "attitude",
-                f"a quaternion has a length of {np.median(norm):.3g}; expected 1",
-            )
+            reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
+            raise self._error("attitude", reason)
         return _turned(stream, Rotation.from_quat)
 
     def _angles(self, stream: Stream, rotation: str | None) -> Stream:
@@ -160,10 +158,9 @@ class Picker:
         """Attitude by points: x from tail to nose, y toward the left wing tip."""
         names = (markers.nose, markers.tail, markers.left, markers.right)
         points = [self._vector("attitude", name) for name in names if name]
-        if any(p.values.shape != points[0].values.shape for p in points):
-            raise self._error(
-                "attitude", "its markers have different rows; expected the same of all"
-            )
+        if len({point.values.shape for point in points}) > 1:
+            reason = "its markers have different rows; expected the same of all"
+            raise self._error("attitude", reason)
         nose, tail, *tips = (point.values for point in points)
         ahead = nose - tail
         # Without wing tips it is level: square to what is up.
@@ -178,33 +175,28 @@ class Picker:
 
     def _vector(self, quantity: str, name: Names | Markers) -> Stream:
         """Points (n, 3) [m]."""
-        shapes = ("xyz", "012")
-        _, group, columns = self._find(quantity, name, shapes, "with x, y, z")
-        return self._stream(("position",) * 3, group, columns)
+        _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
+        return self._stream(("position",) * 3, found)
 
     def _find(
         self, quantity: str, name: Names | Markers, shapes: tuple[str, ...], what: str
-    ) -> tuple[str, Group, list[Column]]:
+    ) -> tuple[str, Vector]:
         """Axes, group and columns of a vector: the first of some shapes that fits."""
         field = self._field(quantity)
         for axes in shapes:
             if isinstance(name, str):
                 found = self._recording.find_all(name, axes, field)
                 if found is not None:
-                    return axes, *found
+                    return axes, found
             elif not isinstance(name, Markers) and len(name) == len(axes):
                 pairs = [self._recording.find(part, field) for part in name]
-                return axes, pairs[0][0], [column for _, column in pairs]
+                return axes, (pairs[0][0], [column for _, column in pairs])
         raise self._error(quantity, f"no columns '{name}' {what} were found")
 
     def _stream(
-        self,
-        quantities: tuple[str, ...],
-        group: Group,
-        columns: list[Column],
-        *,
-        scaled: bool = True,
+        self, quantities: tuple[str, ...], found: Vector, *, scaled: bool = True
     ) -> Stream:
+        group, columns = found
         parts = [column.values for column in columns]
         if scaled:
             parts = list(map(self._scaled, quantities, columns))
@@ -240,9 +232,8 @@ class Picker:
                 fits = other.clock == group.clock and len(column.values) == rows
                 if fits and named in (name, f"{other.name}.{name}"):
                     return column
-        raise self._error(
-            "time", f"no column of times was found for '{quantity}' (named {named!r})"
-        )
+        reason = f"no column of times was found for '{quantity}' (named {named!r})"
+        raise self._error("time", reason)
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
