@@ -1,14 +1,192 @@
-"""Schema of campaign.yaml and of a MAP file: a vehicle, and how its logs are mapped."""
+"""Schema of campaign.yaml and of a MAP file: a vehicle, and how its logs are mapped.
+
+A mapping: which columns of a log are which quantities, in which units and axes.
+"""
 
 import dataclasses
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from glider.campaign.importing.mapping import Columns, Frame, Mapping, Units, given
+import numpy as np
+
+from glider.campaign.importing.recording import Unit, scale_of
 from glider.campaign.logs import MAX_ANGLE, Campaign
-from glider.errors import expect
+from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
+
+QUANTITIES = {
+    "time": "time",
+    "position": "length",
+    "attitude": "angle",
+    "x": "length",
+    "y": "length",
+    "z": "length",
+    "roll": "angle",
+    "pitch": "angle",
+    "yaw": "angle",
+    "elevator": "angle",
+    "elevator_rate_command": "rate",
+    "elevator_angle_command": "angle",
+}
+"""Quantities that `columns:` may name, and the kind of unit of each."""
+
+_AXES = tuple(sign + axis for axis in "xyz" for sign in ("", "-"))
+_PRESETS: dict[str, dict[str, str]] = {
+    "NED": {"up": "-z", "nose": "x", "top": "-z", "pitch": "nose_up"},
+    "ENU": {"up": "z", "nose": "x", "top": "z", "pitch": "nose_down"},
+}
+_ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
+_ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
+_CHOICES = {
+    "up": (_AXES, "the axis of the log that points up"),
+    "forward": ((*_AXES, "throw"), "the axis of the log along the throw"),
+    "nose": (_AXES, "the axis of the body that points to the nose"),
+    "top": (_AXES, "the axis of the body that points up in level flight"),
+    "pitch": (("nose_down", "nose_up"), "where a positive pitch turns the nose"),
+    "elevator": (_ELEVATOR, "where a positive elevator turns its trailing edge"),
+    "command": (_ELEVATOR, "where a positive command turns the trailing edge"),
+}
+"""Values that a field of `frame:` may have, and what it means."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Markers:
+    """Points of the glider that give its attitude: the pitch is that of tail to nose.
+
+    With left and right the roll is known, too; without them it is taken for zero.
+    """
+
+    nose: str
+    tail: str
+    left: str | None = None
+    right: str | None = None
+
+    def __post_init__(self):
+        """Raises InputError where one wing tip is missing."""
+        if (self.left is None) != (self.right is None):
+            one = "columns: attitude has one of 'left' and 'right'"
+            raise InputError(f"{one}; expected both, or neither.")
+
+
+Names = str | list[str]  # Columns of a vector: their common name, or all names.
+
+
+def _check_units(units: object) -> None:
+    """Raises InputError where a unit is none of the quantity's kind."""
+    for name, unit in given(units).items():
+        scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
+
+
+def _schema(name: str, fields: dict[str, Any], **methods: Any) -> type:
+    """Schema of fields that may be missing, by name and type."""
+    optional = [(field, kind | None, None) for field, kind in fields.items()]
+    return dataclasses.make_dataclass(
+        name, optional, namespace=methods, frozen=True, kw_only=True
+    )
+
+
+if TYPE_CHECKING:
+    Columns: TypeAlias = Any
+    Units: TypeAlias = Any
+else:
+    Columns = _schema(
+        "Columns",
+        dict.fromkeys(QUANTITIES, str)
+        | {"time": Names, "position": Names, "attitude": Names | Markers},
+    )
+    Units = _schema(
+        "Units",
+        dict.fromkeys(("time", "length", "angle", "rate", *QUANTITIES), Unit),
+        __post_init__=_check_units,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Axes and signs of a log; "" stands for those of the preset `axes`.
+
+    Attributes:
+        axes: "ENU" or "NED".
+        up: axis of the log that points up, e.g. "-z".
+        forward: axis along the throw; "throw": along each flight's own way.
+        nose: axis of the body that points to the nose, where attitudes are logged.
+        top: axis of the body that points up in level flight.
+        pitch: what a positive pitch means, where it is logged as such.
+        elevator: what a positive elevator means.
+        command: what a positive command means; by default the same.
+        rotation: how the attitude is logged: an order of Euler angles about the turning
+            axes, e.g. "ZYX", an order of a quaternion's numbers, or "rotation_vector".
+        tracked_point: ahead of and above the center of mass [m].
+    """
+
+    axes: str = "ENU"
+    up: str = ""
+    forward: str | None = None
+    nose: str = ""
+    top: str = ""
+    pitch: str = ""
+    elevator: str = "trailing_edge_up"
+    command: str = ""
+    rotation: str | None = None
+    tracked_point: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+
+    def __post_init__(self):
+        """Fills in the preset; InputError for what cannot be."""
+        presets = "NED, ENU, or the axes by name: up, forward, nose, top"
+        expect(self.axes in _PRESETS, "frame: field 'axes'", self.axes, presets)
+        for name, value in (_PRESETS[self.axes] | {"command": self.elevator}).items():
+            if not getattr(self, name):
+                object.__setattr__(self, name, value)
+        for name, (values, meaning) in _CHOICES.items():
+            value = getattr(self, name)
+            known = value is None or value in values
+            expected = f"{meaning}, one of {', '.join(values)}"
+            expect(known, f"frame: field '{name}'", value, expected)
+        euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
+        known = euler or self.rotation in (None, *_ROTATIONS)
+        expected = (
+            f"an order of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}"
+        )
+        expect(known, "frame: field 'rotation'", self.rotation, expected)
+        for one, other in (("up", "forward"), ("nose", "top")):
+            a, b = getattr(self, one), getattr(self, other)
+            if b and a[-1] == b[-1]:
+                raise InputError(
+                    f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
+                    "expected two different axes."
+                )
+        point, expected = (
+            self.tracked_point,
+            "[ahead, above] of the center of mass in m",
+        )
+        known = len(point) == 2 and all(map(math.isfinite, point))
+        expect(known, "frame: field 'tracked_point'", point, expected)
+
+
+@dataclasses.dataclass(frozen=True)
+class Mapping:
+    """How a log becomes flights."""
+
+    source: str  # The file that says so.
+    columns: dict[str, Names | Markers]  # By quantity.
+    units: dict[str, Unit]  # By quantity or kind.
+    frame: Frame
+    clock: str | float | None  # "same", "find", an offset [s]; None: by the files.
+    join: tuple[str, ...]  # Patterns of files that make one recording.
+
+
+def unit_vector(axis: str) -> np.ndarray:
+    """An axis such as "-z" as a unit vector (3,)."""
+    sign = -1.0 if axis.startswith("-") else 1.0
+    return sign * np.eye(3)["xyz".index(axis[-1])]
+
+
+def given(fields: object) -> dict:
+    """Fields of a dataclass that are not None, by name."""
+    names = [field.name for field in dataclasses.fields(fields)]  # type: ignore[arg-type]
+    return {n: v for n in names if (v := getattr(fields, n)) is not None}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

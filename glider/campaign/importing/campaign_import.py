@@ -11,14 +11,13 @@ import numpy as np
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
 from glider.campaign.importing.cutting import Cut, cut
-from glider.campaign.importing.mapping import Mapping
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import read_settings
+from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
 

@@ -19,7 +19,6 @@ from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.forces import usable_motion
 from glider.campaign.importing.campaign_import import campaign_of_cuts, cut_recordings
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.mapping import QUANTITIES, Mapping
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.sign_checks import (
@@ -30,7 +29,7 @@ from glider.campaign.importing.sign_checks import (
 )
 from glider.campaign.importing.track import make_track
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import Settings, Vehicle
+from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.physics.parameters import GliderParameters
@@ -106,11 +105,6 @@ class _Trial(NamedTuple):
     frame: Fields
     misfit: float  # Of the forces, gravity given [m/s²].
     campaign: Campaign
-
-    @property
-    def rows(self) -> int:
-        """Number of rows in all flights."""
-        return sum(len(flight.time) for flight in self.campaign.flights)
 
 
 def guess_mapping(files: Sequence[Path]) -> Guess:
@@ -254,8 +248,9 @@ def _best_frame(logs: _Logs) -> tuple[_Trial, str]:
             f"{', '.join(logs.columns.values())} make flights in no frame; write the "
             "mapping by hand."
         )
-    most = max(trial.rows for trial in trials)
-    likely = (trial for trial in trials if 2 * trial.rows > most)
+    rows = [sum(len(f.time) for f in trial.campaign.flights) for trial in trials]
+    pairs = zip(trials, rows, strict=True)
+    likely = (trial for trial, count in pairs if 2 * count > max(rows))
     best, *others = sorted(likely, key=lambda trial: trial.misfit)
     if not others:
         return best, "the columns make flights in no other frame"

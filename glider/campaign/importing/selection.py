@@ -9,13 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from glider.campaign.importing.mapping import (
-    QUANTITIES,
-    Mapping,
-    Markers,
-    Names,
-    unit_vector,
-)
 from glider.campaign.importing.recording import (
     Column,
     Group,
@@ -24,6 +17,7 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
+from glider.campaign.settings import QUANTITIES, Mapping, Markers, Names, unit_vector
 from glider.errors import InputError
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from glider.campaign.importing.mapping import Frame, Mapping, unit_vector
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.selection import Picker, ServoLogs, Stream
+from glider.campaign.settings import Frame, Mapping, unit_vector
 from glider.errors import InputError
 
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
