@@ -14,8 +14,7 @@ from glider.comparison.as_text import (
 )
 from glider.comparison.differences import Comparison
 from glider.report.as_page import render_page
-from glider.report.error_table import ALONG, FREE, PITCH, error_of
-from glider.report.flight_errors import bounded
+from glider.report.error_table import ALONG, FREE, PITCH, bounded, error_of
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS

@@ -1,4 +1,4 @@
-"""The table of errors, before and after the correction, as text."""
+"""Tables of errors, before and after the correction: of models, of single flights."""
 
 import math
 from operator import attrgetter
@@ -6,8 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.report.numbers import DEGREE, Unit, format_gain, length_unit
-from glider.sysid.result import CALIBRATED, Report, Result
+from glider.report.numbers import (
+    DEGREE,
+    DIVERGED,
+    Unit,
+    format_factor,
+    format_gain,
+    length_unit,
+)
+from glider.sysid.result import CALIBRATED, HeldOutFlight, Report, Result
 
 COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
 """Models in the order in which they are shown; not every result has all."""
@@ -111,3 +118,75 @@ def noise_floor(result: Result, field: str) -> float:
 
 _ACCELERATIONS = tuple(field for _, _, field, _ in _ROWS[:3])
 """Fields that are RMS of the columns of a residual."""
+
+STANDS_OUT = 2.5
+"""A flight stands out where its error is so many times the median. Of errors like a
+half-normal's, one in eleven would; of RMS over a flight, fewer."""
+
+MOST = 5
+"""Flights that the table shows, the worst."""
+
+
+class FlightRow(NamedTuple):
+    """A held-out flight's position RMS before and after, as text in one unit.
+
+    `times` is the latter over the median of all flights; `planarity` is a sentence,
+    empty where the log does not show it.
+    """
+
+    name: str
+    before: str
+    after: str
+    unit: str
+    times: str
+    stands_out: bool
+    planarity: str
+
+
+def worst_flights(result: Result) -> list[FlightRow]:
+    """Held-out flights with the largest errors of the corrected model."""
+    ranked = rank_flights(result)[::-1]
+    after = [position_rms(f, "corrected") for f in ranked]
+    finite = [e for e in after if math.isfinite(e)]
+    median = float(np.median(finite)) if finite else math.nan
+    pairs = [
+        (position_rms(f, baseline(result)), e)
+        for f, e in zip(ranked, after, strict=True)
+    ][:MOST]
+    unit = unit_beside_noise(result, *(e for pair in pairs for e in pair))
+    return [
+        FlightRow(
+            name=flight.name,
+            before=unit.digits(old),
+            after=unit.digits(new),
+            unit=unit.name,
+            times=format_factor(new / median if median > 0.0 else math.nan),
+            stands_out=new > STANDS_OUT * median,
+            planarity=result.planarity.get(flight.name, ""),
+        )
+        for flight, (old, new) in zip(ranked[:MOST], pairs, strict=True)
+    ]
+
+
+def rank_flights(result: Result) -> list[HeldOutFlight]:
+    """Held-out flights, from the best corrected to the worst."""
+    return sorted(result.held_out, key=lambda f: position_rms(f, "corrected"))
+
+
+def position_rms(flight: HeldOutFlight, model: str) -> float:
+    """A model's distance from a flight, RMS [m]; infinity where it diverged."""
+    flown = flight.flown.get(model)
+    if flown is None:
+        return math.inf
+    rms = float(np.sqrt(np.mean(distance(bounded(flown), flight.measured) ** 2)))
+    return rms if math.isfinite(rms) else math.inf  # NaN where it diverged.
+
+
+def distance(pose: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Distance between poses, row by row [m]."""
+    return np.linalg.norm(pose[:, :2] - measured[:, :2], axis=1)
+
+
+def bounded(values):
+    """The values, NaN where a model diverged."""
+    return np.where(np.abs(values) < DIVERGED, values, math.nan)

@@ -6,7 +6,7 @@ from operator import attrgetter
 import numpy as np
 
 from glider.report import error_table
-from glider.report.flight_errors import bounded, distance, position_rms, rank_flights
+from glider.report.error_table import bounded, distance, position_rms, rank_flights
 from glider.report.numbers import DEGREE, Unit
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds

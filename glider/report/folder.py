@@ -1,17 +1,42 @@
-"""Writes the folder of a report, all of it or nothing."""
+"""The folder of a report: its figures, its page, its model and its numbers."""
 
 import datetime
+import importlib.metadata
 import math
+import platform
+from collections.abc import Callable
 from pathlib import Path
 
 from glider.files.schema import json_text
 from glider.files.writing import replace_files
+from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import Origin, model_text
-from glider.report.figures_of_result import FIGURES, make_figures
-from glider.report.page import to_html
+from glider.report import (
+    error_table,
+    flight_figures,
+    model_figures,
+    numbers,
+    tables,
+    wording,
+)
+from glider.report.as_page import render_page
 from glider.report.plots.as_file import to_png
-from glider.report.wording import notes_of
+from glider.report.plots.figure import Figure
+from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
+
+FIGURES: dict[str, Callable[[Result], Figure | None]] = {
+    "errors": model_figures.errors_figure,
+    "curves": model_figures.curves_figure,
+    "carried": model_figures.carried_figure,
+    "coefficients": model_figures.coefficients_figure,
+    "evidence": model_figures.evidence_figure,
+    "folds": flight_figures.folds_figure,
+    "held_out": flight_figures.held_out_figure,
+    "spreads": flight_figures.spreads_figure,
+    "residual": model_figures.residual_figure,
+}
+"""Function that makes each figure, by the name of its file."""
 
 
 def write_report(result: Result, folder: Path | str) -> None:
@@ -37,8 +62,40 @@ def write_report(result: Result, folder: Path | str) -> None:
     replace_files(Path(folder), files, last="report.json")
 
 
+def make_figures(result: Result) -> dict[str, Figure]:
+    """Name to figure; those with nothing to show are omitted."""
+    figures = {name: make(result) for name, make in FIGURES.items()}
+    return {name: figure for name, figure in figures.items() if figure is not None}
+
+
+def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
+    """The page of a result, one file that needs nothing else.
+
+    Args:
+        result: of closing the loop.
+        figures: of the result; made from it if None.
+    """
+    versions = {"drake-glider": result.version, "Python": platform.python_version()}
+    for package in ("drake", "numpy", "numba"):
+        versions[package] = importlib.metadata.version(package)
+    return render_page(
+        "report.html",
+        make_figures(result) if figures is None else figures,
+        result=result,
+        versions=versions,
+        labels=LABELS,
+        error_table=error_table,
+        numbers=numbers,
+        tables=tables,
+        wording=wording,
+        in_page=len(flight_figures.flights_in_page(result)),
+        has_signs=any(e.kind == ANGLE_SIGN.kind for e in result.effects),
+        total=sum(s for s in result.seconds.values() if math.isfinite(s)),
+    )
+
+
 def origin_of(result: Result) -> Origin:
-    """Returns where the corrected model comes from, and how well it is known."""
+    """Where the corrected model comes from, and how well it is known."""
     errors = {
         f"{effect.kind}.{name}": estimate.std
         for effect in result.effects
@@ -50,5 +107,5 @@ def origin_of(result: Result) -> Origin:
         date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         version=f"drake-glider {result.version}",
         standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},
-        notes=notes_of(result),
+        notes=wording.notes_of(result),
     )

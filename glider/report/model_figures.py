@@ -8,7 +8,7 @@ import numpy as np
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES
 from glider.physics.effects.field import FieldData, gaussians, make_field
 from glider.report import error_table
-from glider.report.flight_errors import bounded
+from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import (

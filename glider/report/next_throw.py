@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +22,7 @@ from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
+from glider.report.wording import TEMPLATES
 from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
 from glider.verification.funnel.funnel import tube_outline
@@ -66,12 +66,7 @@ def sentences(proposal: Proposal) -> list[str]:
     p = proposal
     likely = [i for i, e in enumerate(p.explanations) if e.probability >= _NAMED]
     evidence = np.minimum(p.distances, p.distances.T)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.report"),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-    )
-    text = environment.get_template("next_throw.txt").render(
+    text = TEMPLATES.get_template("next_throw.txt").render(
         p=p,
         likely=likely,
         other=1.0 - sum(p.explanations[i].probability for i in likely),

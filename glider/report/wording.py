@@ -106,10 +106,6 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     }
 
 
-def _length(result: Result, value: float) -> str:
-    return unit_beside_noise(result, value).text(value)
-
-
 def _from_to(result: Result, old: float, new: float) -> str:
     unit = unit_beside_noise(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
@@ -120,36 +116,34 @@ def _model_of(result: Result) -> str:
     return "nominal model" if is_given else "refitted flat plate"
 
 
-def _make_sentences() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.report"),
-        autoescape=False,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.tests["is_better"] = lambda fold: (
-        fold.corrected.position_rms_m < fold.refitted.position_rms_m
-    )
-    environment.globals |= {
-        "DIVERGED": numbers.DIVERGED,
-        "baseline": baseline,
-        "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
-        "counted": counted,
-        "error": lambda r, model: error_of(r, model, FREE),
-        "estimate": numbers.format_estimate,
-        "from_to": _from_to,
-        "inf": math.inf,
-        "join": join,
-        "length": _length,
-        "model_of": _model_of,
-        "name_of": name_of,
-        "numbers": lambda value: ", ".join(f"{v:g}" for v in np.atleast_1d(value)),
-        "spread": numbers.format_spread,
-        "vars": vars,
-        "words_of": words_of,
-    }
-    return environment.get_template("sentences.txt")
+TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("glider.report"),
+    autoescape=jinja2.select_autoescape(["html"]),
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+"""Templates of pages and of sentences."""
 
-
-_SENTENCES = _make_sentences()
+TEMPLATES.tests["is_better"] = lambda fold: (
+    fold.corrected.position_rms_m < fold.refitted.position_rms_m
+)
+TEMPLATES.globals |= {
+    "DIVERGED": numbers.DIVERGED,
+    "baseline": baseline,
+    "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
+    "counted": counted,
+    "error": lambda r, model: error_of(r, model, FREE),
+    "estimate": numbers.format_estimate,
+    "from_to": _from_to,
+    "inf": math.inf,
+    "join": join,
+    "length": lambda r, value: unit_beside_noise(r, value).text(value),
+    "model_of": _model_of,
+    "name_of": name_of,
+    "numbers": lambda value: ", ".join(f"{v:g}" for v in np.atleast_1d(value)),
+    "spread": numbers.format_spread,
+    "vars": vars,
+    "words_of": words_of,
+}
+_SENTENCES = TEMPLATES.get_template("sentences.txt")

@@ -9,12 +9,10 @@ import pytest
 
 from glider.files.schema import json_text
 from glider.report.as_page import page_data, rounded
-from glider.report.error_table import END, FREE, noise_floor
-from glider.report.figures_of_result import FIGURES, make_figures
-from glider.report.flight_errors import distance
+from glider.report.error_table import END, FREE, distance, noise_floor
 from glider.report.flight_figures import MOST_FLIGHTS, flights_in_page
+from glider.report.folder import FIGURES, make_figures, to_html
 from glider.report.model_figures import BAND
-from glider.report.page import to_html
 from glider.report.plots.binning import binned_quantiles, symlog
 from glider.report.plots.figure import Band, Bars, Ground, Level, Line, Points
 from glider.report.plots.style import INKS
@@ -54,11 +52,10 @@ def test_a_page_holds_the_numbers_of_the_figures(variant):
         found = data["figures"][name]
         panels = [*found["panels"], *(p for c in found["choices"] for p in c["panels"])]
         for panel, drawn in zip(figure.every, panels, strict=True):
-            lines = [t for t in drawn["traces"] if "lines" in t.get("mode", "")]
-            lines = [t for t in lines if t["line"]["width"] > 0]
-            for mark, trace in zip(of_kind(panel, Line), lines, strict=True):
+            lines = [m for m in drawn["marks"] if m["is"] == "Line"]
+            for mark, line in zip(of_kind(panel, Line), lines, strict=True):
                 finite = np.where(np.isfinite(mark.y), mark.y, math.nan)
-                np.testing.assert_allclose(numbers(trace["y"]), finite, rtol=1e-4)
+                np.testing.assert_allclose(numbers(line["y"]), finite, rtol=1e-4)
     assert len({json.dumps(c) for c in data["columns"]}) == len(data["columns"])
 
 

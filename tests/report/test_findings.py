@@ -13,12 +13,14 @@ from glider.report.error_table import (
     END,
     FREE,
     PITCH,
+    STANDS_OUT,
     error_rows,
     noise_floor,
+    position_rms,
+    worst_flights,
 )
-from glider.report.flight_errors import STANDS_OUT, position_rms, worst_flights
+from glider.report.folder import to_html
 from glider.report.numbers import length_unit
-from glider.report.page import to_html
 from glider.report.plots.style import COLORS, LABELS
 from glider.report.tables import (
     combination_rows,

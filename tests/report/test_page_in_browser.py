@@ -4,7 +4,7 @@ import contextlib
 
 import pytest
 
-from glider.report.page import to_html
+from glider.report.folder import to_html
 from tests.helpers.browser import open_browser, visit, why_not
 from tests.report.results import VARIANTS, make_flight, make_result
 

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from glider.report.error_table import columns_of
-from glider.report.figures_of_result import FIGURES
+from glider.report.folder import FIGURES
 from glider.report.plots.as_file import draw, font, to_png
 from glider.report.plots.figure import (
     Axis,

@@ -23,9 +23,7 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel, load_covariance
 from glider.report.as_page import STATIC
-from glider.report.figures_of_result import make_figures
-from glider.report.folder import write_report
-from glider.report.page import to_html
+from glider.report.folder import make_figures, to_html, write_report
 from glider.report.plots.as_file import to_png
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks

@@ -9,10 +9,11 @@ import io
 import math
 import re
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.backend_bases import GraphicsContextBase
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
 from matplotlib.path import Path
@@ -32,11 +33,6 @@ _PIXEL = 72.0 / 92.0
 
 _LETTER, _LINE = 5.2, 12.2
 """Width of a letter and height of a line."""
-
-
-def to_png(figure: spec.Figure, dpi: float = DPI, width: float = WIDTH) -> bytes:
-    """Draws a figure as a PNG file."""
-    return draw(figure, dpi, width).png()
 
 
 class Text(NamedTuple):
@@ -102,7 +98,9 @@ class Picture:
         image.save(buffer, "png", compress_level=1)
         return buffer.getvalue()
 
-    def _style(self, color: str, width: float, opacity: float, within: Bbox | None):
+    def _style(
+        self, color: str, width: float, opacity: float, within: Bbox | None
+    ) -> GraphicsContextBase:
         style = self._renderer.new_gc()
         style.set_foreground(color)
         style.set_linewidth(width)
@@ -139,6 +137,11 @@ def font(size: float) -> ImageFont.FreeTypeFont:
     """The font of all texts, which comes with matplotlib; its size in pixels."""
     path = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf"
     return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
+
+
+def to_png(figure: spec.Figure, dpi: float = DPI, width: float = WIDTH) -> bytes:
+    """Draws a figure as a PNG file."""
+    return draw(figure, dpi, width).png()
 
 
 def draw(figure: spec.Figure, dpi: float = DPI, width: float = WIDTH) -> Picture:
@@ -237,7 +240,7 @@ class _Scale:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.log10(values) if self.axis.is_log else values
 
-    def __call__(self, values: np.ndarray) -> np.ndarray:
+    def __call__(self, values: Any) -> Any:
         shares = (self._flat(values) - self.low) / (self.high - self.low)
         # What is far outside cannot overflow the renderer.
         return self.start + np.clip(shares, -1e3, 1e3) * (self.end - self.start)
@@ -278,7 +281,7 @@ class _Plot:
     def draw(self) -> None:
         """Draws the panel, and its texts around the box."""
         draw, write, box = self.picture.draw, self.picture.texts.append, self.box
-        small = {"size": 8.5, "color": FRAME}
+        small: Any = {"size": 8.5, "color": FRAME}
         for x, label in self.x.ticks(max(3, min(7, int(box.width / 36.0)))):
             if self.panel.x.has_grid:
                 draw(np.array([(x, box.y0), (x, box.y1)]), GRID, 0.6)
@@ -305,14 +308,14 @@ class _Plot:
         draw = functools.partial(picture.draw, color=color, within=box)
         match mark:
             case spec.Level():
-                y = float(self.y(mark.value))
-                dashes = (1.0, 1.65) if mark.is_dotted else ()
-                draw(np.array([(box.x0, y), (box.x1, y)]), width=0.8, dashes=dashes)
+                y = self.y(mark.value)
+                dots = (1.0, 1.65) if mark.is_dotted else ()
+                draw(np.array([(box.x0, y), (box.x1, y)]), width=0.8, dashes=dots)
             case spec.Ground():
                 ends = np.array([mark.start, mark.end])
-                x = self.x(ends) if mark.along == "x" else box.intervalx
-                y = self.y(ends) if mark.along == "y" else box.intervaly
-                draw(_box(x[0], y[0], x[1], y[1]), opacity=0.14)
+                left, right = self.x(ends) if mark.along == "x" else box.intervalx
+                low, high = self.y(ends) if mark.along == "y" else box.intervaly
+                draw(_box(left, low, right, high), opacity=0.14)
             case spec.Band():
                 edges = self._place(mark.x, mark.low), self._place(mark.x, mark.high)
                 keep = np.isfinite(np.hstack(edges)).all(axis=1)
@@ -324,16 +327,16 @@ class _Plot:
                 points, width = self._place(mark.x, mark.y), 0.85 * mark.line_width
                 if self.has_cloud:
                     picture.draw(points, "#FFFFFF", width + 1.6, within=box)
-                dashes = () if mark.is_solid else DASHES.get(mark.key, ())
-                draw(points, width=width, opacity=mark.opacity, dashes=dashes)
+                draw(points, width=width, opacity=mark.opacity, dashes=mark.dashes)
                 if mark.has_dots:
                     picture.dots(points, color, 6.0, mark.opacity, box)
             case spec.Points():
                 points = self._place(mark.x, mark.y)
                 picture.dots(points, color, 0.55 * mark.size, mark.opacity, box)
-                for (x, y), label in zip(points, mark.labels, strict=False):
-                    if label and math.isfinite(y):
-                        picture.texts.append(Text(x, y + 5.0, label, size=8.0))
+                for at, label in zip(points, mark.labels, strict=False):
+                    if label and math.isfinite(at[1]):
+                        text = Text(at[0], at[1] + 5.0, label, size=8.0)
+                        picture.texts.append(text)
 
     def _draw_bars(self, mark: spec.Bars, draw: Callable[..., None]) -> None:
         across, up = (self.y, self.x) if mark.is_across else (self.x, self.y)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -58,19 +57,19 @@ def binned_quantiles(
     """
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
-    full = []
-    if x.size >= fewest:
-        low, high = np.quantile(x, [0.005, 0.995])
-        index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
-        order = np.argsort(index, kind="stable")
-        ends = np.searchsorted(index[order], np.arange(bins + 1))
-        members = [order[a:b] for a, b in pairwise(ends)]
-        full = [m for m in members if len(m) >= fewest]
-    columns = [np.quantile(y[m], quantiles) for m in full]
-    return (
-        np.array([np.mean(x[m]) for m in full]),
-        np.array(columns).reshape(-1, len(quantiles)).T,
-    )
+    if x.size < fewest:
+        return np.zeros(0), np.zeros((len(quantiles), 0))
+    low, high = np.quantile(x, [0.005, 0.995])
+    index = np.digitize(x, np.linspace(low, high, bins + 1)[1:-1])
+    count = np.bincount(index, minlength=bins)
+    full, first = count >= fewest, np.cumsum(count) - count
+    # Linear between the values of a bin in their order.
+    place = first[full] + np.outer(quantiles, count[full] - 1)
+    below = np.floor(place).astype(int)
+    ordered = y[np.lexsort((y, index))]
+    step = ordered[np.ceil(place).astype(int)] - ordered[below]
+    means = np.bincount(index, x, bins)[full] / count[full]
+    return means, ordered[below] + (place - below) * step
 
 
 def symlog(value: float, linear: float = 10.0, share: float = 0.6) -> float:

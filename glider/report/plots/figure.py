@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.report.plots.style import WIDTHS
+from glider.report.plots.style import DASHES, WIDTHS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +53,11 @@ class Line:
     def line_width(self) -> float:
         """Width of the line, its own or that of its key."""
         return WIDTHS.get(self.key, 1.6) if self.width is None else self.width
+
+    @property
+    def dashes(self) -> tuple[float, ...]:
+        """Dash, gap, ... in widths of the line; none where it is solid."""
+        return () if self.is_solid else DASHES.get(self.key, ())
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,18 +15,65 @@
     return `rgba(${channel(1)},${channel(3)},${channel(5)},${opacity})`;
   }
 
-  // A copy with "@color" and "#column" replaced by what they stand for; names and
-  // templates may hold either sign and stay.
-  const AS_IT_IS = new Set(["text", "hovertext", "hovertemplate", "ticktext"]);
-  function resolve(value) {
-    if (typeof value === "string") {
-      if (value.startsWith("@")) return color(value.slice(1));
-      return value.startsWith("#") ? columns[value.slice(1)] : value;
-    }
-    if (Array.isArray(value)) return typeof value[0] === "object" && value[0] ? value.map(resolve) : value;
-    if (value === null || typeof value !== "object") return value;
-    return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, AS_IT_IS.has(k) ? v : resolve(v)]));
-  }
+  // Numbers of a mark: a column of the page, or the numbers themselves.
+  const column = (value) => (typeof value === "string" ? columns[value.slice(1)] : value);
+
+  const scatter = ({ x, y, hover, opacity }) => ({
+    type: "scatter", x: column(x), y: column(y), opacity,
+    ...(hover ? { hoverinfo: "all", hovertemplate: `${hover}<extra></extra>` } : { hoverinfo: "skip" }),
+  });
+
+  // Traces of plotly.js for each kind of mark of glider/report/plots/figure.py.
+  const TRACES = {
+    Band: ({ key, x, low, high }) => {
+      const edge = { type: "scatter", mode: "lines", x: column(x), hoverinfo: "skip", line: { width: 0, color: color(key) } };
+      return [{ ...edge, y: column(low) }, { ...edge, y: column(high), fill: "tonexty", fillcolor: color(`${key}/0.17`) }];
+    },
+    Bars: ({ key, places, values, texts, names, hover, width, is_across }) => {
+      const [x, y] = is_across ? ["y", "x"] : ["x", "y"];
+      // Numbers of many narrow bars have space only when upright.
+      const isUpright = !is_across && texts.length > 11 * width;
+      return [{
+        type: "bar", width, orientation: is_across ? "h" : "v", cliponaxis: false,
+        [x]: column(places), [y]: column(values), text: texts, hovertext: names,
+        textposition: "outside", textangle: isUpright ? -90 : 0,
+        marker: { color: color(key) }, hovertemplate: `${hover}<extra></extra>`,
+      }];
+    },
+    Line: (mark) => {
+      const { key, line_width: width, dashes, has_dots, extra } = mark;
+      const dash = dashes.map((part) => `${Number((part * width).toPrecision(3))}px`).join() || "solid";
+      return [{
+        ...scatter(mark), mode: has_dots ? "lines+markers" : "lines",
+        line: { color: color(key), width, dash },
+        ...(has_dots ? { marker: { color: color(key), size: 8 } } : {}),
+        ...(extra ? { customdata: column(extra) } : {}),
+      }];
+    },
+    Points: (mark) => {
+      const { key, size, names, labels } = mark;
+      return [{
+        ...scatter(mark), mode: "markers", marker: { color: color(key), size },
+        ...(names.length ? { hovertext: names } : {}),
+        ...(labels.some(Boolean) ? { mode: "markers+text", text: labels, textposition: "top center" } : {}),
+      }];
+    },
+  };
+
+  // Shapes of plotly.js for what lies behind the axes.
+  const SHAPES = {
+    Level: ({ value, is_dotted }) => ({
+      type: "line", xref: "paper", x0: 0, x1: 1, y0: value, y1: value, layer: "below",
+      line: { color: color("soft"), width: 1, ...(is_dotted ? { dash: "dot" } : {}) },
+    }),
+    Ground: ({ key, along, start, end }) => {
+      const across = along === "x" ? "y" : "x";
+      return {
+        type: "rect", layer: "below", line: { width: 0 }, fillcolor: color(`${key}/0.14`),
+        [`${across}ref`]: "paper", [`${across}0`]: 0, [`${across}1`]: 1, [`${along}0`]: start, [`${along}1`]: end,
+      };
+    },
+  };
 
   function element(tag, className, parent, text) {
     const made = document.createElement(tag);
@@ -68,7 +115,8 @@
       this.flight = null;  // Number of the one that is picked.
       this.plots = [];  // {node, panel, zoomed}
       this.isZooming = false;
-      if (this.keys.length) this.makeLegend(element("div", "legend", node));
+      this.every = [...this.panels, ...this.choices.flatMap((choice) => choice.panels)];
+      if (Object.keys(this.keys).length) this.makeLegend(element("div", "legend", node));
       if (this.flights.length) this.makeFlights(element("label", "tools", node, "flights "));
       if (this.choices.length) this.makeChoices(node);
       this.place = element("div", "panels", node);
@@ -77,7 +125,10 @@
     }
 
     makeLegend(legend) {
-      for (const { key, label, dash } of this.keys) {
+      const marks = this.every.flatMap((panel) => panel.marks);
+      for (const [key, label] of Object.entries(this.keys)) {
+        const dashed = marks.find((mark) => mark.key === key && mark.dashes?.length);
+        const dash = dashed ? dashed.dashes.map((part) => 2 * part).join() : "";
         const made = toggle(legend, "", true, (isShown) => {
           this.hidden[isShown ? "delete" : "add"](key);
           this.draw();
@@ -149,15 +200,20 @@
           layout[axis].range = node.layout[axis].range.slice();
           layout[axis].autorange = false;
         }
-        Plotly.react(node, panel.traces.map((trace) => this.makeTrace(trace)), layout, CONFIG);
+        Plotly.react(node, panel.marks.flatMap((mark) => this.makeTraces(mark)), layout, CONFIG);
       }
     }
 
-    makeTrace({ key, flight, time, ...rest }) {
-      const trace = { ...resolve(rest), visible: !this.hidden.has(key), showlegend: false, hoverlabel: { align: "left" } };
-      if (!flight) return trace;
-      // Each row has its flight and time; those of other flights are hidden.
-      const of = resolve(flight), times = time ? resolve(time) : [];
+    makeTraces(mark) {
+      const all = { visible: !this.hidden.has(mark.key), showlegend: false, hoverlabel: { align: "left" } };
+      const traces = (TRACES[mark.is]?.(mark) ?? []).map((trace) => ({ ...trace, ...all }));
+      if (mark.flight) this.pickFlight(mark, traces[0]);
+      return traces;
+    }
+
+    // Each row has its flight and time; those of other flights are hidden.
+    pickFlight({ flight, time }, trace) {
+      const of = column(flight), times = time ? column(time) : [];
       const rows = [...of.keys()].filter((i) => this.flight === null || of[i] === this.flight);
       const said = (t) => (t === null || t === undefined ? "" : `, ${t.toFixed(3)} s`);
       trace.text = rows.map((i) => this.flights[of[i]] + said(times[i]));
@@ -165,7 +221,6 @@
       if (this.flight !== null && trace.mode === "lines") {
         Object.assign(trace, { opacity: 1, line: { ...trace.line, width: 2.2 } });
       }
-      return trace;
     }
 
     // Zooms the panels that share an axis with one that was zoomed.
@@ -173,11 +228,11 @@
       ["xaxis", "yaxis"].forEach((axis, i) => {
         if (!Object.keys(change).some((name) => name.startsWith(`${axis}.`))) return;
         plot.zoomed[axis] = true;
-        const link = plot.panel.links[i];
+        const { link } = plot.panel["xy"[i]];
         if (this.isZooming || !link) return;
         this.isZooming = true;
         const { range } = plot.node.layout[axis];
-        const others = this.plots.filter((p) => p !== plot && p.panel.links[i] === link);
+        const others = this.plots.filter((p) => p !== plot && p.panel["xy"[i]].link === link);
         Promise.all(others.map((other) => {
           other.zoomed[axis] = true;
           return Plotly.relayout(other.node, { [`${axis}.range`]: range.slice() });
@@ -186,18 +241,30 @@
     }
   }
 
-  function makeLayout(panel) {
-    const axis = ({ title, ...rest }) => ({
-      title: { font: { size: 12 }, standoff: 6, ...title },
+  function makeAxis({ label, range, is_log, ticks, has_grid }) {
+    const axis = {
+      title: { font: { size: 12 }, standoff: 6, ...(label ? { text: label } : {}) },
       gridcolor: color("line"),
       linecolor: color("soft"),
       zeroline: false,
       automargin: true,
       exponentformat: "none",
       nticks: 7,
-      ...rest,
-      ...(rest.range ? { range: rest.range.slice() } : {}),
-    });
+    };
+    if (range) axis.range = is_log ? range.map(Math.log10) : range.slice();
+    if (is_log) {  // 0.001, not 1m; steps of two where the range is short.
+      const dtick = range && axis.range[1] - axis.range[0] < 1.3 ? "D2" : 1;
+      Object.assign(axis, { type: "log", tickformat: ",~r", dtick });
+    }
+    if (ticks) {
+      axis.tickvals = Object.keys(ticks).map(Number);
+      axis.ticktext = Object.values(ticks).map((text) => text.replaceAll("\n", "<br>"));
+      axis.showgrid = has_grid;
+    }
+    return axis;
+  }
+
+  function makeLayout(panel) {
     return {
       height: panel.height,
       margin: { l: 8, r: 8, t: isTouch ? 34 : 8, b: 8 },  // Above: buttons that a mouse calls up.
@@ -207,10 +274,10 @@
       hovermode: "closest",
       dragmode: isTouch ? false : "zoom",  // A finger scrolls the page.
       modebar: { bgcolor: "rgba(0,0,0,0)", color: color("soft"), activecolor: color("ink") },
-      xaxis: axis(panel.x),
-      yaxis: axis(panel.y),
-      shapes: resolve(panel.shapes),
-      ...(panel.traces.some((trace) => trace.type === "bar") ? { barmode: "overlay" } : {}),
+      xaxis: makeAxis(panel.x),
+      yaxis: makeAxis(panel.y),
+      shapes: panel.marks.filter((mark) => SHAPES[mark.is]).map((mark) => SHAPES[mark.is](mark)),
+      ...(panel.marks.some((mark) => mark.is === "Bars") ? { barmode: "overlay" } : {}),
     };
   }
 
