@@ -41,10 +41,10 @@ class ReplanResult:
     """State of the controller: its last plan, and statistics of planning.
 
     Attributes:
-        flight: the plan that was made last; one that failed is none.
+        flight: the last plan that was found.
         begin: when its time began [s].
-        plans: how many were tried.
-        failures: how many of them failed.
+        plans: number of plans that were tried.
+        failures: number of those that failed.
         failed: whether the last did.
         seconds: time that the last took [s].
         slowest: time that the slowest took [s].
@@ -139,13 +139,7 @@ class ModelPredictiveController(LeafSystem):
     def plan_again(
         self, known: ReplanResult, now: float, state: np.ndarray
     ) -> ReplanResult:
-        """Returns the controller's next state.
-
-        Args:
-            known: its state so far.
-            now: [s].
-            state: (n,) measured.
-        """
+        """The next state, by a plan from the measured state (n,) at `now` [s]."""
         elapsed = now - known.begin
         rest = known.flight.times[-1] - elapsed
         if rest < LAST:

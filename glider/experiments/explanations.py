@@ -80,7 +80,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
     near: dict[frozenset[str], tuple[float, Members]] = {}
     named = {*findings.swapped, *_clocks_swapped(task, chosen)}
     others = [*score.larger(own), *score.smaller(own), *score.swapped(own)]
-    others += _best_variants(score, [*findings.sets, *named])
+    others += _best_variants(score, [*map(frozenset, findings.combinations), *named])
     for members in others:
         kinds, value = frozenset(k for k, _ in members), score(members)
         best = near.get(kinds, (-np.inf, ()))[0]

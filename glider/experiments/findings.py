@@ -43,13 +43,6 @@ class Findings:
             for other in others
         ]
 
-    @property
-    def sets(self) -> list[frozenset[str]]:
-        """The chosen set, each with a rival swapped in, then the combinations."""
-        combinations = map(frozenset, self.combinations)
-        every = [frozenset(self.kinds), *self.swapped, *combinations]
-        return list(dict.fromkeys(every))
-
 
 def load_findings(folder: Path, own_effects: Sequence[EffectKind] = ()) -> Findings:
     """Reads what close-the-loop wrote: report.json, and model.yaml beside it.

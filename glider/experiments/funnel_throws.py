@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.experiments.known_funnel import KnownFunnel
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.experiments.throws import (
@@ -208,23 +208,22 @@ def check_launch(known: KnownFunnel, place: Range) -> None:
     The commands are too slow for it, or the nominal launch or a perturbed one lies
     outside of the first set: the elevator may rest elsewhere than the funnel's.
     """
-    if shortest(place) > known.duration:
-        raise InputError(
-            f"{known.name}: its flight of {known.duration:.3g} s is shorter than the "
-            f"shortest tape, {shortest(place):.3g} s at {place.command_rate:g} "
-            "commands a second; expected a longer funnel."
-        )
+    expect(
+        known.duration >= shortest(place),
+        f"{known.name}: the duration of its flight",
+        known.duration,
+        f"at least {shortest(place):.3g} s, that of the shortest tape at "
+        f"{place.command_rate:g} commands a second",
+    )
     genes = np.full(FUNNEL_GENES, 0.5)
     genes[-2:] = 0.0
     throw = throw_in_funnel(genes, place)
     limits = place.limits
     nominal, *missed = known.funnel.level(0.0, np.stack(launches(throw, limits)))
-    if nominal > 1.0:
-        raise InputError(
-            f"{known.name}: its launch, within the limits and with the elevator "
-            f"resting at {place.rest:.3g} rad, is at level {nominal:.3g} of the "
-            "funnel's first set; expected at most 1."
-        )
+    launch = f"its launch, within the limits, the elevator at {place.rest:.3g} rad"
+    expect(
+        nominal <= 1.0, f"{known.name}: the level of {launch},", nominal, "at most 1"
+    )
     expected = [
         f"{name} up to {math.floor(1e3 * largest) / 1e3:g} (it is {far:g})"
         for name, largest in _largest_errors(known, throw, limits).items()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.errors import InputError
+from glider.errors import InputError, expect, show
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
@@ -103,8 +103,7 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
 
     Raises:
         InputError: the file holds no funnel, or one that begins late, has states of
-            effects beside STATE_NAMES, which other explanations lack, or sets that are
-            no ellipsoids.
+            effects, which other explanations lack, or sets that are no ellipsoids.
     """
     if isinstance(funnel, KnownFunnel):
         return funnel
@@ -113,26 +112,22 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     else:
         known = KnownFunnel(funnel=load_funnel(funnel), file=str(funnel))
     nominal = known.funnel.nominal
-    if known.funnel.num_states != NUM_STATES:
-        more = ", ".join(nominal.state_names[NUM_STATES:])
-        raise InputError(
-            f"{known.name}: its states include {more}, which not every explanation "
-            f"has; expected a funnel of {', '.join(STATE_NAMES)} alone."
-        )
-    if nominal.times[0] != 0.0:
-        raise InputError(
-            f"{known.name}: it begins at {nominal.times[0]:.3g} s; expected one from "
-            "the launch, at 0 s."
-        )
+    expect(
+        known.funnel.num_states == NUM_STATES,
+        f"{known.name}: its list of states",
+        nominal.state_names,
+        f"{', '.join(STATE_NAMES)} alone, which every explanation has",
+    )
+    begin, needed = nominal.times[0], "0 s, a funnel from the launch"
+    expect(begin == 0.0, f"{known.name}: the time that it begins at", begin, needed)
     looks = np.unique(np.linspace(nominal.times[:-1], nominal.times[1:], _LOOKS))
-    least = np.linalg.eigvalsh(known.funnel.shape(looks)).min(axis=1)
-    bad = np.flatnonzero(~(least > 0.0))
-    if len(bad):
-        raise InputError(
-            f"{known.name}: its S has the eigenvalue {least[bad[0]]:.3g} at "
-            f"{looks[bad[0]]:.3g} s, and its set there is no ellipsoid; expected a "
-            "positive definite S at all times."
-        )
+    least = np.linalg.eigvalsh(known.funnel.shape(looks)).min()
+    expect(
+        least > 0.0,
+        f"{known.name}: the least eigenvalue of its S",
+        least,
+        "a positive definite S at all times, or its sets are no ellipsoids",
+    )
     return known
 
 
@@ -169,22 +164,18 @@ def check_vehicle(known: KnownFunnel, campaign: Campaign, vehicle: Vehicle) -> N
     own = known.funnel.nominal.model.parameters
     for index, name in enumerate(PARAMETER_NAMES):
         found, expected = float(getattr(own, name)), float(vehicle.theta[index])
-        is_known = index not in vehicle.nuisance
-        if is_known and not np.isclose(found, expected, atol=1e-12):
-            raise InputError(
-                f"{known.name}: it is a funnel of a glider whose {name} is {found:g}; "
-                f"expected {expected:g}, as the vehicle of {campaign.path}."
-            )
+        same = index in vehicle.nuisance or np.isclose(found, expected, atol=1e-12)
+        needed = f"{expected:g}, as the vehicle of {campaign.path}"
+        expect(same, f"{known.name}: its glider's {name}", found, needed)
     low, high, rate = own.servo
     travel, fastest = campaign.elevator_limits, campaign.elevator_rate_limit
     slack = 1e-9  # Of numbers written in decimals.
-    if travel and (travel[0] > low + slack or travel[1] < high - slack):
-        raise InputError(
-            f"{known.name}: its feedback takes the elevator from {low:g} to {high:g} "
-            f"rad; expected {travel[0]:g} to {travel[1]:g}, as in {campaign.path}."
-        )
-    if fastest is not None and fastest < rate - slack:
-        raise InputError(
-            f"{known.name}: its feedback turns the elevator by {rate:g} rad/s; "
-            f"expected {fastest:g} at most, as in {campaign.path}."
-        )
+    if travel:
+        inside = travel[0] <= low + slack and travel[1] >= high - slack
+        needed = f"at most {show(travel)} rad, as in {campaign.path}"
+        what = f"{known.name}: the elevator's travel under its feedback"
+        expect(inside, what, [low, high], needed)
+    if fastest is not None:
+        needed = f"{fastest:g} rad/s at most, as in {campaign.path}"
+        what = f"{known.name}: the elevator's rate under its feedback"
+        expect(rate <= fastest + slack, what, rate, needed)

@@ -15,8 +15,7 @@ from threadpoolctl import threadpool_limits
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
-from glider.errors import InputError
-from glider.experiments.end_scatter import end_scatter
+from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, explain
 from glider.experiments.findings import Findings
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
@@ -28,7 +27,7 @@ from glider.experiments.known_funnel import (
     known_funnel,
 )
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
-from glider.experiments.throw_search import Progress, search
+from glider.experiments.throw_search import Progress, end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare, signs_of
@@ -128,18 +127,14 @@ def next_throw(
             funnel's certificate does not hold, or no throw keeps within the limits and
             inside the funnel.
     """
-    if launches < 1:
-        raise InputError(f"{launches} launches; expected at least 1.")
+    expect(launches >= 1, "the number of launches", launches, "at least 1")
     known = None if funnel is None else known_funnel(funnel)
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(
             Path(campaign), flights=findings.flights, grades=findings.grades
         )
-    if findings.campaign not in (None, campaign.name):
-        raise InputError(
-            f"{campaign.path}: the report is of the campaign '{findings.campaign}'; "
-            f"expected one of '{campaign.name}'."
-        )
+    known_name, what = findings.campaign, f"{campaign.path}: the report's campaign"
+    expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress("reading the flights")
         campaign, task, noise = read_task(campaign, findings)
@@ -164,11 +159,8 @@ def next_throw(
 
 def check_servo(campaign: Campaign) -> None:
     """Raises InputError where a campaign's glider takes no commands."""
-    if campaign.elevator != "servo":
-        raise InputError(
-            f"{campaign.path}: its elevator is {campaign.elevator!r}; expected a servo "
-            "that can be commanded."
-        )
+    found, what = campaign.elevator, f"{campaign.path}: its elevator"
+    expect(found == "servo", what, found, "a servo that can be commanded")
 
 
 def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:

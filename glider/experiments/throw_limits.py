@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.files import schema
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.sysid.replay.record import Record
@@ -17,21 +17,20 @@ _PITCH, _X, _Z = (STATE_NAMES.index(name) for name in ("pitch", "x", "z"))
 
 @dataclasses.dataclass(kw_only=True)
 class ThrowLimits:
-    """Limits of a throw; an empty pair, or a NaN, is as flown flights kept it.
+    """Limits of a throw: [least, largest], or the largest alone.
 
-    A file gives only those that differ from what was flown.
+    An empty pair, or a NaN, is as flown flights kept it; a file gives only the others.
 
     Attributes:
-        launch_height: least and largest z at release [m].
-        launch_speed: least and largest speed there [m/s].
-        launch_climb: least and largest angle of the velocity above the horizon there
-            [rad].
-        launch_pitch: least and largest pitch there, nose down positive [rad].
-        x: least and largest x over the flight [m].
-        z: least (the floor) and largest z over the flight [m].
-        pitch: least and largest pitch over the flight [rad].
+        launch_height: z at release [m].
+        launch_speed: speed at release [m/s].
+        launch_climb: angle of the velocity above the horizon at release [rad].
+        launch_pitch: pitch at release, nose down positive [rad].
+        x: over the flight [m].
+        z: over the flight, the least is the floor [m].
+        pitch: over the flight [rad].
         speed: largest speed over the flight [m/s].
-        elevator: least and largest angle of the elevator [rad].
+        elevator: angle of the elevator [rad].
         elevator_rate: largest commanded rate of the elevator [rad/s].
         missed_height: launch error of the height [m]: twice its standard deviation.
         missed_speed: the same of the speed [m/s].
@@ -54,23 +53,17 @@ class ThrowLimits:
 
     def __post_init__(self) -> None:
         """Raises InputError where a limit cannot be."""
+        needed = "[lower, upper] with lower < upper, or nothing for what was flown"
         for name in _PAIRS:
             pair = getattr(self, name)
-            if len(pair) and not (
-                len(pair) == 2 and np.all(np.isfinite(pair)) and pair[0] < pair[1]
-            ):
-                raise InputError(
-                    f"field '{name}' is {show(pair)}; expected [lower, upper] with "
-                    "lower < upper, or nothing for what was flown."
-                )
+            good = len(pair) == 2 and np.all(np.isfinite(pair)) and pair[0] < pair[1]
+            expect(good or not len(pair), f"field '{name}'", pair, needed)
         for name in (*_NUMBERS, *_ERRORS):
             value = getattr(self, name)
-            is_open = name in _NUMBERS and math.isnan(value)
-            if not (is_open or (math.isfinite(value) and value >= 0.0)):
-                raise InputError(
-                    f"field '{name}' is {value:g}; expected a finite number of 0 or "
-                    "more."
-                )
+            good = (math.isfinite(value) and value >= 0.0) or (
+                name in _NUMBERS and math.isnan(value)
+            )
+            expect(good, f"field '{name}'", value, "a finite number of 0 or more")
 
     def allows(self, states: np.ndarray) -> bool:
         """Checks that a flight (n, 7 or more) keeps within the limits; none open."""

@@ -2,7 +2,8 @@
 
 Throws are drawn within the limits, predicted, and drawn again about the best
 (cross-entropy method). `glider.experiments.throws` and, inside a funnel,
-`glider.experiments.funnel_throws` draw them.
+`glider.experiments.funnel_throws` draw them. What they leave uncertain is which
+explanation is right and, to first order, where flights like those flown end.
 """
 
 import dataclasses
@@ -12,8 +13,7 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.errors import InputError
-from glider.experiments.end_scatter import EndScatter
-from glider.experiments.explanations import with_probabilities
+from glider.experiments.explanations import Explanation, with_probabilities
 from glider.experiments.forecast import Forecast, Grams, added
 from glider.experiments.funnel_throws import (
     check_frame,
@@ -22,6 +22,12 @@ from glider.experiments.funnel_throws import (
     throw_in_funnel,
 )
 from glider.experiments.throws import Throw, draw_genes, throw_of
+from glider.sysid.likelihood.directions import slopes
+from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.model_fit import field_of
+from glider.sysid.likelihood.scales import start_variances, whiten
+from glider.sysid.likelihood.task import Task
+from glider.sysid.replay.record import Record
 
 Progress = Callable[[str], None]
 
@@ -52,6 +58,59 @@ about the explanations: they come first."""
 
 PROMISING = 32
 """Throws, the best by themselves, among which the best combination is chosen."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EndScatter:
+    """Scatter of the ends of flights from a given launch, to first order.
+
+    Attributes:
+        air: standard deviation of the end, by moving air and flight-to-flight
+            variation [m].
+        slopes: (2 F, m) change of x and z of the end with the free parameters, over √F.
+    """
+
+    air: float
+    slopes: np.ndarray
+
+    def by_parameters(self, covariance: np.ndarray) -> float:
+        """Standard deviation of the end by the covariance of the parameters [m]."""
+        moved = self.slopes @ covariance @ self.slopes.T
+        return float(np.sqrt(max(np.trace(moved), 0.0)))
+
+
+def end_scatter(task: Task, explanation: Explanation) -> EndScatter:
+    """Computes the scatter of a task's flights under an explanation.
+
+    The filter, given the launch and the last row alone, has it as the variance of its
+    innovation.
+    """
+    model = explanation.model
+    directions = slopes(task.layout, model.theta, model.free)
+    field = field_of(task, model)
+
+    def scatter(record: Record) -> tuple[float, np.ndarray]:
+        flight = linearize(record, model.theta, field, directions)
+        start = start_variances(flight, model.scales)
+        start[: flight.by_x.shape[1]] = 0.0
+        variance, rows = 0.0, []
+        for channel in range(2):
+            seen = np.zeros_like(record.seen)
+            seen[-1, channel] = True
+            alone = dataclasses.replace(
+                flight, record=dataclasses.replace(record, seen=seen)
+            )
+            filtered = whiten(alone, model.scales, start)
+            own = float(np.exp(filtered.log_variances[-1, channel]))
+            variance += own - model.scales.position**2
+            rows.append(np.sqrt(own) * filtered.innovations[-1, channel, :-1])
+        return variance, np.array(rows)
+
+    found = in_parallel(scatter, task.records)
+    return EndScatter(
+        air=float(np.sqrt(max(np.mean([v for v, _ in found]), 0.0))),
+        slopes=np.vstack([rows for _, rows in found]) / np.sqrt(len(found)),
+    )
 
 
 def search(

@@ -21,12 +21,9 @@ class Guess:
 def straight_line(
     model: GliderModel, problem: PerchingProblem, duration: float | None = None
 ) -> Guess:
-    """Returns straight lines from launch to goal with the elevator at rest.
+    """Straight lines from launch to goal with the elevator at rest.
 
-    Args:
-        model: the glider.
-        problem: what to fly.
-        duration: [s]; by default at 5/8 of the launch speed.
+    `duration` is in seconds; by default the speed is 5/8 of the launch speed.
     """
     launch = model.initial_state(problem.launch)
     goal = model.initial_state(problem.goal)
@@ -48,18 +45,11 @@ def straight_line(
 def swoop(
     model: GliderModel, problem: PerchingProblem, dip: float, duration: float
 ) -> Guess:
-    """Returns a path that first dips below the line, then pulls up to the wire.
-
-    Args:
-        model: the glider.
-        problem: what to fly.
-        dip: depth below the straight line [m].
-        duration: [s].
-    """
+    """A path that first dips below the line by `dip` [m], then pulls up to the wire."""
     line = straight_line(model, problem, duration)
     times = np.linspace(0.0, line.states.end_time(), 9)
     phase = times / times[-1]
-    states = np.hstack([line.states.value(t) for t in times])
+    states = line.states.vector_values(times)
     states[1] -= dip * np.sin(np.pi * phase)
     states[5] -= dip * np.pi / times[-1] * np.cos(np.pi * phase)
     states[2] = problem.goal[2] * phase**3

@@ -42,16 +42,14 @@ class Plan:
         inputs: elevator-rate commands [rad/s]: (N,) at the knots; or (N - 1,), each
             held.
         state_names: STATE_NAMES, then the effects' own states.
-        cost: cost that the planner minimized.
+        cost: that the planner minimized.
         gains: (N - 1, n) of the planner's own feedback, where it has one: u_k =
             inputs[k] + gains[k] (x - states[k]); zero where the command is at a limit.
-        costs: cost before the first and after each iteration, where the planner
-            iterates.
+        costs: before the first and after each iteration, where the planner iterates.
         converged: whether the planner stopped because nothing more was to be gained.
         max_defect: largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s²,
-            rad/s²]; None where the plan is a flight already, as all below.
-        path_defect: the same anywhere between the knots, where collocation does not
-            look.
+            rad/s²]; None where the plan is a flight already.
+        path_defect: the same anywhere between the knots.
         attempts: calls of a solver, the last one with success.
         search_seconds: time of a planner that does not make attempts [s].
     """
@@ -108,14 +106,9 @@ class Plan:
 def held_plan(
     model: GliderModel, step: float, states: np.ndarray, inputs: np.ndarray, **more: Any
 ) -> Plan:
-    """Returns the plan of a flight under held commands.
+    """The plan of a flight, states (N, n), under commands (N - 1,) [rad/s].
 
-    Args:
-        model: the glider.
-        step: each command is held so long [s].
-        states: (N, n).
-        inputs: (N - 1,) [rad/s].
-        more: further fields of the plan.
+    Each is held for a step [s]; `more` are further fields of the plan.
     """
     times, applied = step * np.arange(len(states)), np.append(inputs, 0.0)
     rates = model.chain.derivatives(times, states.T, applied, 0.0, 0.0, model.numbers)

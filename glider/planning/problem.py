@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,11 @@ from glider.physics.state import NUM_STATES, STATE_NAMES, VELOCITY
 _HEIGHT, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
 
 
+def _list(*values: float) -> Any:
+    """Field of a dataclass whose default is a list."""
+    return dataclasses.field(default_factory=lambda: list(values))
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Hook:
     """Limits within which a glider that passes a wire is held by it.
@@ -22,17 +28,14 @@ class Hook:
     Their sources are in models/problems/perching.yaml.
 
     Attributes:
-        reach: distance of the center of mass from the wire within which the hook is
-            [m].
+        reach: largest distance of the center of mass from the wire [m].
         speed_limit: largest speed that it stops the glider from [m/s].
         pitch_limits: pitch between which its mouth meets the wire [rad].
     """
 
     reach: float = 0.05
     speed_limit: float = 2.8
-    pitch_limits: list[float] = dataclasses.field(
-        default_factory=lambda: [-1.17, -0.35]
-    )
+    pitch_limits: list[float] = _list(-1.17, -0.35)
 
     def takes(self, miss: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
         """Whether it holds gliders that pass the wire, (...).
@@ -70,33 +73,21 @@ class PerchingProblem:
         rate_cost: weight of the elevator's squared rate [1/(rad²/s)].
         goal: state that the final cost draws to.
         goal_weights: diagonal of the final cost's weight.
-        duration_limits: bounds of the step between knots, times the number of knots
-            [s].
-        hook: hook at the glider: no part of the plan, it determines which flights
-            perch.
+        duration_limits: bounds of the number of knots times the step between them [s].
+        hook: at the glider; no part of the plan, it determines which flights perch.
     """
 
-    launch: list[float] = dataclasses.field(
-        default_factory=lambda: [-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0]
-    )
-    wire: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
-    x_limits: list[float] = dataclasses.field(default_factory=lambda: [-3.5, 1.0])
-    z_limits: list[float] = dataclasses.field(default_factory=lambda: [-1.0, 1.0])
-    pitch_limits: list[float] = dataclasses.field(
-        default_factory=lambda: [-math.pi / 2, math.pi / 2]
-    )
-    final_pitch_limits: list[float] = dataclasses.field(
-        default_factory=lambda: [-1.0, -math.pi / 6]
-    )
+    launch: list[float] = _list(-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
+    wire: list[float] = _list(0.0, 0.0)
+    x_limits: list[float] = _list(-3.5, 1.0)
+    z_limits: list[float] = _list(-1.0, 1.0)
+    pitch_limits: list[float] = _list(-math.pi / 2, math.pi / 2)
+    final_pitch_limits: list[float] = _list(-1.0, -math.pi / 6)
     final_speed_limit: float = 2.0
     rate_cost: float = 100.0
-    goal: list[float] = dataclasses.field(
-        default_factory=lambda: [0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0]
-    )
-    goal_weights: list[float] = dataclasses.field(
-        default_factory=lambda: [10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0]
-    )
-    duration_limits: list[float] = dataclasses.field(default_factory=lambda: [0.5, 2.0])
+    goal: list[float] = _list(0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0)
+    goal_weights: list[float] = _list(10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0)
+    duration_limits: list[float] = _list(0.5, 2.0)
     hook: Hook = dataclasses.field(default_factory=Hook)
 
     def __post_init__(self):
@@ -128,11 +119,8 @@ class PerchingProblem:
         for name, value in deviations.items():
             good = is_number(value) and value >= 0.0
             expect(good, f"draw_launches: '{name}'", value, "a number not negative")
-        errors = rng.normal(size=(count, 3)) * [
-            scale * height,
-            scale * speed,
-            scale * pitch,
-        ]
+        sizes = np.multiply(scale, [height, speed, pitch])
+        errors = rng.normal(size=(count, 3)) * sizes
         starts = np.tile(np.array(self.launch, dtype=float), (count, 1))
         velocity = starts[:, VELOCITY]
         along = velocity / np.linalg.norm(velocity[0])
@@ -156,15 +144,6 @@ class PerchingProblem:
 
 
 _STATES = ("launch", "goal", "goal_weights")
-_INTERVALS = (
-    "x_limits",
-    "z_limits",
-    "pitch_limits",
-    "final_pitch_limits",
-    "duration_limits",
-    "hook.pitch_limits",
-)
-_SIZES = dict.fromkeys(_STATES, NUM_STATES) | dict.fromkeys((*_INTERVALS, "wire"), 2)
 _POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 
 
@@ -173,19 +152,21 @@ def _check(problem: PerchingProblem) -> None:
     hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
     for name, value in (values | hook).items():
         numbers = np.asarray(value, dtype=object).ravel()
-        size = _SIZES.get(name, 1)
-        needed = "a finite number" if size == 1 else f"{size} finite numbers"
+        is_interval, what = name.endswith("_limits"), f"field '{name}'"
+        size, needed = 1, "a finite number"
         if name in _STATES:
-            needed += f" ({', '.join(STATE_NAMES)})"
+            size = NUM_STATES
+            needed = f"{size} finite numbers ({', '.join(STATE_NAMES)})"
+        elif is_interval or name == "wire":
+            size, needed = 2, "2 finite numbers"
         good = len(numbers) == size and all(map(is_number, numbers))
-        expect(good, f"field '{name}'", value, needed)
-        if name in _INTERVALS:
-            rises = value[0] < value[1]
-            expect(rises, f"field '{name}'", value, "[lower, upper], lower < upper")
+        expect(good, what, value, needed)
+        if is_interval:
+            expect(value[0] < value[1], what, value, "[lower, upper], lower < upper")
         if name in ("goal_weights", "rate_cost"):
-            expect(min(numbers) >= 0.0, f"field '{name}'", value, "nothing negative")
+            expect(min(numbers) >= 0.0, what, value, "nothing negative")
         if name in _POSITIVE:
-            expect(value > 0.0, f"field '{name}'", value, "a positive number")
+            expect(value > 0.0, what, value, "a positive number")
     shortest = problem.duration_limits[0]
     expect(shortest > 0.0, "field 'duration_limits'", shortest, "more than 0 s")
     moves = any(problem.launch[4:6])

@@ -14,19 +14,15 @@ from collections.abc import Callable
 import joblib
 import numpy as np
 
-from glider.compiled.interior_point import Limits, optimize
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.planning.guess import straight_line, swoop
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import (
-    COLD_BARRIER,
     CollocatedFlight,
     make_program,
     slow_line,
     solve_structured,
-    to_flight,
-    to_optimum,
 )
 
 KNOTS = 25
@@ -112,13 +108,16 @@ def find_closest(
     line = straight_line(model, problem).states.end_time()
     found: list[tuple[float, CollocatedFlight]] = []
     for _ in range(tries):
-        begin = time.perf_counter()
         dip, duration = rng.uniform(*DIPS), line * rng.uniform(*STRETCHES)
-        start = to_optimum(swoop(model, problem, dip, duration), knots)
-        start.w[:n] = model.initial_state(problem.launch)
-        outcome = optimize(model, program, start, COLD_BARRIER, Limits(1e-5))
-        name, seconds = "the flight that comes closest", time.perf_counter() - begin
-        flight = to_flight(outcome, n, name, seconds)
+        flight = solve_structured(
+            model,
+            problem,
+            knots,
+            swoop(model, problem, dip, duration),
+            program=program,
+            tolerance=1e-5,
+            name="the flight that comes closest",
+        )
         if flight.solved:
             end = flight.knots[-1, :2] - np.array(problem.wire)
             found.append((float(np.hypot(*end)), flight))

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.compiled.barrier import Optimum, Program
-from glider.compiled.interior_point import Limits, Outcome, optimize
+from glider.compiled.interior_point import Limits, optimize
 from glider.physics.model import GliderModel
 from glider.planning.guess import Guess, straight_line
 from glider.planning.problem import PerchingProblem
@@ -40,13 +40,13 @@ class CollocatedFlight:
     """A flight on N knots at equal distances, and its multipliers.
 
     Attributes:
-        name: name of what it is, as a guess.
+        name: of what it is, as a guess.
         optimum: knots, duration of a segment and multipliers.
-        num_states: number of states n.
-        cost: cost that was minimized.
-        status: status that the solver ended in, with its iterations and error.
+        num_states: n, with the effects' own states.
+        cost: that was minimized.
+        status: that the solver ended in, with its iterations and error.
         solved: whether the tolerance is met.
-        seconds: time that the solver took [s].
+        seconds: that the solver took [s].
     """
 
     name: str
@@ -68,12 +68,7 @@ class CollocatedFlight:
         return self.optimum.w[-1] * np.arange(len(self.knots))
 
     def resampled(self, knots: int, elapsed: float = 0.0) -> Optimum:
-        """Returns the rest of the flight on so many knots.
-
-        Args:
-            knots: number of them.
-            elapsed: time since the launch [s].
-        """
+        """The rest of the flight on so many knots, `elapsed` [s] after the launch."""
         old = self.times
         end = old[-1]
         new = np.linspace(min(elapsed, 0.9 * end), end, knots)
@@ -92,15 +87,10 @@ class CollocatedFlight:
 def make_program(
     model: GliderModel, problem: PerchingProblem, knots: int, arrive: bool = True
 ) -> Program:
-    """Returns the bounds and the cost of a problem on so many knots.
+    """Computes the bounds and the cost of a problem on so many knots.
 
-    Args:
-        model: the glider.
-        problem: what to fly.
-        knots: number of them.
-        arrive: whether place, pitch and speed at the end are held to what the problem
-            asks; else its cost alone draws them to the goal, and there is a plan from
-            everywhere.
+    With `arrive` place, pitch and speed at the end are held to what the problem asks;
+    else its cost alone draws them to the goal, and there is a plan from everywhere.
     """
     n, servo = model.num_states, model.parameters.servo
     low = np.full((knots, n + 1), -np.inf)
@@ -129,10 +119,10 @@ def make_program(
 
 
 def to_optimum(guess: Guess, knots: int) -> Optimum:
-    """Returns the knots of a guess, without multipliers."""
+    """The knots of a guess, without multipliers."""
     times = np.linspace(guess.states.start_time(), guess.states.end_time(), knots)
-    states = np.hstack([guess.states.value(t) for t in times])
-    inputs = np.hstack([guess.inputs.value(t) for t in times])
+    states = guess.states.vector_values(times)
+    inputs = guess.inputs.vector_values(times)
     w = np.append(np.vstack([states, inputs]).T.ravel(), times[1] - times[0])
     return Optimum(
         w=w,
@@ -149,28 +139,12 @@ def slow_line(model: GliderModel, problem: PerchingProblem) -> Guess:
 
 
 def to_guess(flight: CollocatedFlight) -> Guess:
-    """Returns a flight as a guess for Drake's solvers."""
+    """A flight as a guess for Drake's solvers."""
     n = flight.num_states
     return Guess(
         name=flight.name,
         states=PiecewisePolynomial.FirstOrderHold(flight.times, flight.knots[:, :n].T),
         inputs=PiecewisePolynomial.FirstOrderHold(flight.times, flight.knots[:, n:].T),
-    )
-
-
-def to_flight(
-    found: Outcome, num_states: int, name: str, seconds: float
-) -> CollocatedFlight:
-    """Converts the solver's outcome to a flight."""
-    return CollocatedFlight(
-        name=name,
-        optimum=found.optimum,
-        num_states=num_states,
-        cost=found.cost,
-        status=f"{found.status} ({found.iterations} iterations, "
-        f"error {found.error:.1e})",
-        solved=found.status == "solved",
-        seconds=seconds,
     )
 
 
@@ -182,6 +156,7 @@ def solve_structured(
     *,
     launch: np.ndarray | None = None,
     arrive: bool = True,
+    program: Program | None = None,
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
     iterations: int = 150,
@@ -191,12 +166,13 @@ def solve_structured(
 
     Args:
         model: the glider.
-        problem: what to fly; its launch may differ from the guess's.
+        problem: what to fly; its launch may differ from that of the guess.
         knots: at least 3.
         guess: to start from.
         launch: (n,) all states to start from; None for the problem's launch, the
             effects' own states at rest.
         arrive: see `make_program`.
+        program: to solve instead of that of the problem.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `Limits`.
         iterations: see `Limits`; fewer bound the time.
@@ -212,6 +188,15 @@ def solve_structured(
         start, barrier = to_optimum(guess, knots), COLD_BARRIER
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
-    program = make_program(model, problem, knots, arrive)
+    program = program or make_program(model, problem, knots, arrive)
     found = optimize(model, program, start, barrier, Limits(tolerance, iterations))
-    return to_flight(found, n, name, time.perf_counter() - begin)
+    return CollocatedFlight(
+        name=name,
+        optimum=found.optimum,
+        num_states=n,
+        cost=found.cost,
+        status=f"{found.status} ({found.iterations} iterations, "
+        f"error {found.error:.1e})",
+        solved=found.status == "solved",
+        seconds=time.perf_counter() - begin,
+    )

@@ -123,9 +123,9 @@ def test_what_cannot_be_proposed_for_is_reported():
     turned = GliderModel(effects=(ANGLE_SIGN(pitch=-1.0, elevator=1.0, command=1.0),))
     with pytest.raises(InputError, match="angle_sign"):
         next_throw(campaign, replace(FINDINGS, model=turned, kinds=()))
-    with pytest.raises(InputError, match="of the campaign 'other'"):
+    with pytest.raises(InputError, match="report's campaign is 'other'"):
         next_throw(campaign, replace(FINDINGS, campaign="other"))
-    with pytest.raises(InputError, match="0 launches"):
+    with pytest.raises(InputError, match="launches is 0"):
         next_throw(campaign, FINDINGS, launches=0)
     with pytest.raises(InputError, match="'z'"):
         next_throw(campaign, FINDINGS, limits=ThrowLimits(z=[2.0, 1.0]))
