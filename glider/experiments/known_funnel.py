@@ -112,12 +112,9 @@ def known_funnel(funnel: Path | str | Funnel | KnownFunnel) -> KnownFunnel:
     else:
         known = KnownFunnel(funnel=load_funnel(funnel), file=str(funnel))
     nominal = known.funnel.nominal
-    expect(
-        known.funnel.num_states == NUM_STATES,
-        f"{known.name}: its list of states",
-        nominal.state_names,
-        f"{', '.join(STATE_NAMES)} alone, which every explanation has",
-    )
+    more = nominal.state_names[NUM_STATES:]
+    what = f"{known.name}: its list of effects' states"
+    expect(not more, what, more, "none, as not every explanation has them")
     begin, needed = nominal.times[0], "0 s, a funnel from the launch"
     expect(begin == 0.0, f"{known.name}: the time that it begins at", begin, needed)
     looks = np.unique(np.linspace(nominal.times[:-1], nominal.times[1:], _LOOKS))

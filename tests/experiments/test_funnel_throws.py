@@ -285,7 +285,9 @@ def test_what_is_no_funnel_for_throws_is_reported(tmp_path):
     nominal = dataclasses.replace(funnel.nominal, model=lagging)
     count = len(nominal.times)
     more = dataclasses.replace(funnel, nominal=nominal, S=np.zeros((count, 8, 8)))
-    with pytest.raises(InputError, match=r"servo_lag\.servo_rate'.*every explanation"):
+    with pytest.raises(
+        InputError, match=r"servo_lag\.servo_rate'.*not every explanation"
+    ):
         known_funnel(more)
     with pytest.raises(InputError, match=r"given funnel: .* begins at is 0\.\d+;"):
         known_funnel(funnel.between(100, 200))
