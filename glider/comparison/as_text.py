@@ -96,30 +96,23 @@ def _plain(
     return write(dataclasses.replace(estimate, unit=""))
 
 
-class ErrorRow(NamedTuple):
-    """An error of a model in two reports, as text in one unit."""
-
-    name: str
-    model: str
-    unit: str
-    first: str
-    second: str
-    gain: str
-
-
 def models_of(comparison: Comparison) -> list[str]:
     """Models of which either report has errors."""
     return [m for m in LABELS if any(r.errors.get(m) for r in comparison.reports)]
 
 
-def error_rows(comparison: Comparison) -> list[ErrorRow]:
-    """Errors on held-out flights, of each model in both reports."""
+def error_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Errors on held-out flights, of each model in both reports.
+
+    Name, model, unit, error in A and in B, and their ratio: all of it text.
+    """
     found = []
     for error, model in itertools.product(_ERRORS, models_of(comparison)):
         values = [error_of(report, model, error) for report in comparison.reports]
         unit = unit_of(comparison, error, *values)
-        cells = [*map(unit.digits, values), numbers.format_gain(*values)]
-        found.append(ErrorRow(_ERRORS[error], LABELS[model], unit.name, *cells))
+        names = _ERRORS[error], LABELS[model], unit.name
+        digits = map(unit.digits, values)
+        found.append((*names, *digits, numbers.format_gain(*values)))
     return found
 
 
@@ -192,11 +185,10 @@ def _differences(comparison: Comparison, console: Console) -> Table:
 
 def _errors(comparison: Comparison, console: Console) -> Table:
     table = make_table(console, "Errors on held-out flights", "", "A", "B", "A over B")
-    for name, group in itertools.groupby(error_rows(comparison), lambda row: row.name):
+    for name, group in itertools.groupby(error_rows(comparison), lambda row: row[0]):
         _add_row(table, console, "bold", name)
-        for row in group:
-            cells = f"  {row.model}", f"[{row.unit}]", row.first, row.second, row.gain
-            _add_row(table, console, "", *cells)
+        for _, model, unit, *cells in group:
+            _add_row(table, console, "", f"  {model}", f"[{unit}]", *cells)
     return table
 
 

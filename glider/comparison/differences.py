@@ -18,12 +18,12 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.report.wording import join, name_of, say
 from glider.sysid.report_file import read_report
-from glider.sysid.result import Estimate, Report, ReportedEffect, Spread
+from glider.sysid.result import Estimate, Report, Spread
 
 FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""
 
-EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicle"
+GROUPS = EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicle"
 """Groups of differences."""
 
 
@@ -127,88 +127,79 @@ class Comparison:
 
 def compare(first: SavedReport, second: SavedReport) -> Comparison:
     """Compares two reports."""
-    differences = (
-        *_effects(first, second),
-        *_spreads(first, second),
-        *_numbers(VEHICLE, "", first.vehicle, second.vehicle),
-    )
+    a, b = _values(first), _values(second)
+    keys = dict.fromkeys((*a, *b))
+    kinds = list(dict.fromkeys(key[:2] for key in keys))
+    order = sorted(keys, key=lambda key: (GROUPS.index(key[0]), kinds.index(key[:2])))
+    differences = []
+    for key in order:
+        note = _absence(key[1], first, second) if key[0] == EFFECTS else ""
+        differences.append(_difference(key, a.get(key), b.get(key), note))
     count = sum(math.isfinite(d.z) for d in differences)
     return Comparison(
         first=first,
         second=second,
-        differences=differences,
+        differences=tuple(differences),
         z_significant=-float(ndtri(0.5 * FALSE_ALARM / max(count, 1))),
         notes=tuple(say("notes", first, second)),
     )
 
 
-def _effects(first: SavedReport, second: SavedReport) -> list[Difference]:
-    both = [{e.kind: e for e in report.effects} for report in (first, second)]
-    found = []
-    for kind in dict.fromkeys((*both[0], *both[1])):
-        effects = [report.get(kind) for report in both]
-        old, new = (effect.coefficients if effect else {} for effect in effects)
-        note = ""
-        for effect, other in zip(effects, (second, first), strict=True):
-            if effect and kind not in {e.kind for e in other.effects}:
-                note = _absence(effect, other)
-        found += _numbers(EFFECTS, kind, old, new, note)
-    return found
+Key = tuple[str, str, str]
+"""Group, kind and name of a difference."""
 
 
-def _absence(effect: ReportedEffect, report: SavedReport) -> str:
-    """A note on an effect that only the other report has."""
-    rivals = effect.indistinguishable_from
-    if instead := [e.kind for e in report.effects if e.kind in rivals]:
-        return f"may be its {join(instead, ' or ')}: indistinguishable on these flights"
-    return "" if effect.kind in report.candidates else "not tried there"
-
-
-def _spreads(first: SavedReport, second: SavedReport) -> list[Difference]:
-    old, new = (
-        {name: _spread(s) for name, s in report.spreads.items()}
-        for report in (first, second)
-    )
-    return _numbers(SPREADS, "", old, new)
+def _values(report: Report) -> dict[Key, Estimate]:
+    values = {
+        (EFFECTS, effect.kind, name): coefficient
+        for effect in report.effects
+        for name, coefficient in effect.coefficients.items()
+    }
+    values |= {(SPREADS, name, ""): _spread(s) for name, s in report.spreads.items()}
+    return values | {(VEHICLE, name, ""): c for name, c in report.vehicle.items()}
 
 
 def _spread(spread: Spread) -> Estimate:
     """A standard deviation with its own standard error, s / √(2 (n - 1))."""
     count = sum(math.isfinite(v) for v in spread.values.values())
     std = spread.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
-    return Estimate(value=spread.std, std=std, unit=spread.unit)
+    return Estimate(spread.std, std, spread.unit)
 
 
-def _numbers(
-    group: str,
-    kind: str,
-    first: dict[str, Estimate],
-    second: dict[str, Estimate],
-    note: str = "",
-) -> list[Difference]:
-    found = []
-    for name in dict.fromkeys((*first, *second)):
-        one, other = first.get(name), second.get(name)
-        some = one or other
-        assert some is not None
-        change, z, said = None, math.nan, note
-        if one and other and one.unit != other.unit:
-            said = f"units differ: {one.unit} and {other.unit}"
-        elif one and other:
-            std = math.hypot(one.std, other.std)
-            change = Estimate(value=other.value - one.value, std=std, unit=one.unit)
-            z = change.value / std if std > 0.0 else math.nan
-        found.append(
-            Difference(
-                group=group,
-                kind=kind or name,
-                name=name if kind else "",
-                unit=some.unit,
-                first=one,
-                second=other,
-                change=change,
-                z=z,
-                note=said,
-            )
-        )
-    return found
+def _absence(kind: str, first: Report, second: Report) -> str:
+    """A note on an effect of one report that the other lacks."""
+    effects = {e.kind: e for e in first.effects}
+    if kind not in effects:
+        return _absence(kind, second, first)
+    others = [e.kind for e in second.effects]
+    if kind in others:
+        return ""
+    rivals = effects[kind].indistinguishable_from
+    if instead := [other for other in others if other in rivals]:
+        return f"may be its {join(instead, ' or ')}: indistinguishable on these flights"
+    return "" if kind in second.candidates else "not tried there"
+
+
+def _difference(
+    key: Key, first: Estimate | None, second: Estimate | None, note: str
+) -> Difference:
+    some = first or second
+    assert some is not None
+    change, z = None, math.nan
+    if first and second and first.unit != second.unit:
+        note = f"units differ: {first.unit} and {second.unit}"
+    elif first and second:
+        std = math.hypot(first.std, second.std)
+        change = Estimate(second.value - first.value, std, first.unit)
+        z = change.value / std if std > 0.0 else math.nan
+    return Difference(
+        group=key[0],
+        kind=key[1],
+        name=key[2],
+        unit=some.unit,
+        first=first,
+        second=second,
+        change=change,
+        z=z,
+        note=note,
+    )

@@ -51,43 +51,6 @@ _UNLIKE = (
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Split:
-    """Flights to fit to, to measure errors on, and those that fit with no others."""
-
-    fitted: tuple[str, ...]  # Names.
-    held_out: tuple[str, ...]  # Names of those that errors are measured on.
-    # Name to the reason, of all flights that stand out.
-    outlying: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    # Names of those that were held out, whose errors are separate.
-    outlying_held_out: tuple[str, ...] = ()
-
-    def without(self, outlying: Mapping[str, str], campaign: Campaign) -> "Split":
-        """Returns the split without flights that stand out."""
-        apart = tuple(n for n in self.held_out if n in outlying)
-        split = Split(
-            fitted=tuple(n for n in self.fitted if n not in outlying),
-            held_out=tuple(n for n in self.held_out if n not in outlying),
-            outlying={**self.outlying, **outlying},
-            outlying_held_out=(*self.outlying_held_out, *apart),
-        )
-        if len(split.fitted) < 2 or not split.held_out:
-            raise InputError(
-                f"{campaign.path}: {', '.join(outlying)} cannot be flights of the same "
-                "glider as the others, and too few are left to fit and to hold out."
-            )
-        return split
-
-    def fit_task(self, everything: Task) -> Task:
-        """Returns the task on the flights to fit."""
-        return everything.on([r for r in everything.records if r.name in self.fitted])
-
-    def all_task(self, everything: Task) -> Task:
-        """Returns the task on all flights that do not stand out."""
-        kept = [r for r in everything.records if r.name not in self.outlying]
-        return everything.on(kept)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Analysis:
     """The stages in order, timed."""
 
@@ -95,6 +58,8 @@ class Analysis:
     seconds: dict[str, float]  # Stage to wall-clock time; each stage adds its own.
     inspection: Inspection  # The campaign as it was read and checked.
     vehicle: Vehicle  # Of the campaign.
+    fitted: tuple[str, ...]  # Names of the flights to fit.
+    held_out: tuple[str, ...]  # Names of those that errors are measured on.
     rng: np.random.Generator  # Of all that is drawn at random.
 
     @contextmanager
@@ -106,48 +71,41 @@ class Analysis:
         self.seconds[name] = time.perf_counter() - begin
 
     def run(
-        self,
-        names: tuple[tuple[str, ...], tuple[str, ...]],
-        kinds: tuple[str, ...],
-        with_signs: bool,
-        settings: dict[str, Any],
+        self, kinds: tuple[str, ...], with_signs: bool, settings: dict[str, Any]
     ) -> result.Result:
         """Runs all stages.
 
         Args:
-            names: of the flights to fit, and of those that are held out.
             kinds: of the effects to try.
             with_signs: whether angles may be logged with the other sign.
             settings: of the run, for the report.
         """
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.layout)
-        flights = self._smooth(names[0] if with_signs else ())
-        split = Split(fitted=names[0], held_out=names[1])
-        everything, split, traced = self._search(flights, split, kinds)
-        task, everything = split.fit_task(everything), split.all_task(everything)
+        flights = self._smooth(with_signs)
+        everything, task, outlying, traced = self._search(flights, kinds)
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = self._baseline(flights, task, traced)
         with self.stage("predict", "predicting held-out flights"):
             evaluation = evaluate(
                 flights,
-                split.held_out,
-                split.outlying_held_out,
+                [name for name in self.held_out if name not in outlying],
+                [name for name in self.held_out if name in outlying],
                 everything,
                 task,
                 traced,
                 baseline,
                 self.rng,
             )
-        return self._result(flights, split, task, traced, evaluation, settings)
+        return self._result(flights, outlying, task, traced, evaluation, settings)
 
-    def _smooth(self, asked: tuple[str, ...]) -> SmoothedFlights:
+    def _smooth(self, with_signs: bool) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
         logged, masks = self.inspection.campaign, self.inspection.masks
         with self.stage("signs"):
             signs = Signs()
-            if asked:
-                few = tuple(f for f in logged.flights if f.name in asked)
+            if with_signs:
+                few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
         check_limits(campaign, masks)
@@ -169,29 +127,47 @@ class Analysis:
         return prepare(campaign.flights, campaign, noise, layout, masks)
 
     def _search(
-        self, flights: SmoothedFlights, split: Split, kinds: tuple[str, ...]
-    ) -> tuple[Task, Split, SearchResult]:
+        self, flights: SmoothedFlights, kinds: tuple[str, ...]
+    ) -> tuple[Task, Task, dict[str, str], SearchResult]:
         """Searches the effects that the flights to fit show, without outliers.
 
         Outliers among the flights to fit are excluded; those among the held-out flights
         are scored apart.
+
+        Returns:
+            the task on all flights but outliers and that on those to fit, the names of
+            the outliers with reasons, and the result of the search.
         """
-        noise, campaign = flights.noise, flights.campaign
+        noise = flights.noise
         with self.stage("compare", "comparing flights"):
             everything = make_task(flights.corrected, self.vehicle, kinds)
-            if ratios := find_outlying(everything, noise):
-                outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
-                split = split.without(outlying, campaign)
+            ratios = find_outlying(everything, noise)
+            outlying = {name: _UNLIKE.format(r) for name, r in ratios.items()}
+            everything, task = self._without(outlying, everything)
         with self.stage("trace"):
-            task = split.fit_task(everything)
             traced = trace(task, noise, self.rng, self.progress)
-            if apart := find_extreme(split.all_task(everything), traced.model):
-                split = split.without(apart, campaign)
-                if again := sorted(r.name for r in task.records if r.name in apart):
+            if extreme := find_extreme(everything, traced.model):
+                again = sorted(r.name for r in task.records if r.name in extreme)
+                everything, task = self._without(extreme, everything)
+                outlying |= extreme
+                if again:
                     self.progress(f"again without {', '.join(again)}")
-                    task = split.fit_task(everything)
                     traced = trace(task, noise, self.rng, self.progress)
-        return everything, split, traced
+        return everything, task, outlying, traced
+
+    def _without(
+        self, outlying: Mapping[str, str], everything: Task
+    ) -> tuple[Task, Task]:
+        """The task without flights that stand out, and that on the flights to fit."""
+        kept = [r for r in everything.records if r.name not in outlying]
+        fitted = [r for r in kept if r.name in self.fitted]
+        if outlying and not 2 <= len(fitted) < len(kept):
+            raise InputError(
+                f"{self.inspection.campaign.path}: {', '.join(outlying)} cannot be "
+                "flights of the same glider as the others, and too few are left to fit "
+                "and to hold out."
+            )
+        return everything.on(kept), everything.on(fitted)
 
     def _baseline(
         self, flights: SmoothedFlights, task: Task, traced: SearchResult
@@ -208,7 +184,7 @@ class Analysis:
     def _result(
         self,
         flights: SmoothedFlights,
-        split: Split,
+        outlying: Mapping[str, str],
         task: Task,
         traced: SearchResult,
         evaluation: Evaluation,
@@ -237,7 +213,8 @@ class Analysis:
             campaign=logged.name,
             path=logged.path,
             flights=result.FlightNames(
-                fit=split.fitted, held_out=tuple(f.name for f in evaluation.held_out)
+                fit=tuple(name for name in self.fitted if name not in outlying),
+                held_out=tuple(f.name for f in evaluation.held_out),
             ),
             verdict=verdict,
             reason=reason,
@@ -262,7 +239,7 @@ class Analysis:
             vehicle=outcome.vehicle_of(task, model, known),
             knows_forces=vehicle.knows_forces,
             warnings=tuple(self._warnings(flights, evaluation, verdict)),
-            set_aside=self._excluded(split.outlying),
+            set_aside=self._excluded(outlying),
             planarity={f: p.sentence for f, p in rolling if p is not None},
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch

@@ -67,10 +67,8 @@ class Evaluation:
 
     errors: dict[str, Errors | None]  # On held-out flights.
     held_out: tuple[HeldOutFlight, ...]  # Those flights, measured and flown.
-    # Names of held-out flights on which every model diverges.
-    unpredicted: tuple[str, ...]
-    # Errors on held-out flights that stand out; None without any.
-    outlying: OutlyingFlights | None
+    unpredicted: tuple[str, ...]  # Names of those on which every model diverges.
+    outlying: OutlyingFlights | None  # Errors on those that stand out, if any.
     folds: HeldOut | None  # Each flight held out once; None where signs are wrong.
     # Residual of the nominal model, of the named effects and of the corrected model.
     tables: tuple[ResidualTable, ResidualTable, ResidualTable]
@@ -105,28 +103,27 @@ def evaluate(
         for name, model in models.items()
     }
     keep = predictable(list(predictions.values())) or range(len(unseen.names))
-    predictions = {name: [p[i] for i in keep] for name, p in predictions.items()}
     kept = unseen.among([unseen.names[i] for i in keep])
     errors: dict[str, Errors | None] = dict.fromkeys((*MODELS, CALIBRATED))
+    of_outlying: dict[str, Errors | None] = {}
     for name, model in models.items():
+        predictions[name] = [predictions[name][i] for i in keep]
         errors[name] = prediction.errors_of(model, kept.of(name), predictions[name])
-    of_outlying: dict[str, Errors | None] = {
-        name: prediction.measure_errors(model, apart.of(name))
-        for name, model in (models if apart.names else {}).items()
-    }
+        if apart.names:
+            of_outlying[name] = prediction.measure_errors(model, apart.of(name))
     folds = None
     if flights.signs.are_right:
         folds = _hold_out(everything, task, traced, baseline, rng)
-    fitting = flights.among([record.name for record in everything.records])
+    fitted = flights.among([record.name for record in everything.records])
     return Evaluation(
         errors=errors,
         held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
         unpredicted=tuple(n for n in unseen.names if n not in kept.names),
         outlying=OutlyingFlights(flights=apart.names, errors=of_outlying)
-        if apart.names
+        if of_outlying
         else None,
         folds=folds,
-        tables=_residual_tables(task, traced.model, models, fitting),
+        tables=_residual_tables(task, traced.model, models, fitted),
     )
 
 
@@ -140,9 +137,10 @@ def _rollout_models(task: Task, traced: SearchResult, baseline: FitResult) -> Mo
         calibrated = forces_alone(task, calibrated, traced.forces)
     free_scales = NAMES if traced.forces is None else ()
     calibrated = fit_model(task, calibrated, iterations=4, free_scales=free_scales)
-    nominal = dataclasses.replace(baseline, theta=vehicle.theta, free=())
-    fitted = {"nominal": nominal} if vehicle.is_known else {}
-    fitted |= {"refitted": baseline, CALIBRATED: calibrated, "corrected": traced.model}
+    fitted = {"refitted": baseline, CALIBRATED: calibrated, "corrected": traced.model}
+    if vehicle.is_known:
+        nominal = dataclasses.replace(baseline, theta=vehicle.theta, free=())
+        fitted = {"nominal": nominal, **fitted}
     scales = traced.model.scales
     return {name: flown_by(task, model, scales) for name, model in fitted.items()}
 

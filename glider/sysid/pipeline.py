@@ -1,8 +1,7 @@
 """Closes the loop: from a folder of flights to a corrected glider.
 
-`close_the_loop` is the main job of this package; the command line and the
-examples only call it. It reads and checks its input before it imports what takes
-a second, so that a fault in the input is reported at once.
+`close_the_loop` reads and checks its input before it imports what takes a second, so
+that a fault in the input is reported at once.
 """
 
 import dataclasses
@@ -87,7 +86,6 @@ def close_the_loop(
         **{k: None if v is None else list(v) for k, v in chosen.items()},
         "own_effects": [e.kind for e in own],
     }
-    names = tuple(f.name for f in fitted), tuple(f.name for f in unseen)
     if effects is not None:
         warnings = (*inspection.warnings, _omitted(effects, vehicle))
         inspection = dataclasses.replace(inspection, warnings=warnings)
@@ -99,11 +97,13 @@ def close_the_loop(
         seconds=seconds,
         inspection=inspection,
         vehicle=vehicle,
+        fitted=tuple(f.name for f in fitted),
+        held_out=tuple(f.name for f in unseen),
         rng=np.random.default_rng(seed),
     )
     with_signs = effects is None or ANGLE_SIGN.kind in effects
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        return analysis.run(names, kinds, with_signs, settings)
+        return analysis.run(kinds, with_signs, settings)
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:
@@ -115,15 +115,13 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
 
         layout_of(own)  # Kept: checked once.
     known = (*KINDS, *(e.kind for e in own))
-    unknown = [name for name in effects or () if name not in known]
-    if unknown:
-        raise InputError(
-            f"unknown effect '{unknown[0]}'; known are {', '.join(known)}."
-        )
+    for name in effects or ():
+        if name not in known:
+            raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
 
 
 def _omitted(effects: Sequence[str], vehicle: "Vehicle") -> str:
-    """Returns a warning that effects that were not tried cannot be found."""
+    """A warning that effects that were not tried cannot be found."""
     count = len(set(vehicle.kinds) - set(effects))
     return (
         f"only {', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried; "
@@ -133,7 +131,7 @@ def _omitted(effects: Sequence[str], vehicle: "Vehicle") -> str:
 
 
 def _kinds_to_try(vehicle: "Vehicle", effects: Sequence[str] | None) -> tuple[str, ...]:
-    """Returns the kinds that were asked for and that these logs could show."""
+    """The kinds that were asked for and that these logs could show."""
     if effects is None:
         return vehicle.kinds
     kinds = tuple(kind for kind in vehicle.kinds if kind in effects)

@@ -30,12 +30,11 @@ VERDICTS = (
 was found does not hold on flights that were held out."""
 
 MODELS = ("nominal", "refitted", "corrected")
-"""Nominal model; baseline, the flat plate with refitted parameters; corrected
-model, with the effects."""
+"""Nominal model; flat plate with refitted parameters; model with the effects."""
 
 CALIBRATED = "calibrated"
-"""A further model: the baseline with a constant error of the pitch reading removed.
-Calibration is not physics, so it has its own line."""
+"""The refitted baseline without a constant error of the pitch reading: calibration is
+not physics, so it has its own line."""
 
 LIBRARY_SHAPE, OTHER_SHAPE = "library", "not the library's"
 """Whether an effect's formula has the shape that the flights show."""
@@ -89,13 +88,7 @@ class FoundEffect(ReportedEffect):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Flight-to-flight variation of something about the model's value.
-
-    Attributes:
-        std: standard deviation over flights.
-        unit: of it.
-        values: name of each fitted flight to its value.
-    """
+    """Flight-to-flight variation: standard deviation, and each flight's value."""
 
     std: Number
     unit: str
@@ -131,8 +124,8 @@ class Curve:
                 f"field 'term' is {show(self.term)}; expected one of "
                 f"{', '.join(CURVE_TERMS)}."
             )
-        columns = (self.alpha, self.lack, self.std, self.named)
-        if len({np.shape(column) for column in columns}) != 1:
+        columns = self.alpha, self.lack, self.std, self.named
+        if len({*map(np.shape, columns)}) != 1:
             raise InputError(
                 f"curve {self.term} has columns of different lengths; expected alpha, "
                 "lack, std and named of one length."
@@ -141,10 +134,7 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Air:
-    """How the air moves: its velocity in x and in z, one standard deviation.
-
-    An error of the model looks like moving air too.
-    """
+    """Turbulence in x and in z; an error of the model looks like moving air too."""
 
     std_m_s: Number
     correlation_s: Number
@@ -169,10 +159,8 @@ class Residual:
 class Combination:
     """A set of effects that was fitted in full.
 
-    Attributes:
-        kinds: of its effects.
-        evidence: log-likelihood gained over the flat plate alone, penalized by the
-            effects [nats].
+    Its evidence is the log-likelihood gained over the flat plate alone, less the
+    penalty of its effects [nats].
     """
 
     kinds: tuple[str, ...]
@@ -181,13 +169,7 @@ class Combination:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EquationErrors:
-    """RMS of measured minus modelled acceleration.
-
-    Attributes:
-        tangential: along the wing [m/s²].
-        normal: normal to the wing [m/s²].
-        pitch: in pitch [rad/s²].
-    """
+    """RMS of measured minus modelled acceleration [m/s², m/s², rad/s²]."""
 
     tangential: Number
     normal: Number
@@ -226,13 +208,7 @@ class Errors:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fold:
-    """Some flights held out, the models refitted to the others.
-
-    Attributes:
-        held_out: names of the flights.
-        refitted: errors of the baseline on them.
-        corrected: errors of the model with the effects.
-    """
+    """Errors on held-out flights of baseline and corrected model without them."""
 
     held_out: tuple[str, ...]
     refitted: Errors
@@ -277,12 +253,7 @@ class EvidenceThreshold:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutlyingFlights:
-    """Held-out flights that no model explains with the others, scored separately.
-
-    Attributes:
-        flights: names of their files.
-        errors: model name to its errors on them.
-    """
+    """Held-out flights that no model explains with the others; errors on them alone."""
 
     flights: tuple[str, ...]
     errors: dict[str, Errors | None]
@@ -348,8 +319,7 @@ class Report:
         effects: strongest first.
         errors: model name (of MODELS, and CALIBRATED) to its errors; nominal is None
             where the vehicle is not known.
-        outlying: held-out flights that stand out from all others, whose errors are not
-            in `errors`; None where there are none.
+        outlying: held-out flights that are not in `errors`; None without any.
         evidence_threshold: below which an effect is not taken.
         folds: errors over all flights, each held out once.
         left: what the corrected model leaves.
@@ -410,7 +380,6 @@ class Result(Report):
     """Result of `close_the_loop`.
 
     Attributes:
-        effects: strongest first, with words for people.
         path: of the campaign's folder.
         knows_forces: whether mass and areas are specified: sets of effects are then
             judged by the fitted flights, else by predictions of held-out flights.
@@ -418,8 +387,7 @@ class Result(Report):
         covariance: of the errors of its coefficients and of the fitted parameters of
             the vehicle; None where nothing was fitted.
         held_out: held-out flights, measured and flown.
-        residual_before: of the nominal model (of the baseline where the vehicle
-            is not known).
+        residual_before: of the nominal model, or of the baseline where there is none.
         residual_after: of the corrected model.
         own_effects: kinds of the caller's that were tried beside the library.
     """

@@ -1,9 +1,9 @@
 """The verdict: can the findings be trusted?
 
-Process noise and per-flight constants absorb whatever a model lacks: the likelihood
-stays honest, but where they explain most of the error the effects mean nothing. That
-happens where a log is inconsistent in a way that no check of its rows detects, as with
-the commands of another flight or a clock that runs slow.
+Process noise and per-flight constants absorb whatever a model lacks; where they explain
+most of the error the effects mean nothing. That happens where a log is inconsistent in
+a way that no check of its rows detects, as with the commands of another flight or a
+clock that runs slow.
 """
 
 from collections.abc import Mapping
@@ -109,7 +109,6 @@ LEAST_TRAVEL = 0.1
 
 
 AllErrors = Mapping[str, Errors | None]
-"""Model to its errors on flights that it was not fitted to."""
 
 
 def judge(

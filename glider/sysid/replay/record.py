@@ -58,7 +58,7 @@ class Record:
     )
 
     def __getstate__(self) -> dict:
-        """Returns the state for another process, without caches."""
+        """The state for another process, without caches."""
         return {**self.__dict__, "replays": {}, "undone": {}}
 
     def first(self, count: int) -> "Record":
@@ -118,13 +118,10 @@ def _record(
     nodes = np.zeros((n, layout.num_states))
     nodes[:, 0:3] = curves[0, :n]
     nodes[:, 4:7] = curves[1, :n]
-    pitch = np.stack([curves[0, :, 2], curves[1, :, 2]], axis=1)
+    pitch = curves[:2, :, 2].T
     pitch = np.stack([pitch[: n - 1], pitch[n:], pitch[1:n]], axis=1)
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
-    deviation = [
-        level * np.linalg.norm(m[2, :n], axis=1)
-        for level, m in zip(levels, maps, strict=True)
-    ]
+    deviation = np.linalg.norm([m[2, :n] for m in maps], axis=2).T * levels
     measured, seen = curves[0, :n].copy(), np.zeros((n, 4), dtype=bool)
     at = place[good - good[0]]
     measured[at], seen[at, :3] = pose, True
@@ -138,10 +135,9 @@ def _record(
             clock[commanded], flight.command[commanded], campaign.command_rate
         )
         trusted = commanded[turned[commanded]]
-        if len(trusted):
-            first = trusted[:1]  # Its noise is what x[3] is for.
-            travel = elevator_path(switches, commands, clock[first])
-            rest = float((flight.elevator[first] - travel)[0])
+        for first in trusted[:1]:  # Its noise is what x[3] is for.
+            travel = elevator_path(switches, commands, clock[[first]])
+            rest = float(flight.elevator[first] - travel[0])
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = turned[rows]
     return Record(
@@ -155,7 +151,7 @@ def _record(
         nodes=nodes,
         pitch=pitch,
         acceleration=curves[2, :n],
-        acceleration_std=np.stack(deviation, axis=1),
+        acceleration_std=deviation,
         switch_times=switches,
         commands=commands,
         limits=stops if has_servo else None,
@@ -168,7 +164,7 @@ def _record(
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns times with more in the gaps, and where the given ones are in them."""
+    """Times with more in the gaps, and where the given ones are in them."""
     steps = np.diff(time)
     usual = np.median(steps)
     more = np.where(steps > _GAP * usual, np.ceil(steps / usual - 1e-6), 1).astype(int)
@@ -177,7 +173,7 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
-    """Returns the pitch of the wing's normal in the plane, at some rows [rad]."""
+    """Computes the pitch of the wing's normal in the plane, at some rows [rad]."""
     assert flight.attitude is not None
     _, roll, yaw = flight.attitude[rows].T
     n = normal(flight.pose[rows, 2], roll, yaw)
@@ -195,8 +191,7 @@ def in_plane(
         sideways: (n,) smoothed velocity along y [m/s].
 
     Returns:
-        the factor of the wing's force in each interval (n - 1,), and the air velocity
-        (x, z) there that the sideways motion is like (n - 1, 2) [m/s].
+        `Record.bank` and `Record.side_wind`.
     """
     n = normal(pitch, *roll_and_yaw.T)
     square = n[:, 0] ** 2 + n[:, 2] ** 2
@@ -223,14 +218,11 @@ class Signs:
 def turn(flight: Flight, signs: Signs) -> Flight:
     """Returns the flight with wrong signs undone."""
     pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
+    turned = dataclasses.replace(flight, pose=pose)
     if flight.elevator is None or flight.command is None:
-        return dataclasses.replace(flight, pose=pose)
-    return dataclasses.replace(
-        flight,
-        pose=pose,
-        elevator=flight.elevator * signs.elevator,
-        command=flight.command * signs.command,
-    )
+        return turned
+    elevator, command = flight.elevator * signs.elevator, flight.command * signs.command
+    return dataclasses.replace(turned, elevator=elevator, command=command)
 
 
 def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
@@ -249,8 +241,5 @@ def signs_of(model: GliderModel) -> Signs:
 
 def sign_effect(signs: Signs) -> Effect:
     """Returns the signs as an effect of a model."""
-    return ANGLE_SIGN(
-        pitch=float(signs.pitch),
-        elevator=float(signs.elevator),
-        command=float(signs.command),
-    )
+    names = (c.name for c in ANGLE_SIGN.coefficients)
+    return ANGLE_SIGN(**{name: float(getattr(signs, name)) for name in names})

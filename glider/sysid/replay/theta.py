@@ -6,7 +6,6 @@ library's and the user's; at their defaults they do nothing), and last those of
 the effects on the log's signals, which are replayed instead.
 """
 
-import dataclasses
 import functools
 
 import numpy as np
@@ -28,28 +27,58 @@ OFFSET = 3
 from its replayed path [rad]."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Layout:
-    """Meaning of each entry of theta and of a flown state; see the module."""
+    """Meaning of each entry of theta and of a flown state; see the module.
 
-    user_kinds: tuple[EffectKind, ...]  # User effects, beside the library's.
-    kinds: dict[str, EffectKind]  # Name to kind, of both.
-    # The effects that the compiled dynamics hold.
-    compiled_kinds: tuple[EffectKind, ...]
-    # The effects on clocks and paths of the log's signals, which are replayed instead.
-    replayed_kinds: tuple[EffectKind, ...]
-    # What each entry of theta is: (kind, coefficient), where the kind of the vehicle is
-    # "parameters".
-    slots: tuple[tuple[str, str], ...]
-    index: dict[tuple[str, str], int]  # The other way round.
-    num_compiled: int  # Entries of theta that the compiled dynamics take, the first.
-    num_states: int  # Of the compiled dynamics: 7, then those of the effects.
-    lower: np.ndarray  # The smallest physical theta.
-    upper: np.ndarray  # The largest.
-    scale: np.ndarray  # Typical sizes of theta's entries.
-    state_scale: np.ndarray  # Typical sizes of the effects' states.
-    sensor_slots: tuple[int, ...]  # Indices into theta of the compiled sensor effects.
-    places: dict[str, tuple[int, ...]]  # Kind to the indices of its coefficients.
+    Attributes:
+        user_kinds: user effects, beside the library's.
+        kinds: name to kind, of both.
+        compiled_kinds: effects that the compiled dynamics hold.
+        replayed_kinds: effects on clocks and paths of the log's signals.
+        slots: kind and coefficient of each entry of theta; a parameter of the vehicle
+            is of the kind "parameters".
+        index: the other way round.
+        num_compiled: entries of theta that the compiled dynamics take, the first.
+        num_states: of the compiled dynamics: 7, then those of the effects.
+        lower: smallest physical theta.
+        upper: largest.
+        scale: typical sizes of theta's entries.
+        state_scale: typical sizes of the effects' states.
+        sensor_slots: indices into theta of the compiled sensor effects.
+    """
+
+    def __init__(self, user_kinds: tuple[EffectKind, ...]) -> None:
+        check_user_effects(user_kinds)
+        flown = [e for e in (*LIBRARY, *user_kinds) if e.stage != "log"]
+        self.user_kinds = user_kinds
+        self.kinds = {**KINDS, **{e.kind: e for e in user_kinds}}
+        self.compiled_kinds = tuple(e for e in flown if not e.is_replayed)
+        self.replayed_kinds = tuple(e for e in flown if e.is_replayed)
+        self._coefficients = [
+            (e.kind, c)
+            for e in (*self.compiled_kinds, *self.replayed_kinds)
+            for c in e.coefficients
+        ]
+        self.slots = (
+            *(("parameters", name) for name in PARAMETER_NAMES),
+            *((kind, c.name) for kind, c in self._coefficients),
+        )
+        self.index = {slot: i for i, slot in enumerate(self.slots)}
+        self._places: dict[str, tuple[int, ...]] = {}
+        for i, (kind, _) in enumerate(self.slots):
+            self._places[kind] = (*self._places.get(kind, ()), i)
+        bounds = [
+            (-0.1, 0.1, 0.01) if name == "wing_offset" else (1e-6, 1e4, 0.01)
+            for name in PARAMETER_NAMES
+        ] + [(c.lower, c.upper, c.scale) for _, c in self._coefficients]
+        self.lower, self.upper, self.scale = np.array(bounds).T.copy()
+        held = self.compiled_kinds
+        scales = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
+        self.state_scale = np.array(scales)
+        self.num_compiled = NUM_PARAMETERS + sum(len(e.coefficients) for e in held)
+        self.num_states = NUM_STATES + len(scales)
+        sensors = (e.kind for e in held if e.stage == "sensor")
+        self.sensor_slots = tuple(i for kind in sensors for i in self.slots_of(kind))
 
     def __reduce__(self):
         """Another process makes it from the user effects, once."""
@@ -57,12 +86,11 @@ class Layout:
 
     def slots_of(self, kind: str) -> tuple[int, ...]:
         """Indices of a kind's coefficients in theta."""
-        return self.places.get(kind, ())
+        return self._places.get(kind, ())
 
     def default_theta(self, parameters: GliderParameters) -> np.ndarray:
         """Returns theta of a nominal model: parameters, and effects that do nothing."""
-        kinds = (*self.compiled_kinds, *self.replayed_kinds)
-        defaults = [c.default for kind in kinds for c in kind.coefficients]
+        defaults = [c.default for _, c in self._coefficients]
         return np.concatenate([parameters.numbers, defaults])
 
     def dynamics(self, theta: np.ndarray) -> np.ndarray:
@@ -96,43 +124,7 @@ def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
     Raises:
         InputError: a user effect cannot be used.
     """
-    check_user_effects(user_kinds)
-    kinds = {**KINDS, **{e.kind: e for e in user_kinds}}
-    flown = tuple(e for e in (*LIBRARY, *user_kinds) if e.stage != "log")
-    held = tuple(e for e in flown if not e.is_replayed)
-    replayed = tuple(e for e in flown if e.is_replayed)
-    in_theta = (*held, *replayed)
-    slots = (
-        *(("parameters", name) for name in PARAMETER_NAMES),
-        *((e.kind, c.name) for e in in_theta for c in e.coefficients),
-    )
-    bounds = [
-        (-0.1, 0.1, 0.01) if name == "wing_offset" else (1e-6, 1e4, 0.01)
-        for name in PARAMETER_NAMES
-    ] + [(c.lower, c.upper, c.scale) for e in in_theta for c in e.coefficients]
-    lower, upper, scale = np.array(bounds).T.copy()
-    state_scale = [s for e in held for s in e.state_scales or (1.0,) * len(e.states)]
-    places: dict[str, tuple[int, ...]] = {}
-    for i, (kind, _) in enumerate(slots):
-        places[kind] = (*places.get(kind, ()), i)
-    return Layout(
-        user_kinds=user_kinds,
-        kinds=kinds,
-        compiled_kinds=held,
-        replayed_kinds=replayed,
-        slots=slots,
-        index={slot: i for i, slot in enumerate(slots)},
-        num_compiled=NUM_PARAMETERS + sum(len(e.coefficients) for e in held),
-        num_states=NUM_STATES + len(state_scale),
-        lower=lower,
-        upper=upper,
-        scale=scale,
-        state_scale=np.array(state_scale),
-        sensor_slots=tuple(
-            i for e in held if e.stage == "sensor" for i in places.get(e.kind, ())
-        ),
-        places=places,
-    )
+    return Layout(user_kinds)
 
 
 LIBRARY_LAYOUT = layout_of(())

@@ -25,16 +25,14 @@ BASELINE_KINDS = ("mass", "inertia", "elevator_area", "center_of_pressure")
 """Effects that are other values of these: the refitted baseline includes them."""
 
 _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
-"""Parameters that default to the nominal glider where they are not specified: they
-only scale the others."""
+"""Parameters that default to the nominal glider's: they only scale the others."""
 
 _OFFSET_SPREAD = 0.03
-"""Distance that an unknown wing's center of pressure may lie from the center of mass
-[m]; unknown areas and inertia may be off the default glider's by half."""
+"""Distance of an unknown wing's center of pressure from the center of mass [m]."""
 
 _RELATIVE_SPREAD = {"elevator_area": 0.1}
-"""A tail's area shows in the moment only over the inertia: it is kept near its usual
-share."""
+"""Spread of unknown areas and inertia over the default glider's, if not a half. A
+tail's area shows in the moment only over the inertia."""
 
 _TRIM_SPREAD = 0.05
 """Angle at which an elevator without a servo may stand [rad]."""
@@ -53,20 +51,13 @@ class Vehicle:
 
     layout: Layout  # Of theta.
     theta: np.ndarray  # The nominal model, unknown entries at a start value.
-    # Indices into theta that are unknown and fitted with everything.
-    nuisance: tuple[int, ...]
-    # Indices of the parameters that the flat-plate baseline refits.
-    baseline_slots: tuple[int, ...]
+    nuisance: tuple[int, ...]  # Slots of theta that are unknown: fitted with all else.
+    baseline_slots: tuple[int, ...]  # Those that the flat-plate baseline refits.
     kinds: tuple[str, ...]  # Effects that these logs could show.
-    # False where the elevator stands at another angle in each flight.
-    trim_is_known: bool
-    # Whether the nominal model is complete, the elevator's angle included.
-    is_known: bool
-    # Whether mass and areas are known: effects and curves can then be compared with the
-    # forces of a nominal model.
-    knows_forces: bool
-    # Mean and spread of theta before any flight, for what is unknown.
-    prior: tuple[np.ndarray, np.ndarray] | None
+    trim_is_known: bool  # Whether the elevator's angle is the same in each flight.
+    is_known: bool  # Whether the nominal model is complete, with the elevator's angle.
+    knows_forces: bool  # Whether mass and areas are known: forces can be compared.
+    prior: tuple[np.ndarray, np.ndarray] | None  # Mean, spread of theta if unknown.
     notes: tuple[str, ...]  # What was assumed, for the report.
     is_per_mass: bool  # Whether areas and inertia are per kilogram.
 
@@ -94,14 +85,14 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     ):
         nuisance.append(index["elevator_trim", "angle"])
     elif campaign.elevator == "fixed_per_flight":
-        # At an unknown angle an unknown tail could look like camber and drag: what all
-        # flights have of it is a moment alone.
+        # An unknown tail at an unknown angle could look like camber and drag: all
+        # flights share a moment alone.
         nuisance.append(index["pitch_moment", "coefficient"])
         dropped.add("pitch_moment")
     if "mass" not in known or "wing_area" in unknown:
-        # Air that moves with the wing is one with its area and its lift by pitch rate;
-        # a wind that all flights share with its area, its camber and its drag; lengths
-        # that are measured too large are one with its area, too.
+        # Air that moves with the wing is like its area and its lift by pitch rate, a
+        # wind that all flights share like its area, camber and drag, and lengths that
+        # are measured too large like its area.
         dropped |= {"mass", "added_mass", "wind", "wind_shear", "position_scale"}
     if "wing_offset" in unknown:
         # A tracked point ahead of it shows in the pitch acceleration, as do errors of
@@ -111,8 +102,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     if "pitch_inertia" in unknown:
         # The pitch damping of a glider of unknown moment is one more unknown.
         nuisance.append(index["pitch_damping", "coefficient"])
-        dropped.add("pitch_damping")
-        dropped.add("inertia")
+        dropped |= {"pitch_damping", "inertia"}
     if "elevator_area" in unknown:
         dropped.add("elevator_area")
     theta = layout.default_theta(parameters)
@@ -135,7 +125,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
 def _assumptions(
     known: Mapping[str, Any], is_per_mass: bool
 ) -> tuple[dict[str, Any], list[str]]:
-    """Returns the parameters that are assumed where they are unknown, and notes."""
+    """The parameters that are assumed where they are unknown, and notes."""
     assumed: dict[str, Any] = dataclasses.asdict(GliderParameters())
     notes = []
     if is_per_mass:
@@ -157,7 +147,7 @@ def _assumptions(
 def _prior(
     layout: Layout, theta: np.ndarray, unknown: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns prior mean and spread of theta, where parameters are unknown."""
+    """Prior mean and spread of theta, where parameters are unknown."""
     spread = PRIOR_SCALES * layout.scale
     for name in unknown:
         i = layout.index["parameters", name]
@@ -170,14 +160,12 @@ def _prior(
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
     """Returns theta's parameters as a vehicle's, with the campaign's limits."""
-    values: dict[str, Any] = {
-        name: float(value) for name, value in zip(PARAMETER_NAMES, theta, strict=False)
-    }
+    values = dict(zip(PARAMETER_NAMES, theta.tolist(), strict=False))
     return GliderParameters(**values, **_servo_of(campaign))
 
 
 def _servo_of(campaign: Campaign) -> dict[str, Any]:
-    """Returns the servo's limits as parameters, None where they are not specified."""
+    """The servo's limits as parameters, None where they are not specified."""
     limits = campaign.elevator_limits
     return {
         "elevator_limits": None if limits is None else list(limits),
