@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.progress import Progress
 
     from glider.files.schema import json_text
-    from glider.physics.model import load_glider
+    from glider.physics.model import GliderModel
     from glider.planning.problem import PerchingProblem
     from glider.verification.check_report import (
         check_report,
@@ -147,7 +147,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.trials.falsify import falsify_funnel
 
     funnel = funnel_of(file, args.funnel)
-    model = load_glider(args.model) if args.model else None
+    model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     confidence = None
     if level is not None:
@@ -233,12 +233,11 @@ def _level(text):
 
 def _confidence(funnel, model, level, shape):
     """Returns the set of gliders to fly, by the model's file or the funnel's own."""
-    from glider.physics.model import has_parameters_only, load_covariance
+    from glider.physics.model import load_covariance
     from glider.verification.dynamics.confidence import make_confidence
 
     if model:
-        where = model
-        covariance = None if has_parameters_only(model) else load_covariance(model)
+        covariance, where = load_covariance(model), model
     else:
         covariance, where = None, "--confidence"
         if funnel.gliders:

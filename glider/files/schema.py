@@ -159,13 +159,15 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-def _represent_list(dumper: _Dumper, values: list) -> yaml.Node:
+def _represent_list(dumper: _Dumper, values: list | tuple) -> yaml.Node:
     """Writes numbers on one line, and everything else one below the other."""
     numbers = all(isinstance(value, (int, float)) for value in values)
     return dumper.represent_sequence("tag:yaml.org,2002:seq", values, numbers)
 
 
 _Dumper.add_representer(list, _represent_list)
+_Dumper.add_representer(tuple, _represent_list)
+_Dumper.add_representer(np.ndarray, lambda dumper, x: dumper.represent_data(x.tolist()))
 _Dumper.add_multi_representer(float, lambda dumper, x: dumper.represent_float(float(x)))
 
 

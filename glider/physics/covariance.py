@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.errors import expect, show
+from glider.errors import expect
 from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
 
@@ -21,15 +21,16 @@ eigenvalue of all of them be negative: a file has been rounded."""
 class Covariance:
     """Covariance of the errors of some coefficients and parameters.
 
+    Attributes:
+        names: what the m rows are of: "kind.coefficient" of an effect, or a parameter.
+        matrix: (m, m), in the product of both units.
+
     Raises:
         InputError: the matrix is none, or a name comes twice.
     """
 
     names: tuple[str, ...]
-    """What the m rows are of: "kind.coefficient" of an effect, or a parameter."""
-
     matrix: np.ndarray
-    """(m, m), in the product of both units."""
 
     def __post_init__(self):
         """Raises InputError where this is no covariance."""
@@ -76,31 +77,10 @@ class Covariance:
         return self.part([n for n in self.names if n.partition(".")[0] in flown])
 
 
-def known_names(effects: Sequence[Effect]) -> tuple[str, ...]:
-    """Names of all parameters and coefficients of a glider with these effects."""
-    coefficients = (
-        f"{e.kind.kind}.{c.name}" for e in effects for c in e.kind.coefficients
-    )
-    return (*PARAMETER_NAMES, *coefficients)
-
-
-def covariance_of_rows(
-    names: Sequence[str], rows: Sequence[Sequence[float]]
-) -> Covariance:
-    """Converts rows of numbers to a covariance.
-
-    Raises:
-        InputError: they are no covariance, e.g. of different lengths.
-    """
-    count, lengths = len(names), [len(row) for row in rows]
-    what = "covariance: the lengths of the matrix's rows"
-    expect(lengths == [count] * count, what, lengths, show([count] * count))
-    matrix = np.array(rows, dtype=float).reshape(count, count)
-    return Covariance(names=tuple(names), matrix=matrix)
-
-
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
     """Raises InputError unless all names are of a glider with these effects."""
-    known = known_names(effects)
+    kinds = [effect.kind for effect in effects]
+    known = [f"{kind.kind}.{c.name}" for kind in kinds for c in kind.coefficients]
+    known = [*PARAMETER_NAMES, *known]
     for name in names:
         expect(name in known, "covariance: a name", name, f"one of {', '.join(known)}")

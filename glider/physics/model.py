@@ -24,10 +24,10 @@ from glider.errors import InputError, expect
 from glider.files import schema
 from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
-from glider.physics.covariance import Covariance, check_names, covariance_of_rows
+from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import KINDS, NO_FIELD, Effect, EffectKind, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.physics.parameters import GliderParameters, Theta, load_parameters
+from glider.physics.parameters import GliderParameters, Theta
 from glider.physics.state import NUM_STATES, STATE_NAMES
 
 _TINY = 1e-30
@@ -165,6 +165,8 @@ class GliderModel:
     ) -> "GliderModel":
         """Loads a model; anything unknown in the file is an InputError.
 
+        A vehicle's file is a model without effects.
+
         Args:
             path: of the file.
             own_effects: custom kinds that the file may name.
@@ -182,35 +184,29 @@ class GliderModel:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a model comes from, for people: it does not change how it flies.
+
+    Attributes:
+        source: what it was made of: a campaign's folder.
+        date: when, as ISO 8601.
+        version: of this package.
+        standard_errors: of what was fitted: "kind.coefficient" or a parameter's name,
+            in its unit.
+        notes: what was assumed, as sentences.
+    """
+
+    source: str = ""
+    date: str = ""
+    version: str = ""
+    standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
+    notes: list[str] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class _EffectFile:
     kind: str
     coefficients: dict[str, float] = dataclasses.field(default_factory=dict)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Origin:
-    """Where a model comes from, for people: it does not change how it flies."""
-
-    source: str = ""
-    """What it was made of: a campaign's folder."""
-
-    date: str = ""
-    """When, as ISO 8601."""
-
-    version: str = ""
-    """Of this package."""
-
-    standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
-    """Of what was fitted: "kind.coefficient" or a parameter's name, in its unit."""
-
-    notes: list[str] = dataclasses.field(default_factory=list)
-    """What was assumed, as sentences."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _CovarianceFile:
-    names: list[str] = dataclasses.field(default_factory=list)
-    matrix: list[list[float]] = dataclasses.field(default_factory=list)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -218,37 +214,8 @@ class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
     field: FieldData | None = None
-    covariance: _CovarianceFile | None = None
+    covariance: Covariance | None = None
     origin: Origin | None = None
-
-    def unpack(
-        self, kinds: dict[str, EffectKind]
-    ) -> tuple[GliderModel, Covariance | None]:
-        """Returns the model and its covariance, or None.
-
-        Args:
-            kinds: that the file may name.
-
-        Raises:
-            InputError: what the file says is no model, or no covariance of it.
-        """
-        for entry in self.effects:
-            if entry.kind not in kinds:
-                raise InputError(
-                    f"unknown effect '{entry.kind}'; expected one of "
-                    f"{', '.join(kinds)}, or a custom effect given in own_effects."
-                )
-        effects = [kinds[entry.kind](**entry.coefficients) for entry in self.effects]
-        if self.field is not None:
-            make_field(self.field)
-        model = GliderModel(
-            parameters=self.parameters, effects=tuple(effects), field=self.field
-        )
-        if self.covariance is None:
-            return model, None
-        names = tuple(self.covariance.names)
-        check_names(names, effects)
-        return model, covariance_of_rows(names, self.covariance.matrix)
 
 
 def model_text(
@@ -257,22 +224,18 @@ def model_text(
     covariance: Covariance | None = None,
 ) -> str:
     """Returns the text of a model's file."""
-    known = None
-    if covariance is not None:
-        known = _CovarianceFile(
-            names=list(covariance.names), matrix=covariance.matrix.tolist()
+    effects = [
+        _EffectFile(kind=e.kind.kind, coefficients=e.to_dict()) for e in model.effects
+    ]
+    return schema.yaml_text(
+        _ModelFile(
+            parameters=model.parameters,
+            effects=effects,
+            field=model.field,
+            covariance=covariance,
+            origin=origin,
         )
-    data = _ModelFile(
-        parameters=model.parameters,
-        effects=[
-            _EffectFile(kind=e.kind.kind, coefficients=e.to_dict())
-            for e in model.effects
-        ],
-        field=model.field,
-        covariance=known,
-        origin=origin,
     )
-    return schema.yaml_text(data)
 
 
 def load_covariance(
@@ -290,38 +253,35 @@ def load_covariance(
     return _load(path, own_effects)[1]
 
 
-def _load(path, own_effects):
+def _load(
+    path: Path | str, own_effects: Sequence[EffectKind]
+) -> tuple[GliderModel, Covariance | None]:
     """Returns the model in a file and its covariance, or None."""
+    data = schema.parse_yaml(schema.read_text(path, "a glider model"), str(path))
+    fields = [field.name for field in dataclasses.fields(GliderParameters)]
+    if isinstance(data, dict) and not data.keys().isdisjoint(fields):
+        parameters = schema.convert(data, GliderParameters, str(path))
+        return GliderModel(parameters=parameters), None
+    file = schema.convert(data, _ModelFile, str(path))
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
-    data = schema.load_yaml(_ModelFile, path, "a glider model")
     try:
-        return data.unpack(kinds)
+        for entry in file.effects:
+            if entry.kind not in kinds:
+                raise InputError(
+                    f"unknown effect '{entry.kind}'; expected one of "
+                    f"{', '.join(kinds)}, or a custom effect given in own_effects."
+                )
+        effects = [kinds[entry.kind](**entry.coefficients) for entry in file.effects]
+        if file.field is not None:
+            make_field(file.field)
+        model = GliderModel(
+            parameters=file.parameters, effects=tuple(effects), field=file.field
+        )
+        if file.covariance is not None:
+            check_names(file.covariance.names, effects)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def load_glider(path: Path | str) -> GliderModel:
-    """Loads a model, or the glider of a vehicle's file, which has no effects.
-
-    Raises:
-        InputError: the file is neither.
-    """
-    if has_parameters_only(path):
-        return GliderModel(parameters=load_parameters(Path(path)))
-    return GliderModel.load(path)
-
-
-def has_parameters_only(path: Path | str) -> bool:
-    """Checks whether a file is a vehicle's, with parameters alone.
-
-    A file that cannot be read is none: `GliderModel.load` reports what is wrong.
-    """
-    try:
-        names = schema.parse_yaml(schema.read_text(path, "a vehicle"), str(path))
-    except InputError:
-        return False
-    fields = {field.name for field in dataclasses.fields(GliderParameters)}
-    return isinstance(names, dict) and bool(fields & set(names))
+    return model, file.covariance
 
 
 def as_model(model: GliderModel | Path | str) -> GliderModel:

@@ -110,13 +110,19 @@ def test_the_arrays_of_a_field():
             "a name is 'wind.x'; expected",
         ),
         ("covariance: {names: [mass, mass], matrix: [[1, 0], [0, 1]]}", "none twice"),
-        ("covariance: {names: [mass], matrix: [[1.0, 0.0]]}", "[2]; expected [1]"),
+        (
+            "covariance: {names: [mass], matrix: [[1.0, 0.0]]}",
+            "shape is [1, 2]; expected (1, 1)",
+        ),
         (
             "covariance: {names: [mass, wing_area], matrix: [[1.0]]}",
-            "[1]; expected [2, 2]",
+            "shape is [1, 1]; expected (2, 2)",
         ),
-        ("covariance: {names: [], matrix: [[1.0]]}", "rows is [1]; expected []"),
-        ("covariance: {names: [mass]}", "rows is []; expected [1]"),
+        (
+            "covariance: {names: [], matrix: [[1.0]]}",
+            "shape is [1, 1]; expected (0, 0)",
+        ),
+        ("covariance: {names: [mass]}", "'covariance.matrix' is missing"),
         ("covariance: {names: [mass], matrix: [[.nan]]}", "expected finite numbers"),
         ("covariance: {names: [mass], matrix: [[-1.0]]}", "variance of 'mass' is -1.0"),
         (
@@ -132,7 +138,10 @@ def test_the_arrays_of_a_field():
             "eigenvalue",
         ),
         ("covariance: {names: mass, matrix: [[1.0]]}", "names' is 'mass'; expected a"),
-        ("covariance: {names: [mass], matrix: [[one]]}", "'one'; expected a number"),
+        (
+            "covariance: {names: [mass], matrix: [[one]]}",
+            "[['one']]; expected a list of numbers",
+        ),
         ("covariance: 3", "'covariance' is 3; expected a mapping"),
         ("- 1", "found [1]; expected a mapping of fields"),
         ("effects: [", "line 2, column 1"),

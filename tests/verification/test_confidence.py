@@ -83,9 +83,7 @@ def test_only_what_changes_a_flight_is_in_it():
 
 
 def test_it_comes_back_from_its_notes():
-    note = GlidersNote(
-        names=NAMES, matrix=KNOWN.matrix.tolist(), level=0.9, shape="box"
-    )
+    note = GlidersNote(names=NAMES, matrix=KNOWN.matrix, level=0.9, shape="box")
     again = noted_confidence(MODEL, note)
     assert (again.names, again.level, again.shape) == (NAMES, 0.9, "box")
     allowed = ConfidenceSet(covariance=KNOWN, level=0.9, shape="box")
@@ -96,7 +94,7 @@ def test_it_comes_back_from_its_notes():
             noted_confidence(MODEL, dataclasses.replace(note, **change))
     offset = GliderModel(effects=(KINDS["pitch_offset"](angle=0.1),))
     names = ("mass", "pitch_offset.angle")
-    note = dataclasses.replace(note, names=names, matrix=np.eye(2).tolist())
+    note = dataclasses.replace(note, names=names, matrix=np.eye(2))
     with pytest.raises(InputError, match="of which a flight depends on mass only"):
         noted_confidence(offset, note)
 

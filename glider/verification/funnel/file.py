@@ -65,7 +65,7 @@ class GlidersNote:
     """
 
     names: tuple[str, ...]
-    matrix: list[list[float]]
+    matrix: np.ndarray
     level: float
     shape: str
 

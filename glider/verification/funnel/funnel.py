@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from glider.errors import InputError
-from glider.physics.covariance import check_names, covariance_of_rows
+from glider.physics.covariance import Covariance, check_names
 from glider.physics.model import GliderModel, model_text
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
@@ -116,7 +116,7 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     confidence = funnel.gliders.confidence
     return GlidersNote(
         names=confidence.names,
-        matrix=confidence.covariance.matrix.tolist(),
+        matrix=confidence.covariance.matrix,
         level=confidence.level,
         shape=confidence.shape,
     )
@@ -172,7 +172,7 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
 def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
     """Returns the set in a file's notes; InputError if it is not of the model."""
     check_names(note.names, model.effects)
-    covariance = covariance_of_rows(note.names, note.matrix)
+    covariance = Covariance(names=note.names, matrix=note.matrix)
     confidence = make_confidence(model, covariance, note.level, note.shape)
     if confidence.names != note.names:
         raise InputError(
