@@ -12,8 +12,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
-from glider.simulation.flown_flights import FlownFlight, Perches, hooked
-from glider.simulation.miss import closest_pass
+from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
 

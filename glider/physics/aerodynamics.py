@@ -7,7 +7,7 @@ exp, tanh, arctan; no branch on a value, no abs or atan2.
 
 import numpy as np
 
-from glider.physics.formulas import scalar, sqrt
+from glider.physics.formulas import cos, scalar, sin, sqrt
 
 SPEED_SMOOTHING = 1e-8
 """Added under the square root of a speed, so that its derivative exists at
@@ -24,25 +24,23 @@ def airspeed(along, normal):
 
 
 @scalar
-def plate_force(velocity_x, velocity_z, sin_angle, cos_angle, area, density):
+def plate_force(velocity, plate, area, density):
     """Force on a thin plate along its normal n = (sin θ, cos θ) [N].
 
     With the coefficient C_n = 2 sin α (so C_L = 2 sin α cos α, C_D = 2 sin² α),
     which holds through stall:  f = -ρ S (n·v) |v|.
 
     Args:
-        velocity_x: of the plate's center through the air, world x [m/s].
-        velocity_z: the same, world z [m/s].
-        sin_angle: sine of the plate's angle about +y.
-        cos_angle: cosine of it.
+        velocity: of the plate's center through the air, world (x, z) [m/s].
+        plate: sine and cosine of its angle about +y.
         area: S [m²].
         density: ρ [kg/m³].
 
     Source: Underactuated Robotics, Trajectory Optimization; Hoburg and Tedrake
     2009.
     """
-    normal_velocity = velocity_x * sin_angle + velocity_z * cos_angle
-    return -density * area * normal_velocity * airspeed(velocity_x, velocity_z)
+    normal_velocity = velocity[0] * plate[0] + velocity[1] * plate[1]
+    return -density * area * normal_velocity * airspeed(velocity[0], velocity[1])
 
 
 @scalar
@@ -66,17 +64,27 @@ def attached_share(sin_alpha, cos_alpha, stall_angle, fade):
 
 
 @scalar
-def elevator_velocity(flow, sin_plate, cos_plate, downwash):
+def turned(flow, angle):
+    """Sine and cosine of the pitch plus an angle [rad]."""
+    sine, cosine = sin(angle), cos(angle)
+    return (
+        flow.sin_pitch * cosine + flow.cos_pitch * sine,
+        flow.cos_pitch * cosine - flow.sin_pitch * sine,
+    )
+
+
+@scalar
+def elevator_velocity(flow, plate, downwash):
     """Velocity of the elevator's center through the air, world (x, z) [m/s].
 
-    v + (l_h θ̇ + downwash) n(θ) + l_e (θ̇ + φ̇) n(e), where e is the angle of the
-    elevator's plate and the downwash [m/s] is along the body's normal.
+    v + (l_h θ̇ + downwash) n(θ) + l_e (θ̇ + φ̇) n(e), where `plate` is sine and cosine
+    of the elevator's angle e and the downwash [m/s] is along the body's normal.
     """
     along_body = flow.hinge_offset * flow.pitchdot + downwash
     along_plate = flow.elevator_offset * (flow.pitchdot + flow.elevator_rate)
     return (
-        flow.air_x + along_body * flow.sin_pitch + along_plate * sin_plate,
-        flow.air_z + along_body * flow.cos_pitch + along_plate * cos_plate,
+        flow.air_x + along_body * flow.sin_pitch + along_plate * plate[0],
+        flow.air_z + along_body * flow.cos_pitch + along_plate * plate[1],
     )
 
 

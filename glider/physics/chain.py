@@ -9,7 +9,7 @@ their place the sums over given effects, and `glider.compiled.kernel` compiles t
 text. Frames and signs: `glider.physics.state`.
 """
 
-from glider.physics.aerodynamics import airspeed, elevator_velocity, plate_force
+from glider.physics.aerodynamics import airspeed, elevator_velocity, plate_force, turned
 from glider.physics.effects.effect import Flow, Motion
 from glider.physics.formulas import cos, sin
 from glider.physics.parameters import NUM_PARAMETERS, Parameters, Theta
@@ -116,15 +116,6 @@ def flow_of(motion, wind_x, wind_z, p):
     )
 
 
-def turned(flow, angle):
-    """Returns sine and cosine of the pitch plus an angle."""
-    sine, cosine = sin(angle), cos(angle)
-    return (
-        flow.sin_pitch * cosine + flow.cos_pitch * sine,
-        flow.cos_pitch * cosine - flow.sin_pitch * sine,
-    )
-
-
 def wing_force(flow, plate, incidence, shift, normal, factor):
     """Force of the wing along its normal [N] and its moment about +y [N m].
 
@@ -134,14 +125,11 @@ def wing_force(flow, plate, incidence, shift, normal, factor):
     """
     offset = flow.wing_offset + shift
     turning = offset * flow.pitchdot
-    force = plate_force(
+    velocity = (
         flow.air_x - turning * flow.sin_pitch,
         flow.air_z - turning * flow.cos_pitch,
-        plate[0],
-        plate[1],
-        flow.wing_area,
-        flow.air_density,
     )
+    force = plate_force(velocity, plate, flow.wing_area, flow.air_density)
     pressure = 0.5 * flow.air_density * flow.wing_area * flow.speed * flow.speed
     force = (force + pressure * normal) * (1.0 + factor)
     return force, -offset * force * cos(incidence)
@@ -154,15 +142,8 @@ def elevator_force(flow, plate, deflection, downwash, factor):
     l_h θ̇ n(θ) + l_e (θ̇ + φ̇) n(e), e = θ + δ; M = (l_h cos δ + l_e) f with the
     deflection δ. `plate` is sine and cosine of e.
     """
-    velocity = elevator_velocity(flow, plate[0], plate[1], downwash)
-    force = plate_force(
-        velocity[0],
-        velocity[1],
-        plate[0],
-        plate[1],
-        flow.elevator_area,
-        flow.air_density,
-    )
+    velocity = elevator_velocity(flow, plate, downwash)
+    force = plate_force(velocity, plate, flow.elevator_area, flow.air_density)
     force = force * (1.0 + factor)
     arm = flow.hinge_offset * cos(deflection) + flow.elevator_offset
     return force, arm * force
@@ -274,9 +255,9 @@ def measure(x, theta):
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
 
-def parameters_of(numbers):
-    """Returns the Parameters at the front of a vector."""
-    return Parameters(
+def theta_of(numbers, field):
+    """Returns the Theta of a vector: parameters, then coefficients."""
+    parameters = Parameters(
         numbers[0],
         numbers[1],
         numbers[2],
@@ -287,11 +268,7 @@ def parameters_of(numbers):
         numbers[7],
         numbers[8],
     )
-
-
-def theta_of(numbers, field):
-    """Returns the Theta of a vector: parameters, then coefficients."""
-    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    return Theta(parameters, numbers[NUM_PARAMETERS:], field)
 
 
 def derivatives_of(t, z, n, field):
@@ -304,6 +281,5 @@ def derivatives_of(t, z, n, field):
         n: number of states.
         field: the residual Field.
     """
-    numbers = z[n + NUM_INPUTS :]
-    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
+    theta = theta_of(z[n + NUM_INPUTS :], field)
     return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)

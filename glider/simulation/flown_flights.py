@@ -1,49 +1,97 @@
-"""Simulated flights and their outcomes."""
+"""Simulated flights: where they pass the wire, and how they end."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
-from glider.physics.state import STATE_NAMES, VELOCITY
+from glider.physics.state import POSITION, STATE_NAMES, VELOCITY
 from glider.planning.problem import Hook, PerchingProblem
-from glider.simulation.miss import closest_pass
 
 INSTANT = 1e-9
 """Time within which two steps of an integrator are one [s]: events make some that are
 a rounding error apart."""
 
 
+REFINEMENT = 16
+"""Segments that each step of a simulator's log is divided into."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pass:
+    """The moment at which a flight is nearest to the wire.
+
+    Attributes:
+        time: of the flight [s].
+        miss: distance of the center of mass from the wire [m].
+        arrival: (n,) state.
+    """
+
+    time: float
+    miss: float
+    arrival: np.ndarray
+
+
+def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pass:
+    """Returns where a logged flight is nearest to the wire.
+
+    A simulator's steps are long; between them the path is the cubic of the
+    positions and velocities at both ends, followed by short segments; what else the
+    state holds lies on a straight line.
+
+    Args:
+        times: (K,) increasing, or now and then equal [s].
+        states: (K, n).
+        wire: (2,).
+    """
+    kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
+    times, states = times[kept], states[kept]
+    fine, path = times, states[:, POSITION]
+    if len(times) > 1:
+        steps = np.diff(times)[:, None] * np.arange(REFINEMENT) / REFINEMENT
+        fine = np.append((times[:-1, None] + steps).ravel(), times[-1])
+        path = CubicHermiteSpline(times, path, states[:, VELOCITY])(fine)
+    start, along = path[:-1] - wire, np.diff(path, axis=0)
+    square = np.sum(along**2, axis=1)
+    share = -np.sum(start * along, axis=1) / np.where(square > 0.0, square, 1.0)
+    share = np.append(np.clip(share, 0.0, 1.0), 0.0)
+    along = np.vstack([along, np.zeros(2)])
+    places = path + share[:, None] * along
+    distances = np.linalg.norm(places - wire, axis=1)
+    k = int(np.argmin(distances))
+    time = float(fine[k] + share[k] * (fine[min(k + 1, len(fine) - 1)] - fine[k]))
+    arrival = np.array([np.interp(time, times, column) for column in states.T])
+    arrival[POSITION] = places[k]
+    return Pass(time=time, miss=float(distances[k]), arrival=arrival)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
-    """One flight of a simulated glider; a hook that takes it ends it at the wire."""
+    """One flight of a simulated glider; a hook that takes it ends it at the wire.
+
+    Attributes:
+        times: (K,) of the integrator's steps [s].
+        states: (K, n) of the glider.
+        rates: (K,) elevator rate that the servo gives the glider [rad/s].
+        miss: least distance of the center of mass from the wire [m].
+        arrival: (n,) state there.
+        hook: at the glider.
+        forces: (K, 2) of wing and elevator along their normals [N], if asked for.
+        log: of motion capture and of the commands, where there is one.
+    """
 
     times: np.ndarray
-    """(K,) of the integrator's steps [s]."""
-
     states: np.ndarray
-    """(K, n) of the glider."""
-
     rates: np.ndarray
-    """(K,) elevator rate that the servo gives the glider [rad/s]."""
-
     miss: float
-    """Least distance of the center of mass from the wire [m]."""
-
     arrival: np.ndarray
-    """(n,) state there."""
-
     hook: Hook
-    """Hook at the glider."""
-
     forces: np.ndarray | None = None
-    """(K, 2) of wing and elevator along their normals [N], if they were asked for."""
-
     log: Flight | None = None
-    """Log of motion capture and of the commands, where there is one."""
 
     @property
     def speed(self) -> float:
@@ -84,7 +132,15 @@ def hooked(
         log: of motion capture, or None.
     """
     passed = closest_pass(times, states, np.array(problem.wire))
-    flight = FlownFlight(
+    if problem.hook.takes(np.array(passed.miss), passed.arrival):
+        count = int(np.searchsorted(times, passed.time - INSTANT))  # Steps before it.
+        ended = [*range(count), min(count, len(times) - 1)]
+        times = np.append(times[:count], passed.time)
+        states = np.vstack([states[:count], passed.arrival])
+        rates = rates[ended]
+        forces = None if forces is None else forces[ended]
+        log = None if log is None else _until(log, passed.time)
+    return FlownFlight(
         times=times,
         states=states,
         rates=rates,
@@ -93,18 +149,6 @@ def hooked(
         hook=problem.hook,
         forces=forces,
         log=log,
-    )
-    if not flight.perched:
-        return flight
-    count = int(np.searchsorted(times, passed.time - INSTANT))  # Steps before it.
-    ended = [*range(count), min(count, len(times) - 1)]
-    return dataclasses.replace(
-        flight,
-        times=np.append(times[:count], passed.time),
-        states=np.vstack([states[:count], passed.arrival]),
-        rates=rates[ended],
-        forces=None if forces is None else forces[ended],
-        log=None if log is None else _until(log, passed.time),
     )
 
 
@@ -209,31 +253,27 @@ def describe_pitch(pitch: float) -> str:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flights:
-    """Many flights of one glider under one policy, over the same time."""
+    """Many flights of one glider under one policy, over the same time.
+
+    Attributes:
+        times: (N + 1,) of the steps [s].
+        miss: (B,) least distance of the center of mass from the wire [m].
+        arrivals: (B, n) states there.
+        problem: that was flown: its wire, and the hook at the glider.
+        ends: (B, n) the last states, as if there were no hook.
+        paths: (B, N + 1, n) all states, if asked for, as if there were no hook.
+        command_times: (H,) when each command began [s], where commands are held.
+        commands: (B, H) elevator rates that the servo made of them [rad/s], with paths.
+    """
 
     times: np.ndarray
-    """(N + 1,) of the steps [s]."""
-
     miss: np.ndarray
-    """(B,) least distance of the center of mass from the wire [m]."""
-
     arrivals: np.ndarray
-    """(B, n) states there."""
-
     problem: PerchingProblem
-    """Problem that was flown: its wire, and the hook at the glider."""
-
     ends: np.ndarray
-    """(B, n) the last states, as if there were no hook."""
-
     paths: np.ndarray | None = None
-    """(B, N + 1, n) all states, if they were asked for, as if there were no hook."""
-
     command_times: np.ndarray | None = None
-    """(H,) when each command began [s], where commands are held."""
-
     commands: np.ndarray | None = None
-    """(B, H) elevator rates that the servo made of them [rad/s], with paths."""
 
     @property
     def perched(self) -> np.ndarray:

@@ -27,8 +27,8 @@ from glider.physics.effects import DYNAMIC_STALL
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.planning.problem import PerchingProblem
+from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly
-from glider.simulation.miss import closest_pass
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from tests.helpers.flights import (

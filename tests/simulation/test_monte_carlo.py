@@ -16,8 +16,8 @@ from glider.errors import InputError
 from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import CHUNK, fly, full_starts, make_clock, sweep
-from glider.simulation.miss import closest_pass
 from tests.helpers.flights import (
     LAGGING,
     NO_HOOK,

@@ -1,8 +1,13 @@
 """Effects of air and geometry: how the air moves, and where the surfaces meet it."""
 
-from glider.physics.aerodynamics import attached_share, elevator_velocity, plate_force
+from glider.physics.aerodynamics import (
+    attached_share,
+    elevator_velocity,
+    plate_force,
+    turned,
+)
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
-from glider.physics.formulas import cos, scalar, sin
+from glider.physics.formulas import scalar
 
 
 @scalar
@@ -33,14 +38,9 @@ def _stalled_downwash(flow, gradient, stall_angle, fade):
 
 @scalar
 def _elevator_blowback(flow, compliance):
-    sine, cosine = sin(flow.elevator), cos(flow.elevator)
-    sin_plate = flow.sin_pitch * cosine + flow.cos_pitch * sine
-    cos_plate = flow.cos_pitch * cosine - flow.sin_pitch * sine
-    velocity = elevator_velocity(flow, sin_plate, cos_plate, 0.0)
-    load = plate_force(
-        velocity[0], velocity[1], sin_plate, cos_plate, 1.0, flow.air_density
-    )
-    return compliance * load
+    plate = turned(flow, flow.elevator)
+    velocity = elevator_velocity(flow, plate, 0.0)
+    return compliance * plate_force(velocity, plate, 1.0, flow.air_density)
 
 
 WIND = EffectKind(

@@ -20,8 +20,8 @@ from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
+from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER
-from glider.simulation.miss import closest_pass
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.trials.funnel_flights import draw_inside, funnel_policy
 

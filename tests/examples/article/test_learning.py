@@ -12,7 +12,7 @@ from glider.paths import models_path
 from glider.physics.effects.field import COEFFICIENTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.simulation.miss import closest_pass
+from glider.simulation.flown_flights import closest_pass
 from ilqr import goal_cost, ilqr
 from learn_residual import weight_changes
 from learning import (
