@@ -1,6 +1,7 @@
 """Logs of other software become the flights that they were, or are refused."""
 
 import copy
+import functools
 import itertools
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import yaml
 
 from glider.__main__ import main
+from glider.campaign.importing import campaign_import, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
@@ -115,6 +117,15 @@ def wrong_maps(text):
         yield f"{one} for {other}", {"columns": columns}
 
 
+@pytest.fixture
+def files_are_read_once(monkeypatch):
+    """For tests of what many maps make of the same files."""
+    once = functools.cache(readers.read_recordings)
+    for module in (campaign_import, readers):
+        monkeypatch.setattr(module, "read_recordings", once)
+
+
+@pytest.mark.usefixtures("files_are_read_once")
 def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     """All errors of a sign or an axis, one at a time: none gets as far as a tracer."""
     _, files, path = lab
