@@ -81,6 +81,7 @@ def test_what_is_sent_is_small_and_finds_its_layout_again():
     assert pickle.loads(pickle.dumps(layout_of((own,)))) is layout_of((own,))
 
 
+@pytest.mark.nightly
 def test_a_cluster_of_processes_finds_what_threads_find():
     """A local cluster; any other differs in its address."""
     pytest.importorskip("distributed", reason="Dask's cluster is an extra: [cluster]")

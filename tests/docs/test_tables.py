@@ -50,7 +50,7 @@ def test_a_page_edited_by_hand_is_noticed(tmp_path, monkeypatch):
     assert tables.blocks_of("samples") == {page: [tables.markdown(record)]}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "row"), [("samples", "slow_servo")])
 def test_a_row_measured_again_is_the_same(name, row):
     """The code of today still measures it, but for the last digit."""

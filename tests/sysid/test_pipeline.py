@@ -165,16 +165,16 @@ def test_effects_can_be_restricted_and_the_same_call_gives_the_same_result():
 
 @pytest.fixture(scope="module")
 def dragged():
-    """Flights with drag, and the index of one that is held out."""
+    """Flights with drag, the index of one that is held out, and what they show."""
     campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10)
     _, unseen = split_flights(campaign, 0.3, 0)
-    return campaign, campaign.flights.index(unseen[0])
+    whole = close_the_loop(campaign, effects=["profile_drag"])
+    return campaign, campaign.flights.index(unseen[0]), whole
 
 
 def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dragged):
     """Its elevator is frozen and its pose stands still where it begins."""
-    campaign, one = dragged
-    whole = close_the_loop(campaign, effects=["profile_drag"])
+    campaign, one, whole = dragged
     rows = int(0.35 * len(campaign.flights[one].time))
 
     def freeze(flight):
@@ -194,7 +194,7 @@ def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dra
 
 def test_a_held_out_flight_that_stands_out_is_scored_apart(dragged):
     """It is no part of the errors, and no search is repeated for it."""
-    campaign, one = dragged
+    campaign, one, whole = dragged
     name = campaign.flights[one].name
     steps = []
     result = close_the_loop(
@@ -209,7 +209,6 @@ def test_a_held_out_flight_that_stands_out_is_scored_apart(dragged):
     assert alone > 20.0 * result.errors["corrected"].position_rms_m
     assert not any("again" in step for step in steps)
     assert kinds_of(result) == ["profile_drag"]
-    whole = close_the_loop(campaign, effects=["profile_drag"])
     assert whole.outlying is None
 
 

@@ -9,6 +9,8 @@ from glider.paths import models_path
 from glider.physics.parameters import load_parameters
 from tests.helpers.examples import run_main
 
+pytestmark = pytest.mark.nightly
+
 TRUTH = {"cruise": {"l_w": -0.03, "S_e": 0.0147}, "perch": {"l_w": 0.0, "S_e": 0.0147}}
 
 
