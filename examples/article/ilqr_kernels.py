@@ -11,7 +11,6 @@ from glider.compiled.runge_kutta import advance, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds
-from glider.physics.stiffness import count_laps
 
 
 def slope_held(t, node, x, data, rate):
@@ -267,7 +266,7 @@ def roll(
         share,
         step,
         order,
-        count_laps(model, step, order),
+        model.count_laps(step, order),
         *nominal,
         *policy,
         costs,
@@ -293,7 +292,7 @@ def linearize_steps(
     ends, jacobian = np.empty((len(moved), n)), np.zeros((steps, n, n + 1))
     spread(points, DIFFERENCE, moved)
     LOOPS.over(model.kinds, model.has_field).ilqr_ends(
-        moved, steps, step, order, count_laps(model, step, order), model.numbers, ends
+        moved, steps, step, order, model.count_laps(step, order), model.numbers, ends
     )
     add_difference(ends, 0.5 / DIFFERENCE, jacobian)
     return jacobian

@@ -7,7 +7,6 @@ from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
-from glider.physics.stiffness import count_laps
 
 
 def slopes(t, node, work, theta):
@@ -101,7 +100,7 @@ def fly_tapes(
         np.ascontiguousarray(commands, dtype=float),
         step,
         order,
-        count_laps(model, step, order),
+        model.count_laps(step, order),
         model.numbers,
         states,
     )

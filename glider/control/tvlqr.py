@@ -13,7 +13,6 @@ from glider.control.policy import (
     weight_matrix,
 )
 from glider.physics.model import GliderModel
-from glider.physics.stiffness import longest_step
 from glider.planning.plan import Plan
 
 STEP = 0.003
@@ -44,7 +43,7 @@ def tracking_policy(
     check_plan(model, plan)
     weights = TrackingWeights() if weights is None else weights
     # The cost-to-go settles at twice the rate of a state.
-    step = min(step, 0.5 * longest_step(model))
+    step = min(step, 0.5 * model.longest_step())
     n, count = model.num_states, aligned_count(plan, step)
     times, theta = np.linspace(0.0, plan.duration, 2 * count + 1), model.numbers
     gains, corrections = np.empty((count + 1, n)), np.empty(count + 1)

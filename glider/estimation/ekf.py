@@ -23,7 +23,6 @@ from glider.physics.chain import NUM_INPUTS
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.physics.state import NUM_STATES, POSE_NAMES, STATE_NAMES
-from glider.physics.stiffness import longest_step
 
 STEP = 0.01
 """Longest Runge-Kutta step of a prediction [s]."""
@@ -139,7 +138,7 @@ def make_ekf(
     taken = np.array([*range(n), *(places[s.name] for s in slow)])
     acting, seen = _depend(model, z, taken)
     period = 1.0 / rate
-    step = min(step, longest_step(model))
+    step = min(step, model.longest_step())
     count = math.ceil(period / step - 1e-9)
     return Ekf(
         model=model,

@@ -2,6 +2,5 @@
 
 state: axes and signs. parameters, numbers: what the formulas take. chain: the forces,
 link by link. effects: what may be added to a link. compose: joins the two. model:
-`GliderModel`, and its file. stiffness: how long a step may be. servo: limits of the
-elevator.
+`GliderModel`, and its file. servo: limits of the elevator.
 """

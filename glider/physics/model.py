@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.errors import InputError, expect
+from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.files.writing import write_text
 from glider.physics.compose import compose, initial_extra, ordered
@@ -35,6 +35,16 @@ _TINY = 1e-30
 
 _IN_MOTION = (-1.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
 """A state of STATE_NAMES in which nothing is divided by zero."""
+
+STABLE = {1: 1.0, 4: 2.0}
+"""Longest step times the largest rate |λ| of the effects' own states, by the order of
+the integrator: 1 for explicit Euler, 4 for the classical Runge-Kutta.
+
+Within it a state that forgets does so: with Runge-Kutta at any damping, with Euler at
+one above a half. For a real λ they are stable to 2 and to 2.79."""
+
+SHORTEST = 2e-5
+"""Shortest step that is worth its time [s]: 1000 of them to a command."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,6 +144,36 @@ class GliderModel:
             rates = self.chain.derivatives(0.0, moved, 0.0, 0.0, 0.0, theta)
             slopes.append(np.imag(rates[own]) / _TINY)
         return float(max(np.abs(np.linalg.eigvals(slopes)))) if slopes else 0.0
+
+    def longest_step(self, order: int = 4) -> float:
+        """Longest integration step that the effects' own states allow [s].
+
+        Such a state may be far quicker than the glider: a servo that follows its
+        command with a lag τ forgets at the rate 1/τ. Explicit steps must be short
+        beside that, or they swing up without bound. Infinite without such a state.
+
+        Args:
+            order: of the integrator, 1 or 4.
+
+        Raises:
+            InputError: it is so short that the effect should be omitted.
+        """
+        if not self.settling_rate > 0.0:
+            return math.inf
+        step = STABLE[order] / self.settling_rate
+        if step < SHORTEST:
+            states = ", ".join(self.state_names[NUM_STATES:])
+            raise InputError(
+                f"the model's effects have states ({states}) of which one settles "
+                f"within {show(1.0 / self.settling_rate)} s; expected at least "
+                f"{SHORTEST / STABLE[order]:g} s, or a model without that effect, "
+                "which flies the same."
+            )
+        return step
+
+    def count_laps(self, step: float, order: int = 4) -> int:
+        """Number of equal parts into which `longest_step` divides a step [s]."""
+        return max(math.ceil(step / self.longest_step(order) - 1e-9), 1)
 
     def initial_state(self, state: ArrayLike) -> np.ndarray:
         """Returns the full state in still air with the effects' own states at rest.

@@ -9,7 +9,6 @@ from glider.compiled.sequence_costs import LOOPS, FlightCost
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
-from glider.physics.stiffness import count_laps
 from glider.planning.problem import PerchingProblem
 
 WORST = 1e300
@@ -150,7 +149,7 @@ class SequenceCost:
             penalty,
             self.step,
             self._order,
-            count_laps(model, self.step, self._order),
+            model.count_laps(self.step, self._order),
             self.servo,
             self._cost,
             model.numbers,

@@ -227,10 +227,11 @@ class Perches:
 
     def describe(self) -> str:
         """Describes the number that perch, and the median flight at the wire."""
+        pitch = np.degrees(np.median(self.pitches))
         return (
             f"{self.perched} of {len(self)} launches perch, median miss "
             f"{1000 * np.median(self.misses):.1f} mm at {np.median(self.speeds):.1f} "
-            f"m/s, nose {describe_pitch(float(np.median(self.pitches)))}"
+            f"m/s, nose {abs(pitch):.0f}° {'down' if pitch > 0.0 else 'up'}"
         )
 
     def __len__(self) -> int:
@@ -244,11 +245,6 @@ class Perches:
     def __getitem__(self, k: int) -> FlownFlight:
         """Returns one of the flights."""
         return self.flights[k]
-
-
-def describe_pitch(pitch: float) -> str:
-    """Formats a pitch [rad] as 45° up, 10° down."""
-    return f"{abs(np.degrees(pitch)):.0f}° {'down' if pitch > 0.0 else 'up'}"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,6 @@ from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR, NUM_STATES
-from glider.physics.stiffness import count_laps
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import Flights
 
@@ -142,7 +141,7 @@ def fly(
     needed += ", as the policy feeds them back, or diagrams.closed_loop's observer"
     expect(fed_back == known, "the glider's states", model.state_names, needed)
     clock = make_clock(policy, command_rate, step, after)
-    laps = count_laps(model, clock.step)
+    laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
     noise = _checked_noise(noise, (len(starts), clock.commands, len(known)))
     if clock.hold:
@@ -226,10 +225,8 @@ def sweep(
     rngs = np.random.default_rng(seed).spawn(len(counts))
     fly_chunk = joblib.delayed(fly_some)
     chunks = joblib.Parallel()(map(fly_chunk, counts, rngs))
-    return Flights(
-        times=chunks[0].times,
-        miss=np.concatenate([chunk.miss for chunk in chunks]),
-        arrivals=np.concatenate([chunk.arrivals for chunk in chunks]),
-        problem=chunks[0].problem,
-        ends=np.concatenate([chunk.ends for chunk in chunks]),
-    )
+    joined = {
+        name: np.concatenate([getattr(chunk, name) for chunk in chunks])
+        for name in ("miss", "arrivals", "ends")
+    }
+    return dataclasses.replace(chunks[0], **joined, paths=None, commands=None)

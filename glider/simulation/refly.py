@@ -121,17 +121,15 @@ def refly(
     return {"measured": measured, **motions}
 
 
-def position_error(measured: Motion, flown: Motion) -> tuple[float, float]:
-    """Returns the RMS and the last distance of x and z over the flown rows [m]."""
-    rows = len(flown.time)
-    apart = np.linalg.norm(measured.poses[:rows, :2] - flown.poses[:, :2], axis=1)
-    return float(np.sqrt(np.mean(apart**2))), float(apart[-1])
-
-
 def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, float]]:
-    """Returns `position_error` of each model of `refly`."""
+    """RMS and last distance in x and z of each model's rows from the measured [m]."""
     (_, measured), *models = motions.items()
-    return {name: position_error(measured, motion) for name, motion in models}
+    errors = {}
+    for name, flown in models:
+        across = measured.poses[: len(flown.time), :2] - flown.poses[:, :2]
+        distances = np.linalg.norm(across, axis=1)
+        errors[name] = float(np.sqrt(np.mean(distances**2))), float(distances[-1])
+    return errors
 
 
 _LARGEST_POSITION = 100.0

@@ -6,8 +6,7 @@ import pytest
 from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
 from glider.physics.effects import COMMAND_DELAY, DYNAMIC_STALL, SERVO_LAG, WIND
-from glider.physics.model import GliderModel
-from glider.physics.stiffness import SHORTEST, STABLE, count_laps, longest_step
+from glider.physics.model import SHORTEST, STABLE, GliderModel
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK
 
 
@@ -29,10 +28,10 @@ def test_the_quickest_of_the_effects_states_tells_how_long_a_step_may_be(effects
         rate = 1.0 / dict(effects[1].to_dict())["time_constant"]
     assert model.settling_rate == pytest.approx(rate)
     for order in (1, 4):
-        step = longest_step(model, order)
+        step = model.longest_step(order)
         assert step * rate == pytest.approx(STABLE[order]) if rate else step == np.inf
-        assert count_laps(model, min(step, 1.0), order) == 1
-        assert not rate or count_laps(model, 1.01 * step, order) == 2
+        assert model.count_laps(min(step, 1.0), order) == 1
+        assert not rate or model.count_laps(1.01 * step, order) == 2
 
 
 @pytest.mark.parametrize("order", [1, 4])
@@ -57,4 +56,4 @@ def test_a_quick_servo_flies_as_none(order):
 def test_a_state_that_no_step_can_follow_is_refused():
     model = GliderModel(effects=(SERVO_LAG(time_constant=0.4 * SHORTEST),))
     with pytest.raises(InputError, match=r"servo_lag\.servo_rate.*without that effect"):
-        longest_step(model)
+        model.longest_step()

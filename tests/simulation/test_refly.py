@@ -16,7 +16,7 @@ from glider.simulation.refly import (
     find_flight,
     nominal_model,
     nominal_parameters,
-    position_error,
+    position_errors,
     refly,
 )
 from glider.sysid.pipeline import close_the_loop
@@ -55,8 +55,8 @@ def test_the_measured_motion_is_the_log(motions, flight):
 
 def test_the_right_model_flies_as_the_glider_did(motions):
     measured = motions["measured"]
-    nominal, _ = position_error(measured, motions["nominal"])
-    corrected, end = position_error(measured, motions["corrected"])
+    nominal, _ = position_errors(motions)["nominal"]
+    corrected, end = position_errors(motions)["corrected"]
     assert nominal > 0.1
     assert corrected < 0.005 and end < 0.01
     elevators = measured.poses[:, 3], motions["corrected"].poses[:, 3]
@@ -115,8 +115,8 @@ def test_a_log_with_a_wrong_sign_is_seen_as_it_was_flown(motions, campaign):
     for name in ("measured", "corrected"):
         assert np.allclose(seen[name].poses, motions[name].poses)
     # The nominal model met the log as it was written, and could not fly that.
-    lost, _ = position_error(seen["measured"], seen["nominal"])
-    assert lost > 2.0 * position_error(motions["measured"], motions["nominal"])[0]
+    lost, _ = position_errors(seen)["nominal"]
+    assert lost > 2.0 * position_errors(motions)["nominal"][0]
 
 
 def test_a_model_that_blows_up_is_shown_until_then(campaign, flight):
@@ -149,6 +149,7 @@ def test_the_position_error_counts_the_rows_that_were_flown():
     measured = Motion(time=np.arange(4.0), poses=poses)
     off = poses[:3].copy()
     off[:, 0], off[2, 1] = 3.0, 4.0
-    rms, end = position_error(measured, Motion(time=np.arange(3.0), poses=off))
+    flown = Motion(time=np.arange(3.0), poses=off)
+    rms, end = position_errors({"measured": measured, "model": flown})["model"]
     assert rms == pytest.approx(np.sqrt((9 + 9 + 25) / 3))
     assert end == pytest.approx(5.0)

@@ -133,8 +133,8 @@ class Coefficient:
 
     name: str
     unit: str
-    _: dataclasses.KW_ONLY
     default: float = 0.0
+    _: dataclasses.KW_ONLY
     scale: float = 1.0
     lower: float = -math.inf
     upper: float = math.inf

@@ -163,13 +163,7 @@ STALLED_DOWNWASH = EffectKind(
             grid=(0.2, 0.35),
         ),
         Coefficient(
-            name="fade",
-            unit="rad",
-            default=0.05,
-            scale=0.01,
-            lower=0.008,
-            upper=0.3,
-            grid=(0.05,),
+            "fade", "rad", 0.05, scale=0.01, lower=0.008, upper=0.3, grid=(0.05,)
         ),
     ),
     formula=_stalled_downwash,

@@ -89,12 +89,7 @@ SERVO_LAG = EffectKind(
     adds_to=(),
     coefficients=(
         Coefficient(
-            name="time_constant",
-            unit="s",
-            scale=0.03,
-            lower=0.0,
-            upper=0.5,
-            grid=(0.005, 0.03),
+            "time_constant", "s", scale=0.03, lower=0.0, upper=0.5, grid=(0.005, 0.03)
         ),
     ),
     formula=_servo_lag,
@@ -114,12 +109,7 @@ COMMAND_DELAY = EffectKind(
     adds_to=(),
     coefficients=(
         Coefficient(
-            name="delay",
-            unit="s",
-            scale=0.025,
-            lower=0.0,
-            upper=0.3,
-            grid=(0.005, 0.025),
+            "delay", "s", scale=0.025, lower=0.0, upper=0.3, grid=(0.005, 0.025)
         ),
     ),
     formula=_command_delay,

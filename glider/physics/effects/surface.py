@@ -6,9 +6,6 @@ from glider.physics.aerodynamics import angle_of_attack, attached_share, gaussia
 from glider.physics.effects.effect import Coefficient, EffectKind, constant
 from glider.physics.formulas import scalar
 
-REFERENCE_SPEED = 7.0
-"""Launch speed of the article's perch [m/s]."""
-
 
 @scalar
 def _attached_lift(flow, slope, stall_angle, fade):
@@ -74,13 +71,7 @@ ATTACHED_LIFT = EffectKind(
             grid=(0.15, 0.26, 0.4),
         ),
         Coefficient(
-            name="fade",
-            unit="rad",
-            default=0.04,
-            scale=0.01,
-            lower=0.008,
-            upper=0.3,
-            grid=(0.04,),
+            "fade", "rad", 0.04, scale=0.01, lower=0.008, upper=0.3, grid=(0.04,)
         ),
     ),
     formula=_attached_lift,
@@ -166,13 +157,7 @@ AIRSPEED_DEPENDENCE = EffectKind(
     coefficients=(
         Coefficient("gradient", "-", scale=0.3, lower=-3.0, upper=3.0),
         Coefficient(
-            name="reference_speed",
-            unit="m/s",
-            default=REFERENCE_SPEED,
-            scale=1.0,
-            lower=1.0,
-            upper=30.0,
-            grid=(REFERENCE_SPEED,),
+            "reference_speed", "m/s", 7.0, scale=1.0, lower=1.0, upper=30.0, grid=(7.0,)
         ),
     ),
     formula=_airspeed_dependence,
@@ -180,7 +165,7 @@ AIRSPEED_DEPENDENCE = EffectKind(
     depends_on=("V",),
 )
 """Airspeed dependence: the wing's force changes by the factor
-1 + gradient (V/V_ref - 1)."""
+1 + gradient (V/V_ref - 1). V_ref is by default the launch speed of the article."""
 
 GROUND_EFFECT = EffectKind(
     kind="ground_effect",
@@ -189,13 +174,7 @@ GROUND_EFFECT = EffectKind(
     coefficients=(
         Coefficient("strength", "-", scale=0.02, lower=-3.0, upper=3.0),
         Coefficient(
-            name="height",
-            unit="m",
-            default=0.5,
-            scale=0.1,
-            lower=0.05,
-            upper=10.0,
-            grid=(0.2, 0.5, 1.2),
+            "height", "m", 0.5, scale=0.1, lower=0.05, upper=10.0, grid=(0.2, 0.5, 1.2)
         ),
     ),
     formula=_ground_effect,
@@ -225,13 +204,7 @@ TAIL_WAKE = EffectKind(
             grid=(0.2, 0.4, 0.7, 1.1),
         ),
         Coefficient(
-            name="width",
-            unit="rad",
-            default=0.2,
-            scale=0.04,
-            lower=0.03,
-            upper=1.5,
-            grid=(0.1, 0.25),
+            "width", "rad", 0.2, scale=0.04, lower=0.03, upper=1.5, grid=(0.1, 0.25)
         ),
     ),
     formula=_tail_wake,

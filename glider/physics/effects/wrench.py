@@ -88,13 +88,7 @@ AXIAL_DRAG = EffectKind(
     coefficients=(
         Coefficient("ca0", "-", scale=0.05, lower=0.0, upper=2.0),
         Coefficient(
-            name="backward",
-            unit="-",
-            default=1.0,
-            scale=0.3,
-            lower=-2.0,
-            upper=2.0,
-            grid=(1.0, -1.0),
+            "backward", "-", 1.0, scale=0.3, lower=-2.0, upper=2.0, grid=(1.0, -1.0)
         ),
     ),
     formula=_axial_drag,
