@@ -13,7 +13,7 @@ from scipy.optimize import least_squares as minimize_squares
 from threadpoolctl import threadpool_limits
 
 from basis_dynamics import BasisDynamics, SampledFlights, basis_rollouts
-from glider.compiled.constants import TINY
+from glider.compiled.runge_kutta import TINY
 from glider.errors import InputError
 
 SCALES = (0.1, 0.1, 0.1, np.inf, 0.5, 0.5, 1.0)

@@ -15,10 +15,18 @@ from scipy.stats import chi2
 
 from glider.control.policy import TrackingPolicy
 from glider.errors import InputError
-from glider.estimation.perching import CAPTURE, UNCERTAIN, launch_prior, perching_ekf
+from glider.estimation.ekf import SlowState
+from glider.estimation.perching import CAPTURE, perching_filter
 from glider.estimation.running import Estimates, run_ekf
 from glider.physics.model import GliderModel
 from noisy_flights import draw_starts, fly_watched
+
+UNCERTAIN = (
+    SlowState(name="wing_offset", std=0.005, walk=1e-6),
+    SlowState(name="elevator_area", std=0.0015, walk=1e-7),
+)
+"""Parameters that are estimated, and their prior standard deviations: 5 mm, and
+a tenth of the elevator."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -119,8 +127,7 @@ def watch_perches(
         InputError: the effects' own states, of which a launch is certain, leave the
             filter none of its errors to compare; or the policy is another glider's.
     """
-    ekf = perching_ekf(model, UNCERTAIN)
-    prior = launch_prior(ekf, policy.plan.states[0])
+    ekf, prior = perching_filter(model, policy.plan.states[0], slow=UNCERTAIN)
     samples = round(policy.duration * CAPTURE.rate)
     offset, gain = policy.sample(np.arange(samples) / CAPTURE.rate)
     starts = draw_starts(prior, flights, rng)

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.compiled.collocation import add_difference, spread
-from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance, advance_block, put
+from glider.compiled.runge_kutta import BLOCK, advance, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 from glider.physics.servo import Servo, rate_bounds

@@ -99,7 +99,7 @@ def fly_watched(
 def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
     """Advances x̄ within z (Z, B) by a sample, with the steps of `compiled.ekf`."""
     n, slow = ekf.num_states, ekf.estimated.places[ekf.num_states :]
-    field, chain, step = ekf.model.residual_field, ekf.model.chain, ekf.clock.step
+    field, chain, step = ekf.model.residual_field, ekf.model.chain, ekf.step
     half = np.exp(-0.5 * step * ekf.estimated.decay)[:, None]
     work = np.empty((3, n, z.shape[1]))
 
@@ -109,7 +109,7 @@ def _advance(ekf: Ekf, t: float, z: np.ndarray) -> None:
             rate[i] = derivative
 
     x = z[:n].copy()
-    for lap in range(ekf.clock.steps):
+    for lap in range(ekf.steps):
         start = z[slow]
         advance(slope, t + lap * step, x, step, 4, start, work)
         z[:n], z[slow] = x, start * half**2

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import fsolve
 
-from glider.compiled.constants import TINY
+from glider.compiled.runge_kutta import TINY
 from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.effects import NO_FIELD, THRUST

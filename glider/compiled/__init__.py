@@ -8,7 +8,7 @@ kernel: the compiler and its cache. fingerprint: all that machine code depends o
 runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,
 closed_loop: batches of gliders under tapes and under feedback. replay: flights along a
 log. actuators: an elevator behind a custom actuator. ekf, riccati, sequence_costs: the
-loops of the filter, the feedback and the sampling planners. points: a glider along a
-collocated path. collocation, stages, barrier, interior_point: the solver of direct
+loops of the filter, the feedback and the sampling planners. collocation: a glider
+along a collocated path. stages, barrier, interior_point: the solver of direct
 collocation, compiled once for all gliders.
 """

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import slopes
-from glider.compiled.runge_kutta import advance_block, put
+from glider.compiled.runge_kutta import BLOCK, advance_block, put
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
 

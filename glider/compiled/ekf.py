@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import put
+from glider.compiled.runge_kutta import TINY, put
 from glider.physics.chain import NUM_INPUTS, derivatives_of, measure, theta_of
 
 
@@ -25,7 +24,7 @@ def ekf_advance(t, z, estimated, step, count, field, value, slopes):
     Args:
         t: [s].
         z: as in `derivatives_of`.
-        estimated: what is, see `Estimated`.
+        estimated: what is, see `EstimatedFlight`.
         step: [s].
         count: number of steps.
         field: the residual Field.
@@ -294,15 +293,3 @@ class EstimatedFlight(NamedTuple):
     acting: np.ndarray
     seen: np.ndarray
     entry: np.ndarray
-
-
-class SampleClock(NamedTuple):
-    """Steps of a filter from sample to sample.
-
-    Attributes:
-        step: Runge-Kutta step [s].
-        steps: number of them to a sample.
-    """
-
-    step: float
-    steps: int

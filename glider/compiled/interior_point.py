@@ -4,7 +4,7 @@ After Wächter and Biegler: On the implementation of an interior-point filter
 line-search algorithm for large-scale nonlinear programming, 2006. Newton's step is that
 of `glider.compiled.stages`, whose time grows with the number of knots alone. Here is
 the order of the steps alone, so that of a glider with other effects only its dynamics
-have to be compiled (`glider.compiled.points`).
+have to be compiled (`glider.compiled.collocation`).
 """
 
 from typing import NamedTuple
@@ -13,28 +13,12 @@ import numpy as np
 
 from glider.compiled import barrier as steps
 from glider.compiled.barrier import Optimum, Program, Scratch
-from glider.compiled.collocation import Path
-from glider.compiled.points import PathDynamics
+from glider.compiled.collocation import Path, PathDynamics
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
 
-
-class Limits(NamedTuple):
-    """When to stop.
-
-    Attributes:
-        tolerance: largest slope of the Lagrangian, defect and complementarity, where
-            the multipliers are of size 100 or less.
-        iterations: at most so many.
-        penalty: penalty on the place at the end, see `newton_step`.
-    """
-
-    tolerance: float = 1e-6
-    iterations: int = 150
-    penalty: float = 1e6
-
-
-DEFAULTS = Limits()
+PENALTY = 1e6
+"""Penalty on the place at the end, see `newton_step`."""
 
 NEAR = 1e3
 """Errors of optimality, in tolerances, below which slopes have to be fine."""
@@ -56,7 +40,6 @@ class Outcome(NamedTuple):
         optimum: the path that was reached last.
         status: one of solved, stuck, out of steps.
         iterations: how many were made.
-        missed: sum of what the constraints are missed by.
         error: largest error of optimality.
         cost: cost of the path.
     """
@@ -64,7 +47,6 @@ class Outcome(NamedTuple):
     optimum: Optimum
     status: str
     iterations: int
-    missed: float
     error: float
     cost: float
 
@@ -117,7 +99,8 @@ def optimize(
     program: Program,
     guess: Optimum,
     barrier: float,
-    limits: Limits = DEFAULTS,
+    tolerance: float,
+    iterations: int = 150,
 ) -> Outcome:
     """Finds a flight of least cost near a guess.
 
@@ -126,7 +109,9 @@ def optimize(
         program: what to solve.
         guess: to start from; its forces, where not positive, are the barrier's.
         barrier: weight of the barrier function at first.
-        limits: when to stop.
+        tolerance: largest slope of the Lagrangian, defect and complementarity, where
+            the multipliers are of size 100 or less.
+        iterations: at most so many.
 
     Raises:
         UncompilableError: a formula is not of what numba compiles.
@@ -135,15 +120,15 @@ def optimize(
     knots = len(guess.multipliers) + 1
     dynamics, scratch = PathDynamics(model, knots), steps.make_scratch(program, knots)
     path = dynamics.path
-    penalty = limits.penalty if program.is_held else 0.0
+    penalty = PENALTY if program.is_held else 0.0
     steps.enter(program, barrier, scratch, at.w, at.forces)
     missed = _missed(program, dynamics, at.w)
-    known, damping, least = Filter(missed), 0.0, 0.1 * limits.tolerance
+    known, damping, least = Filter(missed), 0.0, 0.1 * tolerance
     fine = False
-    near = -np.inf if limits.tolerance >= COARSE else NEAR * limits.tolerance
+    near = -np.inf if tolerance >= COARSE else NEAR * tolerance
     dynamics.linearize(fine)
     status, error = "out of steps", np.inf
-    for iteration in range(limits.iterations + 1):
+    for iteration in range(iterations + 1):
         while True:
             steps.lean_on(program, at, scratch)
             weigh(at.w[-1], path, at.multipliers, scratch.back, scratch.lagrangian)
@@ -154,9 +139,9 @@ def optimize(
                 break
             fine = True
             dynamics.linearize(fine)
-        if error <= limits.tolerance:
+        if error <= tolerance:
             status = "solved"
-        if status == "solved" or iteration == limits.iterations:
+        if status == "solved" or iteration == iterations:
             break
         lower = steps.lower_barrier(barrier, least, off, scale, scratch, at.forces)
         if lower < barrier:
@@ -188,7 +173,6 @@ def optimize(
         optimum=at,
         status=status,
         iterations=iteration,
-        missed=missed,
         error=error,
         cost=steps.weigh_path(program, at.w, 0.0),
     )
@@ -213,31 +197,25 @@ def _step_down(
     """
     added = 0.0
     while added <= STIFFEST:
-        if newton_step(*_newton(added, penalty, path, at, scratch)):
+        is_minimum = newton_step(
+            at.w[-1],
+            path,
+            at.multipliers,
+            scratch.back,
+            scratch.cross,
+            scratch.diagonal,
+            added,
+            scratch.slope,
+            scratch.misses,
+            penalty,
+            scratch.change,
+            scratch.ahead,
+            scratch.drawn,
+        )
+        if is_minimum:
             return added
         if added == 0.0:
             added = max(1e-4, damping / 3.0)
         else:
             added *= 8.0 if damping else 100.0
     return None
-
-
-def _newton(
-    added: float, penalty: float, path: Path, at: Optimum, scratch: Scratch
-) -> tuple:
-    """Returns the arguments of `newton_step`."""
-    return (
-        at.w[-1],
-        path,
-        at.multipliers,
-        scratch.back,
-        scratch.cross,
-        scratch.diagonal,
-        added,
-        scratch.slope,
-        scratch.misses,
-        penalty,
-        scratch.change,
-        scratch.ahead,
-        scratch.drawn,
-    )

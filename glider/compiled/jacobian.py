@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from glider.compiled.constants import TINY
 from glider.compiled.kernel import Family, UncompilableError, compile_errors
+from glider.compiled.runge_kutta import TINY
 from glider.physics.chain import NUM_INPUTS, derivatives_of
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Theta

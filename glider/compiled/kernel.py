@@ -43,7 +43,6 @@ _STEP = inspect.getsource(runge_kutta)
 
 _HEAD = """\
 import numpy as np
-from glider.compiled.constants import BLOCK, DIFFERENCE, TINY
 from glider.physics.servo import limited_rate, rate_bounds
 """
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.constants import DIFFERENCE
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import put
+from glider.compiled.runge_kutta import DIFFERENCE, put
 from glider.physics.chain import accelerations, derivatives, measure, meet_air, theta_of
 from glider.physics.effects import NO_FIELD, EffectKind, Field
 from glider.physics.parameters import Parameters, Theta

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
-from glider.compiled.runge_kutta import advance_block, put
+from glider.compiled.runge_kutta import BLOCK, advance_block, put
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 
@@ -35,13 +34,12 @@ def rollouts(start, command, step, order, laps, theta, states):
         order: 1 for explicit Euler, 4 for classical Runge-Kutta.
         laps: equal steps of the integrator to one of them.
         theta: the gliders' numbers.
-        states: (B, N + 1, n), written; or (B, 1, n) to keep only the last.
+        states: (B, N + 1, n), written.
     """
     batch, n = start.shape
     steps = command.shape[1]
-    keep = states.shape[1] > 1
     work = np.empty((n + 1, 4, BLOCK), start.dtype)
-    path = np.empty((steps if keep else 1, n, BLOCK), start.dtype)
+    path = np.empty((steps, n, BLOCK), start.dtype)
     for first in range(0, batch, BLOCK):
         count = min(BLOCK, batch - first)
         for j in range(BLOCK):  # What is left of the last block repeats a glider.
@@ -53,18 +51,13 @@ def rollouts(start, command, step, order, laps, theta, states):
             for lap in range(laps):
                 t = (k + lap / laps) * step
                 advance_block(slopes, t, work, step / laps, order, theta)
-            if keep:
-                for i in range(n):
-                    put(work[i, 0], path[k, i])
-        if not keep:
             for i in range(n):
-                put(work[i, 0], path[0, i])
+                put(work[i, 0], path[k, i])
         for j in range(count):
-            if keep:
-                put(start[first + j], states[first + j, 0])
-            for k in range(path.shape[0]):
+            put(start[first + j], states[first + j, 0])
+            for k in range(steps):
                 for i in range(n):
-                    states[first + j, k + keep, i] = path[k, i, j]
+                    states[first + j, k + 1, i] = path[k, i, j]
 
 
 LOOPS = Family((slopes, rollouts), (rollouts,))
@@ -77,7 +70,6 @@ def fly_tapes(
     step: float,
     *,
     order: int = 4,
-    only_last: bool = False,
 ) -> np.ndarray:
     """Flies launches of a glider under command tapes in still air.
 
@@ -88,13 +80,11 @@ def fly_tapes(
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
             where the effects' own states ask for it.
-        only_last: whether to return the last states alone.
 
     Returns:
-        states (B, N + 1, n), or (B, 1, n).
+        states (B, N + 1, n).
     """
-    batch, n = starts.shape
-    states = np.empty((batch, 1 if only_last else commands.shape[1] + 1, n))
+    states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
     LOOPS.over(model.kinds, model.has_field).rollouts(
         np.ascontiguousarray(starts, dtype=float),
         np.ascontiguousarray(commands, dtype=float),

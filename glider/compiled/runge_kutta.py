@@ -2,10 +2,18 @@
 
 Written once for a single state, which may be of any kind of number, and once for a
 block of gliders side by side, whose inner loops the compiler turns into instructions
-that serve several gliders (half the time of one after the other).
+that serve several gliders (half the time of one after the other). And what else the
+compiled loops share: their text begins with this module's.
 """
 
-from glider.compiled.constants import BLOCK
+DIFFERENCE = 1e-6
+"""Step of the finite differences, in a coefficient's own scale."""
+
+TINY = 1e-30
+"""Length of the complex steps."""
+
+BLOCK = 32
+"""Number of gliders that fly side by side, so that one instruction serves several."""
 
 
 def put(source, target):

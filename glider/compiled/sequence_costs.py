@@ -5,10 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.compiled import rollouts as tapes
-from glider.compiled.constants import BLOCK
 from glider.compiled.kernel import Family
 from glider.compiled.rollouts import rollouts
-from glider.compiled.runge_kutta import put
+from glider.compiled.runge_kutta import BLOCK, put
 from glider.physics.servo import rate_bounds
 
 

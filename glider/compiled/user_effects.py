@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.compiled.kernel import check_compiles
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 from glider.physics.compose import compose
 from glider.physics.effects import KINDS, STAGES, EffectKind
 from glider.physics.parameters import GliderParameters
@@ -42,34 +42,26 @@ def check_user_effects(own: Sequence[EffectKind]) -> None:
 def _check_shape(effect: EffectKind) -> None:
     where = f"user effect '{effect.kind}'"
     stages = [stage for stage in STAGES if stage != "log"]
-    if effect.stage not in stages:
-        raise InputError(
-            f"{where}: stage is '{effect.stage}'; expected one of {', '.join(stages)}."
-        )
+    needed = f"one of {', '.join(stages)}"
+    expect(effect.stage in stages, f"{where}: stage", effect.stage, needed)
     terms, is_actuator = STAGES[effect.stage], effect.stage == "actuator"
-    if bool(effect.adds_to) == is_actuator or not set(effect.adds_to) <= set(terms):
-        raise InputError(
-            f"{where}: adds_to is {effect.adds_to}; expected a choice of "
-            f"{', '.join(terms) or '()'} at stage {effect.stage}."
-        )
+    fits = bool(effect.adds_to) != is_actuator and set(effect.adds_to) <= set(terms)
+    needed = f"a choice of {', '.join(terms) or '()'} at stage {effect.stage}"
+    expect(fits, f"{where}: adds_to", effect.adds_to, needed)
     names = [c.name for c in effect.coefficients]
     has_size = is_actuator or not all(c.is_shape for c in effect.coefficients)
-    if not names or len(set(names)) < len(names) or not has_size:
-        raise InputError(
-            f"{where}: its coefficients are {', '.join(names) or 'none'}; expected "
-            "different names, and one without a grid, which is the effect's size."
-        )
+    good = names and len(set(names)) == len(names) and has_size
+    needed = "different names, and one without a grid, which is the effect's size"
+    expect(good, f"{where}: the list of its coefficients", names, needed)
     functions = (effect.state_rate, effect.steady_state)
     if any((f is not None) != bool(effect.states) for f in functions):
         raise InputError(
             f"{where}: found only some of states, state_rate and steady_state; "
             "expected all or none."
         )
-    if effect.state_scales and len(effect.state_scales) != len(effect.states):
-        raise InputError(
-            f"{where}: state_scales has {len(effect.state_scales)} numbers; expected "
-            f"one for each of the {len(effect.states)} states."
-        )
+    scales, states = len(effect.state_scales), len(effect.states)
+    what = f"{where}: the length of state_scales"
+    expect(scales in (0, states), what, scales, f"{states}, one for each state")
 
 
 def _check_formulas(effect: EffectKind) -> None:

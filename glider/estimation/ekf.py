@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glider.compiled.ekf import EstimatedFlight, SampleClock
+from glider.compiled.ekf import EstimatedFlight
 from glider.compiled.jacobian import stacked
 from glider.errors import expect
 from glider.physics.chain import NUM_INPUTS
@@ -60,7 +60,8 @@ class Ekf:
         slow: the slow states.
         known: inputs that are known beside the elevator's rate.
         period: time between samples [s].
-        clock: Runge-Kutta steps of a period.
+        step: Runge-Kutta step [s].
+        steps: number of them to a period.
         process: (N,) variances per second.
         noise: (M, M) covariance of a measurement.
         z: constants in their places, as in `physics.chain.derivatives_of`.
@@ -72,7 +73,8 @@ class Ekf:
     slow: tuple[SlowState, ...]
     known: tuple[str, ...]
     period: float
-    clock: SampleClock
+    step: float
+    steps: int
     process: np.ndarray
     noise: np.ndarray
     z: np.ndarray
@@ -146,7 +148,8 @@ def make_ekf(
         slow=tuple(slow),
         known=tuple(known),
         period=period,
-        clock=SampleClock(step=period / count, steps=count),
+        step=period / count,
+        steps=count,
         process=np.append(process, [s.walk for s in slow]),
         noise=noise,
         z=z,

@@ -17,32 +17,14 @@ LAUNCH_STD = (0.005, 0.04, 0.02, 0.01, 0.1, 0.05, 0.05)
 """Standard deviations of a launch about the planned one, in the order of
 STATE_NAMES."""
 
-UNCERTAIN = (
-    SlowState(name="wing_offset", std=0.005, walk=1e-6),
-    SlowState(name="elevator_area", std=0.0015, walk=1e-7),
-)
-"""Parameters that are estimated, and their prior standard deviations: 5 mm, and
-a tenth of the elevator."""
-
-
-def perching_ekf(
-    model: GliderModel, slow: tuple[SlowState, ...] = (), elevator: bool = True
-) -> Ekf:
-    """Makes a filter of CAPTURE.
-
-    Args:
-        model: the glider.
-        slow: what else to estimate.
-        elevator: whether its angle is measured too.
-    """
-    variances = np.square(CAPTURE.std[: 4 if elevator else 3])
-    return make_ekf(
-        model, rate=CAPTURE.rate, process=PROCESS, noise=variances, slow=slow
-    )
-
 
 def perching_filter(
-    model: GliderModel, launch: np.ndarray, unsure: float = 1.0
+    model: GliderModel,
+    launch: np.ndarray,
+    unsure: float = 1.0,
+    *,
+    slow: tuple[SlowState, ...] = (),
+    elevator: bool = True,
 ) -> tuple[Ekf, Belief]:
     """Makes a filter of CAPTURE, and what it believes of a launch.
 
@@ -50,11 +32,9 @@ def perching_filter(
         model: the glider.
         launch: (n,) planned state.
         unsure: standard deviation of the launch error, in LAUNCH_STD.
+        slow: what else to estimate.
+        elevator: whether its angle is measured too.
     """
-    ekf = perching_ekf(model)
+    noise = np.square(CAPTURE.std[: 4 if elevator else 3])
+    ekf = make_ekf(model, rate=CAPTURE.rate, process=PROCESS, noise=noise, slow=slow)
     return ekf, make_prior(ekf, launch, unsure * np.array(LAUNCH_STD))
-
-
-def launch_prior(ekf: Ekf, launch: np.ndarray) -> Belief:
-    """Prior of a launch with errors of LAUNCH_STD."""
-    return make_prior(ekf, launch, LAUNCH_STD)

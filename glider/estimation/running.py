@@ -125,7 +125,7 @@ def run_ekf(
         time,
         ekf.z.copy(),
         ekf.estimated,
-        ekf.clock,
+        (ekf.step, ekf.steps),
         model.residual_field,
         ekf.process * ekf.period,
         ekf.noise,
@@ -168,7 +168,7 @@ def predict_mean(
     expect(shapes == good, what, shapes, needed)
     z, model = ekf.z.copy(), ekf.model
     z[ekf.estimated.places], z[ekf.estimated.entry] = mean, inputs
-    steps = max(math.ceil(duration / ekf.clock.step - 1e-9), 1)
+    steps = max(math.ceil(duration / ekf.step - 1e-9), 1)
     value = np.empty(size)
     slopes = np.empty((size, size) if differentiate else (0, 0))
     LOOPS.over(model.kinds, model.has_field).ekf_advance(

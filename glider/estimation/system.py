@@ -51,43 +51,33 @@ class ExtendedKalmanFilter(LeafSystem):
             self._known = self.DeclareVectorInputPort("known", known)
         # The elevator's rate, integrated; its differences are the means.
         self.DeclareContinuousState(1)
-        parts = {
+        outputs = {
             "estimate": prior.mean,
             "covariance": prior.covariance.ravel(),
             "innovation": np.zeros(rows),
             "innovation_covariance": np.zeros(rows * rows),
-            "since": np.zeros(2),  # Time of the last sample, the integral then.
-            "known": self._model_known(),
         }
-        ends = np.cumsum([len(part) for part in parts.values()]).tolist()
-        starts = [0, *ends[:-1]]
-        self._slices = {
-            name: slice(start, end)
-            for name, start, end in zip(parts, starts, ends, strict=True)
+        # Time of the last sample, and the integral then.
+        memory = {"since": np.zeros(2), "known": self._model_known()}
+        self._parts = {
+            name: self.DeclareDiscreteState(value)
+            for name, value in (outputs | memory).items()
         }
-        index = self.DeclareDiscreteState(np.concatenate(list(parts.values())))
         self.DeclarePeriodicDiscreteUpdateEvent(ekf.period, 0.0, self._sample)
         self.DeclareVectorOutputPort(
             "state",
             ekf.num_states,
             self._calc_state,
-            {self.time_ticket(), self.xc_ticket(), self.discrete_state_ticket(index)},
+            {self.time_ticket(), self.xc_ticket(), self.xd_ticket()},
         )
-        for name in list(parts)[:4]:
-            self.DeclareVectorOutputPort(
-                name,
-                len(parts[name]),
-                lambda context, output, name=name: output.SetFromVector(
-                    self._part(context, name)
-                ),
-                {self.discrete_state_ticket(index)},
-            )
+        for name in outputs:
+            self.DeclareStateOutputPort(name, self._parts[name])
 
     def DoCalcTimeDerivatives(self, context, derivatives):
         derivatives.get_mutable_vector().SetFromVector(self._rate.Eval(context))
 
     def _part(self, context, name):
-        return context.get_discrete_state_vector().CopyToVector()[self._slices[name]]
+        return context.get_discrete_state(self._parts[name]).CopyToVector()
 
     def _inputs(self, context, known):
         """Returns the filter's inputs since the last sample, and that time span."""
@@ -113,15 +103,13 @@ class ExtendedKalmanFilter(LeafSystem):
         output.SetFromVector(mean[: self.ekf.num_states])
 
     def _sample(self, context, discrete_state):
+        known = self._eval_known(context)
+        discrete_state.set_value(self._parts["known"], known)
         # The clock ticks at time 0 as that of motion capture's log does: starting
         # later, its ticks would differ from the log's by a rounding.
         if context.get_time() < 0.5 * self.ekf.period:
-            parts = context.get_discrete_state_vector().CopyToVector()
-            parts[self._slices["known"]] = self._eval_known(context)
-            discrete_state.set_value(parts)
             return
         size = len(self.ekf.names)
-        known = self._eval_known(context)
         inputs, span = self._inputs(context, known)
         before = Belief(
             mean=self._part(context, "estimate"),
@@ -135,12 +123,12 @@ class ExtendedKalmanFilter(LeafSystem):
             context.get_time() - span,
         )
         now = context.get_continuous_state_vector().GetAtIndex(0)
-        parts = [
-            found.means[0, 1],
-            found.covariances[0, 1].ravel(),
-            found.innovations[0, 0],
-            found.innovation_covariances[0, 0].ravel(),
-            [context.get_time(), now],
-            known,
-        ]
-        discrete_state.set_value(np.concatenate(parts))
+        parts = {
+            "estimate": found.means[0, 1],
+            "covariance": found.covariances[0, 1].ravel(),
+            "innovation": found.innovations[0, 0],
+            "innovation_covariance": found.innovation_covariances[0, 0].ravel(),
+            "since": [context.get_time(), now],
+        }
+        for name, value in parts.items():
+            discrete_state.set_value(self._parts[name], value)

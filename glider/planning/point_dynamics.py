@@ -3,9 +3,9 @@
 import numpy as np
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from glider.compiled.collocation import LOOPS as POINTS
 from glider.compiled.jacobian import differentiate, stacked
 from glider.compiled.kernel import UncompilableError, compile_errors
-from glider.compiled.points import LOOPS as POINTS
 from glider.physics.model import GliderModel
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 from glider.compiled.barrier import Optimum, Program
-from glider.compiled.interior_point import Limits, optimize
+from glider.compiled.interior_point import optimize
 from glider.physics.model import GliderModel
 from glider.planning.guess import Guess, straight_line
 from glider.planning.problem import PerchingProblem
@@ -174,8 +174,8 @@ def solve_structured(
         arrive: see `make_program`.
         program: to solve instead of that of the problem.
         elapsed: time since the launch of a plan to start from [s].
-        tolerance: see `Limits`.
-        iterations: see `Limits`; fewer bound the time.
+        tolerance: see `optimize`.
+        iterations: see `optimize`; fewer bound the time.
         name: of what is found.
 
     Raises:
@@ -189,7 +189,7 @@ def solve_structured(
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
     program = program or make_program(model, problem, knots, arrive)
-    found = optimize(model, program, start, barrier, Limits(tolerance, iterations))
+    found = optimize(model, program, start, barrier, tolerance, iterations)
     return CollocatedFlight(
         name=name,
         optimum=found.optimum,

@@ -34,15 +34,7 @@ def ElevatorServo_(T):
             self._parameters = parameters
             self._command = self.DeclareVectorInputPort("command", 1)
             self._state = self.DeclareVectorInputPort("state", num_states)
-            self.DeclareVectorOutputPort(
-                "elevator_rate",
-                1,
-                self._calc_rate,
-                {
-                    self.input_port_ticket(self._command.get_index()),
-                    self.input_port_ticket(self._state.get_index()),
-                },
-            )
+            self.DeclareVectorOutputPort("elevator_rate", 1, self._calc_rate)
 
         def _construct_copy(self, other, converter=None):
             size = other._state.size()

@@ -39,19 +39,10 @@ def SampledNoise_(T):
             self.size, self.rate, self.rows = size, float(rate), rows
             self._signal = self.DeclareVectorInputPort("signal", size)
             self.DeclareNumericParameter(BasicVector_[T](np.zeros(rows * size)))
-            index = self.DeclareDiscreteState(1)
+            self.DeclareDiscreteState(1)
             period = 1.0 / self.rate
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.5 * period, self._next)
-            self.DeclareVectorOutputPort(
-                "measured",
-                size,
-                self._calc_measured,
-                {
-                    self.input_port_ticket(self._signal.get_index()),
-                    self.discrete_state_ticket(index),
-                    self.all_parameters_ticket(),
-                },
-            )
+            self.DeclareVectorOutputPort("measured", size, self._calc_measured)
 
         def _construct_copy(self, other, converter=None):
             Impl._construct(
@@ -61,8 +52,7 @@ def SampledNoise_(T):
         def set_tape(self, context, tape):
             """Sets the noise of a flight, (rows or fewer, size); zero beyond."""
             tape = np.asarray(tape, dtype=float)
-            good = tape.ndim == 2 and tape.shape[1] == self.size
-            good = good and len(tape) <= self.rows
+            good = tape.shape[1:] == (self.size,) and len(tape) <= self.rows
             needed = f"at most ({self.rows}, {self.size})"
             expect(good, f"{self.get_name()}: the noise's shape", tape.shape, needed)
             full = np.zeros((self.rows, self.size))
@@ -70,8 +60,8 @@ def SampledNoise_(T):
             context.get_mutable_numeric_parameter(0).SetFromVector(full.ravel())
 
         def _next(self, context, discrete_state):
-            index = context.get_discrete_state_vector().CopyToVector()
-            discrete_state.set_value(index + 1.0)
+            now = context.get_discrete_state_vector().CopyToVector()
+            discrete_state.set_value(now + 1.0)
 
         def _calc_measured(self, context, output):
             index = context.get_discrete_state_vector().CopyToVector()[0]

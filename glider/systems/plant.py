@@ -14,7 +14,6 @@ and numeric parameter 1 the effects' coefficients, one effect after the
 other, so that a caller can change them or differentiate by them.
 """
 
-import dataclasses
 from functools import partial
 
 import numpy as np
@@ -33,20 +32,6 @@ from glider.physics.state import POSE_NAMES
 FORCE_NAMES = ("wing", "elevator", "force_x", "force_z", "moment")
 """Force of each plate along its normal [N], total force without weight in the
 world [N], total moment about +y and the center of mass [N m]."""
-
-
-@dataclasses.dataclass(frozen=True)
-class _Numbers:
-    """Parameters and coefficients as floats.
-
-    Attributes:
-        z: all numbers as in `derivatives_of`; states and inputs are zero.
-        gradient: gradient of the parameters and coefficients; None if they are
-            constant.
-    """
-
-    z: np.ndarray
-    gradient: np.ndarray | None
 
 
 @TemplateSystem.define("GliderPlant_")
@@ -168,29 +153,27 @@ def _declare(plant, vector):
 
 
 def _calc_numbers(plant, context, value):
-    """Writes the _Numbers of a context into a cache value."""
+    """Writes z and the gradient of parameters and coefficients into a cache value.
+
+    z has all numbers as in `derivatives_of`, states and inputs zero. The gradient is
+    None where they are constant.
+    """
     theta = plant._theta(context)
     both = np.array([*theta.p, *theta.c])
+    z = np.append(np.zeros(len(plant.state_names) + NUM_INPUTS), ExtractValue(both))
     gradient = ExtractGradient(both)
-    value.set_value(
-        _Numbers(
-            np.append(
-                np.zeros(len(plant.state_names) + NUM_INPUTS), ExtractValue(both)
-            ),
-            gradient if gradient.any() else None,
-        )
-    )
+    value.set_value((z, gradient if gradient.any() else None))
 
 
 def _fast_rates(plant, context):
     """Returns the derivatives by one chain rule, None if that cannot be."""
     inputs, n = _scalars(plant, context), len(plant.state_names)
-    own = plant._numbers.Eval(context)
-    z = own.z.copy()
+    z, numbers_gradient = plant._numbers.Eval(context)
+    z = z.copy()
     z[: len(inputs)] = [scalar.value() for scalar in inputs]
     gradient = ExtractGradient(np.array(inputs, dtype=object))
-    if own.gradient is not None:
-        gradient = _joined(gradient, n + NUM_INPUTS, own.gradient)
+    if numbers_gradient is not None:
+        gradient = _joined(gradient, n + NUM_INPUTS, numbers_gradient)
     time = context.get_time().value()
     try:
         value, slopes = differentiate(plant.model, time, z, gradient)

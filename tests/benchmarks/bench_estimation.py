@@ -9,16 +9,11 @@ import os
 
 import numpy as np
 
+from filter_consistency import UNCERTAIN
 from filter_flights import fly_on_estimate
 from glider.estimation.ekf import make_ekf
-from glider.estimation.perching import (
-    CAPTURE,
-    PROCESS,
-    UNCERTAIN,
-    launch_prior,
-    perching_ekf,
-)
-from glider.estimation.running import predict_mean, run_ekf
+from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
+from glider.estimation.running import make_prior, predict_mean, run_ekf
 from noisy_flights import draw_starts, fly_watched
 from tests.benchmarks.bench_control import best_seconds
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
@@ -31,13 +26,14 @@ def main():
     full = make_ekf(
         NOMINAL, rate=CAPTURE.rate, process=PROCESS, noise=[1e-4] * 7, slow=UNCERTAIN
     )
+    rich, _ = perching_filter(NOMINAL, PROBLEM.launch, slow=UNCERTAIN)
     print("\nA step of the filter: prediction and correction; x̄ has N numbers")
     for name, ekf in (
         ("N 9, 7 measured", full),
-        ("N 7, 4 measured", perching_ekf(NOMINAL)),
-        ("N 9, 4 measured", perching_ekf(NOMINAL, UNCERTAIN)),
+        ("N 7, 4 measured", perching_filter(NOMINAL, PROBLEM.launch)[0]),
+        ("N 9, 4 measured", rich),
     ):
-        prior = launch_prior(ekf, PROBLEM.launch)
+        prior = make_prior(ekf, PROBLEM.launch, LAUNCH_STD)
         flight = fly_watched(ekf, draw_starts(prior, 20, rng), tape, rng)
 
         def run(ekf=ekf, prior=prior, flight=flight):

@@ -15,7 +15,6 @@ from numba.core.runtime import _nrt_python, rtsys
 from glider.compiled import (
     barrier,
     collocation,
-    constants,
     fast_trigonometry,
     filter_error,
     jacobian,
@@ -24,12 +23,12 @@ from glider.compiled import (
     rollouts,
     stages,
 )
-from glider.compiled.constants import BLOCK
 from glider.compiled.fingerprint import reached
 from glider.compiled.kernel import Family
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
-from glider.estimation.perching import launch_prior, perching_ekf
+from glider.compiled.runge_kutta import BLOCK
+from glider.estimation.perching import perching_filter
 from glider.estimation.running import run_ekf
 from glider.paths import cache_folder
 from glider.physics import aerodynamics, chain, servo
@@ -69,8 +68,8 @@ def fly():
     )
     model, launch = GliderModel(effects=(kind(force=0.1),)), np.zeros((1, 7))
     launch[0, 4] = 7.0
-    states = fly_tapes(model, launch, np.zeros((1, 10)), 0.01, only_last=True)
-    print(states[0, 0, 4])
+    states = fly_tapes(model, launch, np.zeros((1, 10)), 0.01)
+    print(states[0, -1, 4])
 """
 
 
@@ -165,7 +164,6 @@ def test_formulas_that_are_called_alike_get_files_of_their_own(fresh_cache):
         (aerodynamics, "SPEED_SMOOTHING", 2e-8),
         (chain, "NUM_INPUTS", 6),
         (servo, "STOPPING_TIME", 0.01),
-        (constants, "TINY", 1e-40),
         (fast_trigonometry, "_PI", (math.pi, 0.0, 0.0)),
     ],
 )
@@ -309,8 +307,6 @@ def test_a_batch_flies_as_each_glider_alone(order, batch):
     command = np.random.default_rng(1).uniform(-8, 8, (batch, 20))
     states = fly_tapes(GliderModel(), start, command, 0.01, order=order)
     np.testing.assert_array_equal(states[:, 0], start)
-    last = fly_tapes(GliderModel(), start, command, 0.01, order=order, only_last=True)
-    np.testing.assert_array_equal(last[:, 0], states[:, -1])
     for b in (0, batch - 1):
         one = slice(b, b + 1)
         alone = fly_tapes(GliderModel(), start[one], command[one], 0.01, order=order)
@@ -327,8 +323,7 @@ def test_an_empty_batch_and_an_empty_tape_are_fine():
 
 def test_loops_give_back_the_memory_that_they_take():
     """The chain's functions borrow arrays: counted wrongly, they would stay or go."""
-    ekf = perching_ekf(GliderModel())
-    prior = launch_prior(ekf, PerchingProblem().launch)
+    ekf, prior = perching_filter(GliderModel(), PerchingProblem().launch)
     flight = np.zeros((1, 5, 1)), np.zeros((1, 5, 4))
     run_ekf(ekf, prior, *flight)
     _nrt_python.memsys_enable_stats()

@@ -258,7 +258,7 @@ def test_the_library_keeps_its_layout():
         ({"stage": "log"}, "stage is 'log'"),
         ({"stage": "actuator"}, r"adds_to is .* expected a choice of \(\)"),
         ({"adds_to": ("wing_normal",)}, "adds_to"),
-        ({"coefficients": ()}, "coefficients are none"),
+        ({"coefficients": ()}, r"coefficients is \[\]"),
         ({"states": ("lag",)}, "expected all or none"),
         ({"formula": lambda flow, gain: (1.0, 0.0)}, "defaults do nothing"),
         ({"formula": lambda flow, gain: gain}, "2 finite numbers"),

@@ -17,18 +17,18 @@ from pydrake.trajectories import PiecewisePolynomial
 from diagrams.loops import estimated_loop
 from diagrams.simulate import simulate_flights
 from diagrams.wiring import tape_rows
-from filter_consistency import assess, chi_square_band, squared_errors, watch_perches
+from filter_consistency import (
+    UNCERTAIN,
+    assess,
+    chi_square_band,
+    squared_errors,
+    watch_perches,
+)
 from filter_flights import fly_on_estimate
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.estimation.ekf import SlowState, make_ekf
-from glider.estimation.perching import (
-    CAPTURE,
-    PROCESS,
-    UNCERTAIN,
-    launch_prior,
-    perching_ekf,
-)
+from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
 from glider.estimation.running import Belief, make_prior, predict_mean, run_ekf
 from glider.estimation.system import ExtendedKalmanFilter
 from glider.physics.effects import (
@@ -50,14 +50,14 @@ LAUNCH = PROBLEM.launch
 
 @functools.cache
 def uncertain_ekf():
-    return perching_ekf(NOMINAL, UNCERTAIN)
+    return perching_filter(NOMINAL, LAUNCH, slow=UNCERTAIN)[0]
 
 
 @functools.cache
 def flown(flights=200, samples=100):
     """Flights under a tape, whose parameters are as uncertain as the filter says."""
     ekf, rng = uncertain_ekf(), np.random.default_rng(0)
-    prior = launch_prior(ekf, LAUNCH)
+    prior = make_prior(ekf, LAUNCH, LAUNCH_STD)
     tape = 2.0 * np.sin(np.arange(samples) / 8.0)[:, None]
     flight = fly_watched(ekf, draw_starts(prior, flights, rng), tape, rng)
     return flight, run_ekf(ekf, prior, flight.inputs, flight.measured)
@@ -142,7 +142,7 @@ def rich_points(count):
 def test_the_jacobian_is_the_derivative():
     """Against central differences of the same step: to 1e-7 of its size."""
     ekf = rich_ekf()
-    assert ekf.clock.steps == 3
+    assert ekf.steps == 3
     for mean in rich_points(3):
         _, slopes = predict_mean(ekf, mean, [1.5, 0.2], 0.025, differentiate=True)
         for k in range(len(mean)):
@@ -221,7 +221,7 @@ def test_a_lost_measurement_only_lets_the_belief_spread():
     flight, found = flown()
     measured = flight.measured[:1].copy()
     measured[0, 40:45, 2] = np.nan
-    prior = launch_prior(uncertain_ekf(), LAUNCH)
+    prior = make_prior(uncertain_ekf(), LAUNCH, LAUNCH_STD)
     gap = run_ekf(uncertain_ekf(), prior, flight.inputs[:1], measured)
     np.testing.assert_array_equal(gap.means[0, :41], found.means[0, :41])
     assert np.all(np.isnan(gap.nis[0, 40:45]) & np.isnan(gap.innovations[0, 40:45, 0]))
@@ -238,7 +238,7 @@ def test_a_batch_is_its_flights_one_by_one():
     flight, found = flown()
     alone = run_ekf(
         uncertain_ekf(),
-        launch_prior(uncertain_ekf(), LAUNCH),
+        make_prior(uncertain_ekf(), LAUNCH, LAUNCH_STD),
         flight.inputs[7:8],
         flight.measured[7:8],
     )
@@ -280,7 +280,7 @@ def test_a_filter_that_is_wrong_about_noise_is_found_out(factor):
         noise=NOISE * factor,
         slow=UNCERTAIN,
     )
-    prior = launch_prior(wrong, LAUNCH)
+    prior = make_prior(wrong, LAUNCH, LAUNCH_STD)
     found = run_ekf(wrong, prior, flight.inputs, flight.measured)
     seen = assess(found, flight.states)
     assert seen.nis_inside < 0.05
@@ -337,7 +337,7 @@ def test_perches_with_unsure_parameters_are_filtered_consistently():
 def test_the_bound_is_the_inverse_of_the_information():
     """Sensitivities chained along the flight, launch eliminated, prior added."""
     ekf = uncertain_ekf()
-    prior = launch_prior(ekf, LAUNCH)
+    prior = make_prior(ekf, LAUNCH, LAUNCH_STD)
     inputs = flown()[0].inputs[0, :40]
     bound = information_bound(ekf, prior, inputs)
     x, chain = prior.mean, np.eye(9)
@@ -442,10 +442,10 @@ def test_a_quick_servo_is_estimated_as_none():
     """Its state is quicker than the samples come: the filter divides its steps."""
     found = []
     for model in (NOMINAL, QUICK):
-        ekf = perching_ekf(model)
+        ekf, prior = perching_filter(model, LAUNCH)
         rates = np.random.default_rng(0).uniform(-8.0, 8.0, (1, 60, 1))
-        flown = fly_watched(ekf, launch_prior(ekf, LAUNCH).mean, rates[0])
-        found.append(run_ekf(ekf, launch_prior(ekf, LAUNCH), rates, flown.measured))
+        flown = fly_watched(ekf, prior.mean, rates[0])
+        found.append(run_ekf(ekf, prior, rates, flown.measured))
         np.testing.assert_allclose(found[-1].means[0], flown.states[0], atol=1e-8)
     near, quick = (f.covariances[0, :, :7, :7] for f in found)
     np.testing.assert_allclose(quick, near, atol=0.02 * np.max(near))
@@ -461,10 +461,9 @@ def test_feedback_of_the_estimate_perches():
 
 
 def test_the_pose_alone_is_enough_to_perch():
-    ekf = perching_ekf(NOMINAL, elevator=False)
+    ekf, prior = perching_filter(NOMINAL, LAUNCH, elevator=False)
     assert ekf.measured_names == ("x", "z", "pitch")
     regulator = tracking_regulator(GliderModel(), plan_of())
-    prior = launch_prior(ekf, LAUNCH)
     loop = estimated_loop(NOMINAL, regulator, ekf, prior, command_rate=50.0)
     # At launch the filter knows no more than its prior: nor does the regulator.
     context = loop.CreateDefaultContext()
@@ -509,14 +508,14 @@ def test_a_filter_that_makes_no_sense_is_refused(options, message):
 
 @pytest.mark.parametrize("shape", [(5, 1, 8), (4, 1, 7), (5, 2, 7), (5, 7)])
 def test_a_gain_that_does_not_fit_reaches_no_compiled_code(shape):
-    prior = launch_prior(uncertain_ekf(), LAUNCH)
+    prior = make_prior(uncertain_ekf(), LAUNCH, LAUNCH_STD)
     with pytest.raises(InputError, match=r"\(5, f, 7\) with f at most 1"):
         fly_watched(uncertain_ekf(), prior.mean, np.zeros((5, 1)), gain=np.zeros(shape))
 
 
 def test_what_does_not_fit_the_filter_is_refused():
     ekf = uncertain_ekf()
-    prior = launch_prior(ekf, LAUNCH)
+    prior = make_prior(ekf, LAUNCH, LAUNCH_STD)
     with pytest.raises(InputError, match=r"\(B, K, 1\) and \(B, K, 4\)"):
         run_ekf(ekf, prior, np.zeros((1, 5, 1)), np.zeros((1, 4, 4)))
     with pytest.raises(InputError, match=r"\(B, 9\)"):

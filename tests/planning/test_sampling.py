@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from glider.compiled.constants import BLOCK
+from glider.compiled.runge_kutta import BLOCK
 from glider.control.mppi import (
     SETTINGS,
     MppiController,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from glider.compiled import barrier, collocation, stages
-from glider.compiled.points import LOOPS as POINTS
-from glider.compiled.points import PathDynamics
+from glider.compiled.collocation import LOOPS as POINTS
+from glider.compiled.collocation import PathDynamics
 from glider.physics.effects import KINDS
 from glider.physics.effects.field import FieldData
 from glider.physics.model import GliderModel

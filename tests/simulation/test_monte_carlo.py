@@ -9,7 +9,7 @@ import pytest
 
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
-from glider.compiled.constants import BLOCK
+from glider.compiled.runge_kutta import BLOCK
 from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError

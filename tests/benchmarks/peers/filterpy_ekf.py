@@ -5,8 +5,9 @@ Its predictions are ours, compiled and with their exact slopes; the filter is it
 
 import numpy as np
 
+from filter_consistency import UNCERTAIN
 from glider.estimation.ekf import Ekf
-from glider.estimation.perching import UNCERTAIN, launch_prior, perching_ekf
+from glider.estimation.perching import perching_filter
 from glider.estimation.running import Belief, predict_mean, run_ekf
 from noisy_flights import draw_starts, fly_watched
 from tests.benchmarks.peers.pairs import Pair
@@ -44,8 +45,7 @@ def filter_along(
 def pairs() -> tuple[Pair, ...]:
     """Returns 100 samples of one flight: 9 numbers, of which 4 are measured."""
     rng = np.random.default_rng(0)
-    ekf = perching_ekf(NOMINAL, UNCERTAIN)
-    prior = launch_prior(ekf, PROBLEM.launch)
+    ekf, prior = perching_filter(NOMINAL, PROBLEM.launch, slow=UNCERTAIN)
     tape = 2.0 * np.sin(np.arange(SAMPLES) / 8.0)[:, None]
     flight = fly_watched(ekf, draw_starts(prior, 1, rng), tape, rng)
     last: dict[str, np.ndarray] = {}
