@@ -83,7 +83,9 @@ def main():
     lag = (SERVO_LAG(time_constant=0.03),)
     for name, effects in (("nominal", ()), ("drag", drag), ("servo_lag", lag)):
         for order, method in ((1, "Euler"), (4, "Runge-Kutta")):
-            print(f"  {name:10s} {method:12s} {flights_per_second(effects, order):9,.0f}")
+            print(
+                f"  {name:10s} {method:12s} {flights_per_second(effects, order):9,.0f}"
+            )
 
 
 if __name__ == "__main__":
