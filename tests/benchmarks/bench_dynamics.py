@@ -14,7 +14,6 @@ from pydrake.autodiffutils import InitializeAutoDiff
 from glider.compiled import rollouts
 from glider.physics.effects import LIBRARY, PROFILE_DRAG, SERVO_LAG
 from glider.physics.model import GliderModel
-from glider.physics.stiffness import count_laps
 from glider.systems.plant import GliderPlant
 
 STATE = np.array([-3.5, 0.1, -0.3, 0.1, 7.0, 0.0, 0.5])
@@ -57,7 +56,7 @@ def flights_per_second(effects, order, batch=10_000, steps=75):
     command = np.random.default_rng(0).uniform(-5, 5, (batch, steps))
     states = np.empty((batch, steps + 1, start.shape[1]))
     loop, theta = rollouts.LOOPS.over(model.kinds).rollouts, model.numbers
-    laps = count_laps(model, 0.01, order)
+    laps = model.count_laps(0.01, order)
     seconds = best_seconds(
         lambda: loop(start, command, 0.01, order, laps, theta, states), 1, 10
     )
