@@ -6,7 +6,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 from glider import GliderModel, plan
-from glider.sysid.replay.warm_up import warm_up
+from glider.sysid.replay.replayed import warm_up
 
 if __name__ == "__main__":
     with ThreadPoolExecutor() as pool:

@@ -15,7 +15,7 @@ from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.record import Record, prepare, signs_of, turn_campaign
-from glider.sysid.replay.residual import make_table
+from glider.sysid.replay.replayed import make_table
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, theta_of
 from glider.sysid.result import ResidualTable

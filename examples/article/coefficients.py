@@ -17,7 +17,7 @@ from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.effects import FIELD_VARIABLES
 from glider.physics.effects.field import COEFFICIENTS, FieldData, gaussians, make_field
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.residual import make_table
+from glider.sysid.replay.replayed import make_table
 from regression import least_squares
 
 VARIABLES = ("alpha", "elevator", "V", "alphadot", "pitchdot")

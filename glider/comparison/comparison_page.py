@@ -4,14 +4,7 @@ import math
 
 import numpy as np
 
-from glider.comparison.as_text import (
-    error_rows,
-    facts,
-    headline,
-    models_of,
-    rows,
-    unit_of,
-)
+from glider.comparison import as_text
 from glider.comparison.differences import Comparison
 from glider.report.as_page import render_page
 from glider.report.error_table import ALONG, FREE, PITCH, bounded, error_of
@@ -31,10 +24,10 @@ def to_html(comparison: Comparison) -> str:
         "comparison.html",
         {name: figure for name, figure in figures.items() if figure is not None},
         comparison=comparison,
-        headline=headline(comparison),
-        rows=rows(comparison),
-        errors=error_rows(comparison),
-        facts=facts(comparison),
+        headline=as_text.headline(comparison),
+        rows=as_text.rows(comparison),
+        errors=as_text.error_rows(comparison),
+        facts=as_text.facts(comparison),
     )
 
 
@@ -47,7 +40,7 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
     """Each change over its standard error, beside what chance allows."""
     compared = [
         (d, row)
-        for d, row in zip(comparison.differences, rows(comparison), strict=True)
+        for d, row in zip(comparison.differences, as_text.rows(comparison), strict=True)
         if math.isfinite(d.z)
     ][::-1]
     if not compared:
@@ -81,7 +74,7 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
 
 def errors_figure(comparison: Comparison) -> spec.Figure | None:
     """Errors of each model in both reports as bars."""
-    models, keys = models_of(comparison), _keys(comparison)
+    models, keys = as_text.models_of(comparison), _keys(comparison)
     if not models:
         return None
     panels = []
@@ -92,7 +85,7 @@ def errors_figure(comparison: Comparison) -> spec.Figure | None:
     ):
         both = comparison.reports
         values = np.array([[error_of(r, m, error) for m in models] for r in both])
-        unit = unit_of(comparison, error, *values.flat)
+        unit = as_text.unit_of(comparison, error, *values.flat)
         bars = dict(zip(keys, bounded(values) / unit.size, strict=True))
         panels.append(
             spec.Panel(

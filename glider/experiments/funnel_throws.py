@@ -31,7 +31,7 @@ from glider.experiments.throws import (
 from glider.physics.effects import Field
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES
 from glider.simulation.campaigns import fly_path
-from glider.sysid.replay.signals import replayed_path
+from glider.sysid.replay.replayed import replayed_path
 from glider.sysid.replay.theta import Layout
 
 FUNNEL_GENES = GENES + 2

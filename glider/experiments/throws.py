@@ -14,7 +14,7 @@ from glider.physics.model import GliderModel
 from glider.physics.state import ELEVATOR, NUM_STATES, STATE_NAMES, VELOCITY
 from glider.simulation.campaigns import fly_commands, fly_path, measured
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.signals import pose_signals
+from glider.sysid.replay.replayed import pose_signals
 from glider.sysid.replay.theta import Layout, layout_for, theta_of
 
 MOVES = 9

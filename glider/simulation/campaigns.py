@@ -15,7 +15,7 @@ from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
 from glider.sysid.replay.record import signs_of, turn
-from glider.sysid.replay.signals import replayed_path, sensed
+from glider.sysid.replay.replayed import replayed_path, sensed
 from glider.sysid.replay.theta import OFFSET, Layout, layout_for, theta_of
 
 FINE = 10

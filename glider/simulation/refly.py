@@ -25,8 +25,7 @@ from glider.sysid.likelihood.scales import (
     typical_flights,
 )
 from glider.sysid.replay.record import Record, prepare, signs_of, turn, turn_campaign
-from glider.sysid.replay.residual import flow_along
-from glider.sysid.replay.signals import logged_elevator, node_signals
+from glider.sysid.replay.replayed import flow_along, logged_elevator, node_signals
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of

@@ -28,9 +28,9 @@ from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import uncertainty_of, with_allowed_curves
 from glider.sysid.replay.record import Record, Signs, prepare, turn_campaign
+from glider.sysid.replay.replayed import warm_up
 from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.vehicle import Vehicle
-from glider.sysid.replay.warm_up import warm_up
 from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult

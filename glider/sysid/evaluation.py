@@ -6,28 +6,25 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign
+from glider.sysid import result
 from glider.sysid.fit import prediction
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record, Signs
-from glider.sysid.replay.residual import make_table
+from glider.sysid.replay.replayed import make_table
 from glider.sysid.replay.smoothing import Noise
-from glider.sysid.result import (
-    CALIBRATED,
-    MODELS,
-    Errors,
-    HeldOutFlight,
-    OutlyingFlights,
-    ResidualTable,
-)
+from glider.sysid.result import CALIBRATED, MODELS, ResidualTable
 from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
-from glider.sysid.verdict import changes_baseline_alone
+from glider.sysid.verdict import AllErrors, changes_baseline_alone
 
 Models = Mapping[str, prediction.RolloutModel]
 """Models by name; the nominal one only where it is known."""
+
+Tables = tuple[ResidualTable, ResidualTable, ResidualTable]
+"""Residual of the nominal model, of the named effects and of the corrected model."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -65,13 +62,12 @@ class SmoothedFlights:
 class Evaluation:
     """Errors of models, by name; None of a model that there is not."""
 
-    errors: dict[str, Errors | None]  # On held-out flights.
-    held_out: tuple[HeldOutFlight, ...]  # Those flights, measured and flown.
+    errors: AllErrors  # On held-out flights.
+    held_out: tuple[result.HeldOutFlight, ...]  # Those flights, measured and flown.
     unpredicted: tuple[str, ...]  # Names of those on which every model diverges.
-    outlying: OutlyingFlights | None  # Errors on those that stand out, if any.
+    outlying: result.OutlyingFlights | None  # Errors on those that stand out, if any.
     folds: HeldOut | None  # Each flight held out once; None where signs are wrong.
-    # Residual of the nominal model, of the named effects and of the corrected model.
-    tables: tuple[ResidualTable, ResidualTable, ResidualTable]
+    tables: Tables
 
 
 def evaluate(
@@ -104,8 +100,8 @@ def evaluate(
     }
     keep = predictable(list(predictions.values())) or range(len(unseen.names))
     kept = unseen.among([unseen.names[i] for i in keep])
-    errors: dict[str, Errors | None] = dict.fromkeys((*MODELS, CALIBRATED))
-    of_outlying: dict[str, Errors | None] = {}
+    errors: AllErrors = dict.fromkeys((*MODELS, CALIBRATED))
+    of_outlying: AllErrors = {}
     for name, model in models.items():
         predictions[name] = [predictions[name][i] for i in keep]
         errors[name] = prediction.errors_of(model, kept.of(name), predictions[name])
@@ -119,7 +115,7 @@ def evaluate(
         errors=errors,
         held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
         unpredicted=tuple(n for n in unseen.names if n not in kept.names),
-        outlying=OutlyingFlights(flights=apart.names, errors=of_outlying)
+        outlying=result.OutlyingFlights(flights=apart.names, errors=of_outlying)
         if of_outlying
         else None,
         folds=folds,
@@ -166,8 +162,7 @@ def _hold_out(
 
 def _residual_tables(
     task: Task, model: FitResult, models: Models, flights: SmoothedFlights
-) -> tuple[ResidualTable, ResidualTable, ResidualTable]:
-    """The residual of the nominal, of the named and of the corrected model."""
+) -> Tables:
     before = models.get("nominal", models["refitted"])
     after = _table(models["corrected"], flights.corrected)
     named = after
@@ -187,7 +182,7 @@ def _flights(
     flights: SmoothedFlights,
     predictions: Mapping[str, list[prediction.Prediction]],
     per_flight_trims: bool,
-) -> tuple[HeldOutFlight, ...]:
+) -> tuple[result.HeldOutFlight, ...]:
     """Held-out flights as logged, beside what each model predicted."""
     found = []
     turned = np.array([1.0, 1.0, flights.signs.pitch])
@@ -198,7 +193,7 @@ def _flights(
         }
         flown["corrected"] = flown["corrected"] * turned
         found.append(
-            HeldOutFlight(
+            result.HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose * turned,

@@ -7,8 +7,8 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.physics.covariance import Covariance
-from glider.physics.effects import ANGLE_SIGN, FIELD_VARIABLES
-from glider.physics.effects.field import FieldData
+from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects.field import FIELD_UNITS, FieldData
 from glider.physics.model import GliderModel
 from glider.sysid import result
 from glider.sysid.likelihood import scales
@@ -376,16 +376,6 @@ def find_peaks(data: FieldData, covariance_of_all: np.ndarray) -> dict[str, Esti
         place_std = math.nan
         if 0 < peak < len(grid) - 1 and curvature != 0.0:
             place_std = float(np.sqrt(slope @ covariance @ slope) / abs(curvature))
-        at = Estimate(float(place), place_std, _UNITS[variable])
+        at = Estimate(float(place), place_std, FIELD_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
     return found
-
-
-_UNITS = dict(
-    zip(
-        FIELD_VARIABLES,
-        ("m", "m", "s", "rad", "m/s", "rad", "rad/s", "rad", "rad/s"),
-        strict=True,
-    )
-)
-"""Variable of a field to its unit."""

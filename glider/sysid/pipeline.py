@@ -78,7 +78,8 @@ def close_the_loop(
     from glider.sysid.replay.vehicle import make_vehicle
 
     vehicle = make_vehicle(campaign, layout_of(own))
-    kinds = _kinds_to_try(vehicle, effects)
+    kinds, warnings = _kinds_to_try(vehicle, effects)
+    warnings = *inspection.warnings, *warnings
     chosen = {"flights": flights, "grades": grades, "effects": effects}
     settings: dict[str, object] = {
         "seed": seed,
@@ -86,16 +87,13 @@ def close_the_loop(
         **{k: None if v is None else list(v) for k, v in chosen.items()},
         "own_effects": [e.kind for e in own],
     }
-    if effects is not None:
-        warnings = (*inspection.warnings, _omitted(effects, vehicle))
-        inspection = dataclasses.replace(inspection, warnings=warnings)
 
     from glider.sysid.analysis import Analysis
 
     analysis = Analysis(
         progress=progress,
         seconds=seconds,
-        inspection=inspection,
+        inspection=dataclasses.replace(inspection, warnings=warnings),
         vehicle=vehicle,
         fitted=tuple(f.name for f in fitted),
         held_out=tuple(f.name for f in unseen),
@@ -120,24 +118,21 @@ def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> 
             raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
 
 
-def _omitted(effects: Sequence[str], vehicle: "Vehicle") -> str:
-    """A warning that effects that were not tried cannot be found."""
-    count = len(set(vehicle.kinds) - set(effects))
-    return (
-        f"only {', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried; "
-        f"{count} other effects were omitted and cannot be found, and their influence "
-        "may be attributed to those that were tried."
-    )
-
-
-def _kinds_to_try(vehicle: "Vehicle", effects: Sequence[str] | None) -> tuple[str, ...]:
-    """The kinds that were asked for and that these logs could show."""
+def _kinds_to_try(
+    vehicle: "Vehicle", effects: Sequence[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The kinds that were asked for and that these logs could show, and warnings."""
     if effects is None:
-        return vehicle.kinds
+        return vehicle.kinds, ()
     kinds = tuple(kind for kind in vehicle.kinds if kind in effects)
     if not kinds and ANGLE_SIGN.kind not in effects:
         raise InputError(
             f"none of the effects {', '.join(effects)} can be identified from what "
             "this campaign logs and leaves unknown."
         )
-    return kinds
+    tried = f"{', '.join(effects)} {'was' if len(effects) == 1 else 'were'} tried"
+    return kinds, (
+        f"only {tried}; {len(set(vehicle.kinds) - set(effects))} other effects were "
+        "omitted and cannot be found, and their influence may be attributed to those "
+        "that were tried.",
+    )

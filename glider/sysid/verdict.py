@@ -6,8 +6,6 @@ a way that no check of its rows detects, as with the commands of another flight 
 clock that runs slow.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
@@ -17,7 +15,7 @@ from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import Task
 from glider.sysid.outcome import ResidualCurves
 from glider.sysid.replay.record import Record, Signs
-from glider.sysid.replay.signals import logged_elevator
+from glider.sysid.replay.replayed import logged_elevator
 from glider.sysid.replay.vehicle import BASELINE_KINDS
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.support import SearchResult
@@ -108,7 +106,7 @@ LEAST_TRAVEL = 0.1
 """Sum of squared travels above which a flight determines a gain [rad²]."""
 
 
-AllErrors = Mapping[str, Errors | None]
+AllErrors = dict[str, Errors | None]
 
 
 def judge(

@@ -17,7 +17,7 @@ import joblib
 
 from glider.campaign.logs import Campaign
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.warm_up import warm_up
+from glider.sysid.replay.replayed import warm_up
 from tests.helpers.lifelike import draw_campaign
 
 

@@ -40,7 +40,7 @@ COMPILE = """
 import os
 from glider import GliderModel, plan
 from glider.physics.effects import KINDS
-from glider.sysid.replay.warm_up import warm_up
+from glider.sysid.replay.replayed import warm_up
 
 lagging = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.04),))
 for do in (lambda: plan(GliderModel()), lambda: plan(lagging), warm_up):

@@ -20,7 +20,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import Scales, start_scales, start_variances
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.signals import pose_signals, replayed_path, true_nodes
+from glider.sysid.replay.replayed import pose_signals, replayed_path, true_nodes
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, layout_of, theta_of
 from glider.systems.plant import GliderPlant
 from tests.helpers.columns import column_error

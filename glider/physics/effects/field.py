@@ -16,18 +16,13 @@ from glider.errors import expect
 from glider.physics.aerodynamics import angle_of_attack
 from glider.physics.formulas import scalar
 
-FIELD_VARIABLES = (
-    "x",
-    "z",
-    "t",
-    "pitch",
-    "V",
-    "alpha",
-    "pitchdot",
-    "elevator",
-    "elevator_rate",
-)
-"""Variables that a field may depend on [m, m, s, rad, m/s, rad, rad/s, rad, rad/s]."""
+FIELD_UNITS = {
+    **{"x": "m", "z": "m", "t": "s", "pitch": "rad", "V": "m/s", "alpha": "rad"},
+    **{"pitchdot": "rad/s", "elevator": "rad", "elevator_rate": "rad/s"},
+}
+"""Variables that a field may depend on, and their units."""
+
+FIELD_VARIABLES = tuple(FIELD_UNITS)
 
 AIR_TERMS = ("wind_x", "wind_z")
 """Velocity of the air, world [m/s]."""

@@ -24,8 +24,7 @@ from glider.sysid.likelihood.scales import (
     typical_flights,
 )
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.residual import make_table
-from glider.sysid.replay.signals import sensed, true_nodes
+from glider.sysid.replay.replayed import make_table, sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 

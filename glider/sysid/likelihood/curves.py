@@ -17,7 +17,7 @@ from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, NO_FIELD, Field
 from glider.physics.effects.field import COEFFICIENTS, TAIL_TERM, FieldData, make_field
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.residual import flow_variables
+from glider.sysid.replay.replayed import flow_variables
 
 TERMS = (*COEFFICIENTS, TAIL_TERM)
 """Terms of FIELD_TERMS that the curves are of."""

@@ -17,8 +17,8 @@ from glider.compiled.replay import (
 from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, Field
 from glider.sysid.likelihood.directions import Direction
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.residual import flow_variables
-from glider.sysid.replay.signals import (
+from glider.sysid.replay.replayed import (
+    flow_variables,
     logged_elevator,
     pose_signals,
     sensed,

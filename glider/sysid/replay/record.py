@@ -46,10 +46,10 @@ class Record:
     commands: np.ndarray  # (k,) [rad/s].
     limits: tuple[float, float] | None  # Where the elevator stops [rad], or None.
     rest: float  # Where the elevator stood before the first command [rad].
-    trim_is_moment: bool  # Whether a trim makes no force, see `signals.trimmed`.
+    trim_is_moment: bool  # Whether a trim makes no force, see `replayed.trimmed`.
     bank: np.ndarray  # (n - 1,) factor of the wing's force where it is rolled, or one.
     side_wind: np.ndarray  # (n - 1, 2) air that a sideways motion is like [m/s].
-    # Caches of `signals`: by replay settings, by parameters of vehicle and sensors.
+    # Caches of `replayed`: by replay settings, by parameters of vehicle and sensors.
     replays: dict[Replay, tuple[np.ndarray, ...]] = dataclasses.field(
         default_factory=dict, repr=False, compare=False
     )

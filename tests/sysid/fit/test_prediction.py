@@ -17,7 +17,7 @@ from glider.sysid.fit.prediction import (
     rollout_scales,
 )
 from glider.sysid.likelihood.scales import start_scales
-from glider.sysid.replay.signals import true_nodes
+from glider.sysid.replay.replayed import true_nodes
 from glider.sysid.replay.theta import theta_of
 from tests.helpers.tasks import begin, fly, task_of
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.sysid.replay.signals import trimmed
+from glider.sysid.replay.replayed import trimmed
 from glider.sysid.search.force_search import (
     EVERY_GLIDER_HAS,
     HELD_OUT_COEFFICIENT_THRESHOLD,

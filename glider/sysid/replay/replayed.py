@@ -1,0 +1,289 @@
+"""A log as a model replays it: elevator, true states, flow, and the residual.
+
+The residual is measured minus modelled acceleration, along the wing, normal to it and
+in pitch. The coefficients behind it, C_L, C_D, C_M, refer to ½ρV²S_w (the moment
+without a chord) and come with the variables that they may depend on: the article's
+data set.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from glider.compiled import filter_error
+from glider.compiled import replay as compiled
+from glider.compiled.actuators import turn_elevator
+from glider.physics.actuator_replay import elevator_path
+from glider.physics.effects import FIELD_VARIABLES, NO_FIELD, SERVO_LAG, Field, Replay
+from glider.physics.effects.field import COEFFICIENTS
+from glider.physics.parameters import NUM_PARAMETERS, GliderParameters
+from glider.physics.state import NUM_STATES
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.theta import LIBRARY_LAYOUT, OFFSET, Layout
+from glider.sysid.result import ResidualTable
+
+_EDGE = 3
+"""Rows at both ends of a flight where an acceleration is not known well."""
+
+
+def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the elevator's path over each interval and its mean rate there.
+
+    Shapes (n - 1, 3) at start, middle, end [rad], and (n - 1,) [rad/s]. With a pose
+    latency the row of time t shows the flight at t - latency.
+    """
+    elevator, rate, _ = _signals(record, theta)
+    return elevator, rate
+
+
+def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
+    """Returns a flight's model and the shift of its elevator [rad] for its trim.
+
+    A tail of unknown size at an unknown angle, and ballast, which moves the center of
+    mass, are a moment first: their effect on the forces is too small to determine.
+    Such a trim is one of the moment alone, that of a tail of the model's size at a
+    small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
+    """
+    if not record.trim_is_moment:
+        return theta, trim
+    index = record.layout.index
+    area, tail, hinge, offset = (
+        theta[index["parameters", name]]
+        for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
+    )
+    moved = theta.copy()
+    slot = index["pitch_moment", "coefficient"]
+    moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
+    return moved, 0.0
+
+
+def logged_elevator(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns the elevator's path at the times of the log's rows, (n,)."""
+    return _signals(record, theta)[2]
+
+
+def _signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Replays the actuator; a record caches the last results."""
+    replay = record.layout.replay(theta)
+    if replay in record.replays:
+        return record.replays[replay]
+    n = len(record.time)
+    if record.has_servo:
+        middle = 0.5 * (record.time[1:] + record.time[:-1])
+        query = np.concatenate([record.time, middle]) - replay.latency
+        query = np.concatenate([query, record.time])
+        tape, rest = (record.switch_times, record.commands), record.rest
+        path = replayed_path(replay, *tape, query, start=rest, limits=record.limits)
+        here, middle, logged = path[:n], path[n : 2 * n - 1], path[2 * n - 1 :]
+        elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
+        rate = np.diff(here) / np.diff(record.time)
+    else:
+        elevator, rate, logged = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
+    if len(record.replays) > 32:
+        record.replays.clear()
+    record.replays[replay] = elevator, rate, logged
+    return elevator, rate, logged
+
+
+def replayed_path(
+    replay: Replay,
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    *,
+    start: float = 0.0,
+    limits: tuple[float, float] | None = None,
+) -> np.ndarray:
+    """Returns the elevator's angle at the query times [rad], see `elevator_path`.
+
+    Exact for delay and lag; with further actuators, by fine Runge-Kutta steps.
+    """
+    actuators, delay, lag = replay.actuators, replay.delay, replay.time_constant
+    if not actuators:
+        return elevator_path(switch_times, commands, query, delay, lag, start, limits)
+    if lag > 0.0:
+        actuators = ((SERVO_LAG, (lag,)), *actuators)
+    stops = (-np.inf, np.inf) if limits is None else limits
+    times = switch_times + delay
+    return turn_elevator(actuators, times, commands, query, start, stops)
+
+
+def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the elevator's path and rate at the rows of the pose, (n,) each."""
+    elevator, rate = pose_signals(record, theta)
+    path = np.append(elevator[:, 0], elevator[-1, 2])
+    return path, np.append(rate, rate[-1:])
+
+
+def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
+    return compiled.measure_nodes(layout.compiled_kinds, nodes, layout.dynamics(theta))[
+        0
+    ]
+
+
+def true_nodes(
+    record: Record, theta: np.ndarray, field: Field = NO_FIELD
+) -> np.ndarray:
+    """Returns the smoothed states as a model sees them, (n, num_states).
+
+    The model's sensor effects are undone, and the effects' states follow from
+    their equations along the flight, at rest where it begins.
+    """
+    layout = record.layout
+    nodes = _without_sensors(record, theta).copy()
+    if record.has_servo:
+        seen = record.seen[:, 3]
+        if seen.any():  # Else the offset is unknown.
+            path = logged_elevator(record, theta)
+            nodes[:, OFFSET] = np.mean((record.elevator - path)[seen])
+    elevator, rate = pose_signals(record, theta)
+    start = nodes[0].copy()
+    start[OFFSET] += elevator[0, 0]
+    first = record.time[0], start, rate[0]
+    nodes[0, NUM_STATES:] = layout.steady_states(*first, theta)
+    along = compiled.log_path(record.time, elevator, rate)
+    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+    return compiled.with_extras(kinds, along, nodes, dynamics, field)
+
+
+def _without_sensors(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Undoes the sensor effects; a record caches the last results."""
+    layout = record.layout
+    settings = theta[list(layout.sensor_slots)]
+    if not np.any(settings):
+        return record.nodes
+    key = np.concatenate([theta[:NUM_PARAMETERS], settings]).tobytes()
+    if key in record.undone:
+        return record.undone[key]
+    step = 1e-4
+    nodes, later = record.nodes.copy(), record.nodes.copy()
+    later[:, :3] += step * nodes[:, 4:7]
+    for states in (nodes, later):
+        shown = states[:, :3].copy()
+        for _ in range(6):
+            states[:, :3] += shown - sensed(layout, states, theta)
+    nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
+    if len(record.undone) > 4:
+        record.undone.clear()
+    record.undone[key] = nodes
+    return nodes
+
+
+def flow_variables(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Returns FIELD_VARIABLES along a flight, (n, 9), at its smoothed states."""
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    nodes, signals = true_nodes(record, theta), node_signals(record, theta)
+    flow = compiled.flow_at(kinds, record.time, nodes, *signals, dynamics, NO_FIELD)
+    columns = _variables(record, nodes, flow, signals[1])
+    return np.stack([columns[name] for name in FIELD_VARIABLES], axis=1)
+
+
+def _variables(
+    record: Record, nodes: np.ndarray, flow: np.ndarray, rate: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Columns of FIELD_VARIABLES from states, flow and elevator rate."""
+    return {
+        "x": nodes[:, 0],
+        "z": nodes[:, 1],
+        "t": record.time,
+        "pitch": nodes[:, 2],
+        "V": flow[:, 0],
+        "alpha": np.arctan2(flow[:, 1], flow[:, 2]),
+        "pitchdot": nodes[:, 6],
+        "elevator": flow[:, 8],
+        "elevator_rate": rate,
+    }
+
+
+def flow_along(
+    record: Record, theta: np.ndarray, field: Field, trim: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns smoothed true states (n, num_states) and the model's flow there (n, 9).
+
+    The flow's columns are those of `compiled.replay.log_flow`.
+    """
+    theta, shift = trimmed(record, theta, trim)
+    nodes = true_nodes(record, theta).copy()
+    nodes[:, OFFSET] = shift
+    elevator, rate = node_signals(record, theta)
+    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
+    values = compiled.flow_at(
+        kinds, record.time, nodes, elevator, rate, dynamics, field
+    )
+    return nodes, values
+
+
+def make_table(
+    records: Sequence[Record],
+    theta: np.ndarray,
+    trims: Sequence[float],
+    field: Field = NO_FIELD,
+) -> ResidualTable:
+    """Stacks the residual of flights, each with its elevator trim [rad]."""
+    flights = [
+        _columns(record, theta, trim, field)
+        for record, trim in zip(records, trims, strict=True)
+    ]
+    stacked = {name: np.concatenate([f[name] for f in flights]) for name in flights[0]}
+    return ResidualTable(
+        variables={name: stacked[name] for name in (*FIELD_VARIABLES, "alphadot")},
+        residual=stacked["residual"],
+        coefficients={name: stacked[f"{name} measured"] for name in COEFFICIENTS},
+        modelled={name: stacked[f"{name} modelled"] for name in COEFFICIENTS},
+        flight=np.repeat(np.arange(len(flights)), [len(f["t"]) for f in flights]),
+        names=tuple(record.name for record in records),
+        noise=stacked["noise"],
+        unit=stacked["unit"],
+    )
+
+
+def _columns(
+    record: Record, theta: np.ndarray, trim: float, field: Field
+) -> dict[str, np.ndarray]:
+    """The columns of a table along one flight, without its ends."""
+    index = record.layout.index
+    mass, area, inertia, density, gravity = (
+        theta[index["parameters", name]]
+        for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
+    )
+    nodes, flow = flow_along(record, theta, field, trim)
+    speed, _, _, air_x, air_z = flow[:, :5].T
+    columns = _variables(record, nodes, flow, node_signals(record, theta)[1])
+    columns["alpha"] = np.unwrap(columns["alpha"])
+    columns["alphadot"] = np.gradient(columns["alpha"], record.time)
+    sine, cosine = np.sin(nodes[:, 2]), np.cos(nodes[:, 2])
+    x, z, angular = (record.acceleration - flow[:, 5:8]).T
+    columns["residual"] = np.column_stack(
+        [x * cosine - z * sine, x * sine + z * cosine, angular]
+    )
+    x, z, angular = record.acceleration_std.T
+    columns["noise"] = np.column_stack(
+        [np.hypot(x * cosine, z * sine), np.hypot(x * sine, z * cosine), angular]
+    )
+    pressure = 0.5 * density * speed**2 * area
+    columns["unit"] = np.column_stack([pressure / mass, pressure / inertia])
+    for label, a in (("measured", record.acceleration), ("modelled", flow[:, 5:8])):
+        force_x, force_z = mass * a[:, 0], mass * (a[:, 1] + gravity)
+        lift = (force_z * air_x - force_x * air_z) / speed
+        drag = -(force_x * air_x + force_z * air_z) / speed
+        columns[f"c_lift {label}"] = lift / pressure
+        columns[f"c_drag {label}"] = drag / pressure
+        columns[f"c_moment {label}"] = inertia * a[:, 2] / pressure
+    return {name: values[_EDGE:-_EDGE] for name, values in columns.items()}
+
+
+def warm_up(layout: Layout = LIBRARY_LAYOUT) -> None:
+    """Compiles the loops, or loads them where they have been compiled before."""
+    filter_error.filter_flight(*filter_error.no_flight())
+    kinds, n = layout.compiled_kinds, layout.num_states
+    theta = layout.dynamics(layout.default_theta(GliderParameters()))
+    times = np.array([0.0, 0.01, 0.02])
+    nodes = np.zeros((3, n))
+    nodes[:, 4] = 7.0
+    path = compiled.log_path(times, np.zeros((2, 3)), np.zeros(2))
+    compiled.with_extras(kinds, path, nodes, theta, NO_FIELD)
+    compiled.advance_nodes(kinds, path, nodes, theta, NO_FIELD)
+    compiled.measure_nodes(kinds, nodes, theta)
+    compiled.roll_out(kinds, path, nodes[0], theta, NO_FIELD)
+    compiled.flow_at(kinds, times, nodes, np.zeros(3), np.zeros(3), theta, NO_FIELD)
