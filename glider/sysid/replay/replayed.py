@@ -117,9 +117,8 @@ def node_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def sensed(layout: Layout, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Returns the pose (n, 3) that the sensors show of states (n, num_states)."""
-    return compiled.measure_nodes(layout.compiled_kinds, nodes, layout.dynamics(theta))[
-        0
-    ]
+    kinds, dynamics = layout.compiled_kinds, layout.dynamics(theta)
+    return compiled.measure_nodes(kinds, nodes, dynamics)[0]
 
 
 def true_nodes(
@@ -206,12 +205,9 @@ def flow_along(
     theta, shift = trimmed(record, theta, trim)
     nodes = true_nodes(record, theta).copy()
     nodes[:, OFFSET] = shift
-    elevator, rate = node_signals(record, theta)
-    kinds, dynamics = record.layout.compiled_kinds, record.layout.dynamics(theta)
-    values = compiled.flow_at(
-        kinds, record.time, nodes, elevator, rate, dynamics, field
-    )
-    return nodes, values
+    signals, dynamics = node_signals(record, theta), record.layout.dynamics(theta)
+    kinds, time = record.layout.compiled_kinds, record.time
+    return nodes, compiled.flow_at(kinds, time, nodes, *signals, dynamics, field)
 
 
 def make_table(
