@@ -13,7 +13,7 @@ logged as a Flight.
 """
 
 from glider.campaign.logs import Flight
-from glider.experiments.findings import Findings, findings_of, load_findings
+from glider.experiments.explanations import Findings, findings_of, load_findings
 from glider.experiments.proposal import Proposal, next_throw
 from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.experiments.throws import fly_throw

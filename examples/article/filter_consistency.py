@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy.stats import chi2
 
-from glider.control.policy import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
 from glider.estimation.ekf import SlowState
 from glider.estimation.perching import CAPTURE, perching_filter

@@ -14,7 +14,7 @@ from filter_study import (
     watch_perch,
 )
 from glider import Perches, Plan, perching_filter, tracking_regulator
-from glider.control.policy import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters

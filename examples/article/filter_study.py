@@ -23,7 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.control.policy import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy
 from glider.estimation.ekf import WIND_NAMES, Ekf, SlowState, make_ekf
 from glider.estimation.running import Belief, Estimates, make_prior, run_ekf
 from glider.physics.effects import THRUST

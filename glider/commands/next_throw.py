@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
         def follow(text: str) -> None:
             status.update(f"{text} ...")
 
-        from glider.experiments.findings import findings_of, load_findings
+        from glider.experiments.explanations import findings_of, load_findings
         from glider.experiments.known_funnel import checked, known_funnel
         from glider.experiments.proposal import check_servo, next_throw
         from glider.experiments.throw_limits import load_limits

@@ -1,6 +1,5 @@
 """Feedback: along a plan, and by planning again.
 
-tvlqr_drake: finite-horizon LQR by Drake. tvlqr: the same gains by compiled code.
-policy: feedback as a table over time. mppi: a controller that samples. mpc: one that
-plans by collocation.
+tvlqr_drake: finite-horizon LQR by Drake. tvlqr: the same gains by compiled code, as a
+table over time. mppi: a controller that samples. mpc: one that plans by collocation.
 """

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from glider.control.policy import sample_plan
+from glider.control.tvlqr import sample_plan
 from glider.errors import expect
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan

@@ -1,22 +1,147 @@
-"""The tracking feedback by compiled code, in milliseconds."""
+"""Tracking feedback as a table over time, computed by compiled code."""
+
+import dataclasses
+import functools
+import math
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 
 from glider.compiled.jacobian import stacked
 from glider.compiled.riccati import LOOPS
-from glider.control.policy import (
-    TrackingPolicy,
-    TrackingWeights,
-    aligned_count,
-    check_plan,
-    sample_plan,
-    weight_matrix,
-)
+from glider.errors import expect
+from glider.physics.actuator_replay import latest_command
 from glider.physics.model import GliderModel
+from glider.physics.state import NUM_STATES
 from glider.planning.plan import Plan
 
 STEP = 0.003
 """Longest step of the pass [s]: gains to about 1e-7 of their largest."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrackingWeights:
+    """Weights of following a plan; the defaults are the article's.
+
+    minimize   ∫ (x̃ᵀ diag(state) x̃ + rate ũ²) dt + x̃(T)ᵀ diag(final) x̃(T)
+    with x̃, ũ the departures from the plan. The effects' own states weigh nothing.
+
+    Attributes:
+        state: weights of the states, in the order of STATE_NAMES.
+        rate: weight of the elevator-rate command.
+        final: weights of the states at the plan's end, in the order of STATE_NAMES.
+    """
+
+    state: tuple[float, ...] = (10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0)
+    rate: float = 0.1
+    final: tuple[float, ...] = (400.0, 400.0, 1 / 9, 1 / 9, 1.0, 1.0, 1 / 9)
+
+    def __post_init__(self):
+        """Raises InputError where Riccati's equation would have no solution."""
+        needed = f"{NUM_STATES} finite numbers, none negative"
+        for name in ("state", "final"):
+            values = np.asarray(getattr(self, name), dtype=float)
+            good = values.shape == (NUM_STATES,)
+            good = good and bool(np.all(np.isfinite(values) & (values >= 0.0)))
+            expect(good, f"TrackingWeights: '{name}'", values, needed)
+        good = math.isfinite(self.rate) and self.rate > 0.0
+        expect(good, "TrackingWeights: 'rate'", self.rate, "a positive number")
+
+
+def weight_matrix(diagonal: tuple[float, ...], num_states: int) -> np.ndarray:
+    """Returns a diagonal matrix (n, n), zero for the effects' own states."""
+    return np.diag(np.append(diagonal, np.zeros(num_states - len(diagonal))))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class TrackingPolicy:
+    """u = u₀ - K (x - x₀) - k₀ about a plan, and its cost-to-go.
+
+    Holds numbers only, so that a copy can go to another process.
+
+    Attributes:
+        plan: plan, x₀ and u₀.
+        times: (M + 1,) from 0 to the end of the plan [s].
+        gains: (M + 1, n) K at the times.
+        corrections: (M + 1,) k₀ at the times [rad/s]; what the plan lacks to be a
+            flight.
+        cost: (M + 1, n, n) S of the cost-to-go x̃ᵀ S x̃ + 2 x̃ᵀ s + (a number).
+        cost_slope: (M + 1, n) s.
+        is_linear: whether K and k₀ are straight lines between the times, as a funnel
+            has them; else they are cubic splines.
+    """
+
+    plan: Plan
+    times: np.ndarray
+    gains: np.ndarray
+    corrections: np.ndarray
+    cost: np.ndarray
+    cost_slope: np.ndarray
+    is_linear: bool = False
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states that are fed back."""
+        return self.plan.state_names
+
+    @property
+    def duration(self) -> float:
+        """Duration of the plan [s]."""
+        return self.plan.duration
+
+    def count(self, step: float) -> int:
+        """Number of equal steps, none longer, that the plan divides into."""
+        return aligned_count(self.plan, step)
+
+    def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the policy as u = offset - gain x at some times.
+
+        After the plan's end its last values stay, as with Drake's regulator.
+
+        Args:
+            times: (J,) [s].
+
+        Returns:
+            offset (J,) [rad/s] and gain (J, n).
+        """
+        at = np.clip(times, 0.0, self.duration)
+        curve = functools.partial(make_interp_spline, k=1)
+        curve = curve if self.is_linear else CubicSpline
+        gain = curve(self.times, self.gains)(at)
+        correction = curve(self.times, self.corrections)(at)
+        nominal, _, inputs = sample_plan(self.plan, at)
+        return inputs - correction + np.sum(gain * nominal, axis=1), gain
+
+
+def check_plan(model: GliderModel, plan: Plan) -> None:
+    """Raises InputError unless the plan has the states of the glider."""
+    mine, needed = tuple(plan.state_names), f"those of the glider, {model.state_names}"
+    expect(mine == model.state_names, "the plan's states", mine, needed)
+
+
+def sample_plan(
+    plan: Plan, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns states (J, n), their slopes (J, n) and inputs (J,) at some times."""
+    path = CubicHermiteSpline(plan.times, plan.states, plan.slopes)
+    if plan.is_held:
+        knot = latest_command(plan.times, times)
+        inputs = plan.inputs[np.minimum(knot, len(plan.inputs) - 1)]
+    else:
+        inputs = np.interp(times, plan.times, plan.inputs)
+    return path(times), path(times, 1), inputs
+
+
+def aligned_count(plan: Plan, step: float) -> int:
+    """Number of equal steps, none longer than `step`, that a plan divides into.
+
+    An integer for each interval between equally spaced knots, because the
+    plan has kinks there.
+    """
+    good = math.isfinite(step) and step > 0.0
+    expect(good, "the step", step, "a positive number of seconds")
+    intervals = len(plan.times) - 1
+    return intervals * math.ceil(plan.duration / (intervals * step) - 1e-9)
 
 
 def tracking_policy(

@@ -15,7 +15,7 @@ from pydrake.systems.controllers import (
 )
 from pydrake.systems.framework import System
 
-from glider.control.policy import TrackingWeights, check_plan, weight_matrix
+from glider.control.tvlqr import TrackingWeights, check_plan, weight_matrix
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
 from glider.systems.plant import GliderPlant

@@ -16,8 +16,7 @@ from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError, expect
-from glider.experiments.explanations import Explanation, explain
-from glider.experiments.findings import Findings
+from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, Grams, added, is_finite, times
 from glider.experiments.funnel_throws import SHORTEST, check_frame, check_launch
 from glider.experiments.known_funnel import (

@@ -27,7 +27,6 @@ from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.planning.guess import Guess, straight_line, swoop
 from glider.planning.plan import Attempt, Plan
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.reach import Closest, find_closest
 from glider.planning.structured import (
@@ -38,6 +37,7 @@ from glider.planning.structured import (
 )
 from glider.planning.structured import to_guess as flight_to_guess
 from glider.planning.transcription import (
+    Dynamics,
     arrival_violations,
     check_plannable,
     to_guess,

@@ -18,10 +18,9 @@ from pydrake.solvers import SnoptSolver
 from glider.physics.model import GliderModel
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.guess import straight_line
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.structured import solve_structured
-from glider.planning.transcription import to_guess, transcribe
+from glider.planning.transcription import Dynamics, to_guess, transcribe
 
 KNOTS = (25, 41)
 REPEATS = 5

@@ -9,13 +9,13 @@ from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from scipy.linalg import solve_continuous_are
 
 from examples.cruise import find_trim
-from glider.control.policy import (
+from glider.control.tvlqr import (
     TrackingWeights,
     aligned_count,
     sample_plan,
+    tracking_policy,
     weight_matrix,
 )
-from glider.control.tvlqr import tracking_policy
 from glider.control.tvlqr_drake import tracking_regulator
 from glider.errors import InputError
 from glider.physics.model import GliderModel

@@ -8,7 +8,7 @@ import pytest
 
 from glider.compiled.rollouts import fly_tapes
 from glider.control.mppi import sequence_of
-from glider.control.policy import sample_plan
+from glider.control.tvlqr import sample_plan
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.planning.plan import held_plan

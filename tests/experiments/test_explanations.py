@@ -5,8 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.experiments.explanations import UNKNOWN, explain, with_probabilities
-from glider.experiments.findings import Findings
+from glider.experiments.explanations import (
+    UNKNOWN,
+    Findings,
+    explain,
+    with_probabilities,
+)
 from tests.helpers.late import LATE
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from glider.compiled.rollouts import fly_tapes
 from glider.errors import InputError
-from glider.experiments.explanations import UNKNOWN, explain
-from glider.experiments.findings import Findings, load_findings
+from glider.experiments.explanations import UNKNOWN, Findings, explain, load_findings
 from glider.experiments.proposal import next_throw, propose, read_task
 from glider.experiments.throw_limits import ThrowLimits
 from glider.physics.effects import ANGLE_SIGN, KINDS

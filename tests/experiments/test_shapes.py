@@ -7,7 +7,6 @@ import pytest
 
 from glider.experiments.explanations import choice_of_shapes
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.model_fit import (
     fit_model,
     grams_of,
@@ -38,9 +37,8 @@ def worth(task, model, late):
     theta[shape] = late
     own = dataclasses.replace(model, theta=theta, free=(size,))
     own = fit_model(task, own, free_scales=())
-    directions = slopes(task.layout, own.theta, own.free)
-    gram = np.sum(grams_of(linear_flights(task, own, directions), own.scales), axis=0)
-    prior = prior_of(task, own, own.free)[2]
+    gram = grams_of(linear_flights(task, own), own.scales).sum(axis=0)
+    prior = prior_of(task, own).precision
     return -own.cost + 0.5 * np.log(prior[0] / (gram[0, 0] + prior[0]))
 
 

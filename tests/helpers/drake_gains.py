@@ -6,7 +6,7 @@ from pydrake.systems.controllers import (
     FiniteHorizonLinearQuadraticRegulatorResult,
 )
 
-from glider.control.policy import TrackingPolicy, TrackingWeights, aligned_count
+from glider.control.tvlqr import TrackingPolicy, TrackingWeights, aligned_count
 from glider.control.tvlqr_drake import regulator_arguments
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan

@@ -11,9 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign, Flight, campaign_of
-from glider.control.policy import sample_plan
-from glider.experiments.explanations import Explanation, explain, with_probabilities
-from glider.experiments.findings import Findings
+from glider.control.tvlqr import sample_plan
+from glider.experiments.explanations import (
+    Explanation,
+    Findings,
+    explain,
+    with_probabilities,
+)
 from glider.experiments.proposal import read_task
 from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throws import Throw

@@ -5,8 +5,7 @@ import functools
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.experiments.explanations import Explanation, explain
-from glider.experiments.findings import Findings
+from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.proposal import Proposal, propose, read_task
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel

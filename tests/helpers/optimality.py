@@ -13,9 +13,8 @@ from scipy.optimize import lsq_linear
 
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.planning.transcription import transcribe
+from glider.planning.transcription import Dynamics, transcribe
 
 ACTIVE = 1e-3
 """Distance from a bound within which it may push. Where an interior-point method

@@ -18,9 +18,8 @@ from glider.physics.parameters import GliderParameters
 from glider.planning import dircol
 from glider.planning.dircol import LOOSE, PlanningError, path_defects, plan
 from glider.planning.guess import straight_line, swoop
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
-from glider.planning.transcription import transcribe, violated
+from glider.planning.transcription import Dynamics, transcribe, violated
 from tests.helpers.physics import PARAMETERS, nose_up_dynamics
 
 

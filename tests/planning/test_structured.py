@@ -16,11 +16,10 @@ from glider.physics.model import GliderModel
 from glider.planning import dircol
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.guess import straight_line
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.reach import find_closest
 from glider.planning.structured import make_program, solve_structured
-from glider.planning.transcription import hermite_simpson
+from glider.planning.transcription import Dynamics, hermite_simpson
 from tests.helpers.optimality import check_optimality
 
 MODEL, PROBLEM = GliderModel(), PerchingProblem()

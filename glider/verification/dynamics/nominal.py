@@ -18,7 +18,7 @@ import functools
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from glider.control.policy import TrackingPolicy, aligned_count, check_plan
+from glider.control.tvlqr import TrackingPolicy, aligned_count, check_plan
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate

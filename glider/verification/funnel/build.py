@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from glider.control.policy import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem

@@ -5,7 +5,7 @@ True means: the full physics, not its Taylor polynomial, and the servo with its 
 
 import numpy as np
 
-from glider.control.policy import TrackingPolicy
+from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.plan import Plan

@@ -9,7 +9,7 @@ import numpy as np
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.point_dynamics import Dynamics
+from glider.planning.transcription import Dynamics
 from ilqr import IlqrSettings, goal_problem, ilqr
 from tests.benchmarks.peers.pairs import Pair
 

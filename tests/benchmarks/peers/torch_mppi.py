@@ -11,9 +11,9 @@ import numpy as np
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
-from glider.planning.point_dynamics import Dynamics
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
+from glider.planning.transcription import Dynamics
 from ilqr import goal_cost
 from sampling_planners import mppi
 from tests.benchmarks.peers.pairs import Pair
