@@ -255,9 +255,9 @@ def measure(x, theta):
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
 
-def theta_of(numbers, field):
-    """Returns the Theta of a vector: parameters, then coefficients."""
-    parameters = Parameters(
+def parameters_of(numbers):
+    """Returns the Parameters at the front of a vector."""
+    return Parameters(
         numbers[0],
         numbers[1],
         numbers[2],
@@ -268,7 +268,15 @@ def theta_of(numbers, field):
         numbers[7],
         numbers[8],
     )
-    return Theta(parameters, numbers[NUM_PARAMETERS:], field)
+
+
+def theta_of(numbers, field):
+    """Returns the Theta of a vector: parameters, then coefficients.
+
+    It returns an array, so no other function of the chain may call it: compiled, they
+    count no references (see `glider.compiled.kernel`), and its array would never go.
+    """
+    return Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
 
 
 def derivatives_of(t, z, n, field):
@@ -281,5 +289,6 @@ def derivatives_of(t, z, n, field):
         n: number of states.
         field: the residual Field.
     """
-    theta = theta_of(z[n + NUM_INPUTS :], field)
+    numbers = z[n + NUM_INPUTS :]
+    theta = Theta(parameters_of(numbers), numbers[NUM_PARAMETERS:], field)
     return derivatives(t, z, z[n], z[n + 1], z[n + 2], theta)
