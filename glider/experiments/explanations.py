@@ -10,8 +10,8 @@ from scipy.special import softmax
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.candidates import gather, tamed
-from glider.sysid.likelihood.directions import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate
+from glider.sysid.likelihood.linear_flight import nearest_start, slopes, starts_of
 from glider.sysid.likelihood.model_fit import (
     FitResult,
     fit_model,

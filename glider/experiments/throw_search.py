@@ -22,8 +22,7 @@ from glider.experiments.funnel_throws import (
     throw_in_funnel,
 )
 from glider.experiments.throws import Throw, draw_genes, throw_of
-from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.linear_flight import linearize, slopes
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import start_variances, whiten
 from glider.sysid.likelihood.task import Task

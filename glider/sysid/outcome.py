@@ -98,7 +98,8 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
         least_std = LEAST_SPREAD * task.layout.scale[slot]
         shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
         if shows or (kind == "elevator_trim" and task.per_flight_trims):
-            values = [float(o[scales.PER_FLIGHT[kind][coefficient]]) for o in own]
+            column = scales.PER_FLIGHT.index((kind, coefficient))
+            values = own[:, column].tolist()
             found[kind] = result.Spread(
                 std=getattr(model.scales, scale),
                 unit=unit,

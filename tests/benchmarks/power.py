@@ -25,13 +25,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from glider.sysid.likelihood.candidates import tamed
-from glider.sysid.likelihood.directions import (
+from glider.sysid.likelihood.linear_flight import (
     Direction,
+    LinearFlight,
     nearest_start,
     slopes,
     starts_of,
 )
-from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import FitResult, grams_of, linear_flights
 from glider.sysid.likelihood.scales import Scales, fit_scales, typical_flights
 from glider.sysid.likelihood.task import Task

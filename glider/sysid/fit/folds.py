@@ -15,24 +15,12 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.result import Fold
 
 FOLDS = 5
-
-CLIP = 3.0
-"""Gains of single flights are held within this many median deviations of the
-median: one flight may not decide."""
-
-CHANCE = 0.025
-"""Probability that a correction which gains nothing passes as significant."""
-
-LEAST_UNSEEN_GAIN = -math.log(CHANCE)
-"""Log-likelihood that a correction must gain on the flights that neither the search nor
-a fit has seen [nats]: there a likelihood ratio of 40 comes up by chance in one campaign
-of forty at most, since its mean is one where the baseline is true."""
-
+CLIP = 3.0  # Median deviations about the median that gains are held within.
+CHANCE = 0.025  # Probability that a correction which gains nothing is significant.
+LEAST_UNSEEN_GAIN = -math.log(CHANCE)  # On flights that nothing has seen [nats].
+# Ratios of errors above which a correction makes flights worse, free and along the
+# measured pitch, where an effect on the pitch changes the error only by chance.
 WORSE = 1.001, 1.02
-"""Ratios of errors above which a correction makes flights worse, free and along the
-measured pitch. A free rollout shows all errors of a model, and a claim has to predict
-it better than the baseline does; a thousandth is a tie. Along the measured pitch, an
-effect on the pitch alone changes the error only by chance."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -28,13 +28,10 @@ from glider.sysid.replay.replayed import make_table, sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
-BEGINNING = 0.2
-"""Share of a flight on which its launch state is fitted."""
-
-BEGINNING_WITH_TRIM = 0.4
-"""The same where a trim of the flight is fitted too."""
-
+BEGINNING = 0.2  # Share of a flight on which its launch state is fitted,
+BEGINNING_WITH_TRIM = 0.4  # where a trim of the flight is fitted too.
 _FEWEST_ROWS = 10
+_OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,8 +74,8 @@ def rollout_scales(
 ) -> Scales:
     """Returns the errors of a model's rollouts over the beginnings of flights.
 
-    A rollout has no gusts: its errors persist, and a launch must fit all rows of the
-    beginning, not only the first. Flights on which the model diverges do not count.
+    A rollout has no gusts: a launch must fit all rows of the beginning, not only the
+    first. Flights on which the model diverges do not count.
     """
     still = dataclasses.replace(
         scales, air=FLOOR.air, moment=FLOOR.moment, servo=FLOOR.servo
@@ -90,9 +87,6 @@ def rollout_scales(
     costs = negative_log_likelihood([f.error_only() for f in flights], still)
     flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
     return fit_scales(flown, still, _OF_ROLLOUTS, iterations=20)[0]
-
-
-_OF_ROLLOUTS = ("position", "pitch")
 
 
 def find_launch(

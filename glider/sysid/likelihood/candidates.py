@@ -6,17 +6,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.sysid.likelihood import model_fit
-from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.information import Evidence, counted_from, eliminate, solve
-from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.linear_flight import (
+    Direction,
+    LinearFlight,
+    slopes,
+    starts_of,
+)
 from glider.sysid.likelihood.scales import Scales, fit_scales
 from glider.sysid.likelihood.task import Task
 
-Variant = tuple[int, ...]
-"""Columns of an effect with one choice of its starting shapes."""
+Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
+Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
 
-Member = tuple[str, Variant]
-"""An effect of a set: its kind and the columns it acts by."""
+# Change of a state in one interval, by a coefficient of its usual scale, that no flight
+# has: the formula is then far outside its range.
+_LARGEST_PUSH = 1e3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,11 +53,7 @@ class Candidates:
         return model_fit.grams_of(self.flights, scales)
 
     def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
-        """Returns the information about effects that count from zero.
-
-        The share of those that act is in the error again, that of the model without
-        effects, about which the prior is.
-        """
+        """Returns the information and the prior about the model without effects."""
         prior = model_fit.prior_of(self.task, self.model, self.slots)
         always, share = set(self.always), np.zeros(len(prior.mean))
         for j, slot in enumerate(self.slots):
@@ -111,11 +112,6 @@ def gather(task: Task, model: model_fit.FitResult) -> Candidates:
         variants={k: tuple(v) for k, v in variants.items() if v and v[0]},
         flights=flights,
     )
-
-
-_LARGEST_PUSH = 1e3
-"""Change of a state in one interval, by a coefficient of its usual scale, that no
-flight has: the formula is then far outside its range."""
 
 
 def tamed(

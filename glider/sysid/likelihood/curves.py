@@ -1,11 +1,8 @@
 """Residual curves over the angle of attack: errors of the formulas.
 
-Lift, drag, moment and the tail's force may differ from any formula by smooth curves
-over alpha. In a fit they are a nuisance with small, shrunken weights: they absorb the
-residual of a formula of nearly the right shape, so that no second effect is added for
-it. Curves that the simplest formulas can express (a constant drag, camber, plate lift,
-axial drag, a constant moment, a shifted center of pressure, the tail's area) are
-excluded from them: effects come first.
+In a fit they are a nuisance with small, shrunken weights: they absorb the residual of a
+formula of nearly the right shape, so that no second effect is added for it. Curves that
+the simplest formulas can express are excluded: effects come first.
 """
 
 import dataclasses
@@ -19,16 +16,11 @@ from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import flow_variables
 
-TERMS = (*COEFFICIENTS, TAIL_TERM)
-"""Terms of FIELD_TERMS that the curves are of."""
-
+TERMS = (*COEFFICIENTS, TAIL_TERM)  # That the curves are of, among FIELD_TERMS.
+# Prior spread of the weights of each term [-, -, m, -] at a strength of one: a few
+# hundredths of a flat plate's largest coefficients (2, 2, 2 · 0.06 m), and a tenth.
 STRENGTHS = (0.02, 0.02, 0.0012, 0.1)
-"""Prior spread of the weights of each term [-, -, m, -]: a few hundredths of a flat
-plate's largest coefficients (2, 2, 2 · 0.06 m) and a tenth of the tail's force, at
-a strength of one; the strength itself is estimated."""
-
-COUNT = 12
-"""Gaussians over the flown angles of attack."""
+COUNT = 12  # Gaussians over the flown angles of attack.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -41,7 +33,11 @@ class Gaussians:
     variable: str  # Of FIELD_VARIABLES.
     terms: tuple[str, ...]  # T of FIELD_TERMS.
     centers: np.ndarray  # (M,)
-    width: float
+
+    @property
+    def width(self) -> float:
+        """Standard width of each."""
+        return float(self.centers[1] - self.centers[0])
 
     def functions(self, values: np.ndarray) -> np.ndarray:
         """Returns the Gaussians (n, M) at values of the variable (n,)."""
@@ -54,7 +50,7 @@ class Gaussians:
             kind="unexplained",
             variables=[self.variable],
             centers=self.centers[:, None].tolist(),
-            widths=[float(self.width)],
+            widths=[self.width],
             weights=dict(zip(self.terms, by_term.tolist(), strict=True)),
         )
 
@@ -107,10 +103,9 @@ def make_curves(records: Sequence[Record], theta: np.ndarray) -> Curves:
     alpha = flown_values(records, theta, "alpha")
     low, high = np.percentile(alpha, [1.0, 99.0])
     centers = np.linspace(low, max(high, low + 0.05), COUNT)
-    width = float(centers[1] - centers[0])
     angles = np.sort(alpha)[:: max(1, len(alpha) // 2000)]
     spreads = np.tile(STRENGTHS, COUNT)
-    own = Gaussians(variable="alpha", terms=TERMS, centers=centers, width=width)
+    own = Gaussians(variable="alpha", terms=TERMS, centers=centers)
     functions = own.functions(angles)[:, :, None]
     shapes = [np.stack(shape, axis=1)[:, None, :] for shape in _simple_shapes(angles)]
     overlaps = np.array([(functions * s).mean(axis=0).ravel() for s in shapes])

@@ -1,9 +1,7 @@
 """The information of flights on coefficients, one small matrix for each flight.
 
-A flight's errors are linear in its launch state and in the coefficients. With the
-launch state eliminated, their squares are a quadratic form [δθ; -1]' R [δθ; -1];
-R is the flight's information. Sums, steps, cross-validation and standard errors
-over flights need no more than these matrices.
+With the launch state eliminated, the squares of a flight's errors are a quadratic form
+[δθ; -1]' R [δθ; -1] of changes of coefficients; R is the flight's information.
 """
 
 import dataclasses
@@ -37,11 +35,7 @@ def solve(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarra
 def bounded_step(
     information: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Returns the minimiser that `solve` finds between bounds.
-
-    A coefficient that would leave them stays on its bound, and the others are
-    solved for again.
-    """
+    """Returns the minimiser of `solve`; coefficients that leave bounds stay on them."""
     m = len(lower)
     fixed = np.zeros(m, dtype=bool)
     step = np.zeros(m)
@@ -64,11 +58,9 @@ def bounded_step(
 def covariance(information: np.ndarray, ridge: np.ndarray | float = 0.0) -> np.ndarray:
     """Returns the covariance (m, m) of coefficients fitted to (flights, m + 1, m + 1).
 
-    The larger of the classical one and the jackknife over flights: that one stays
-    honest when errors within a flight are correlated, and where flights are few for the
-    coefficients (MacKinnon and White, Journal of Econometrics 29, 1985), widened as
-    Student's t of so few asks: 1.96 standard errors are to hold 95 %. Everything being
-    linear, each flight is held out exactly.
+    The larger of the classical one and the jackknife over flights, which holds where
+    errors within a flight are correlated and where flights are few (MacKinnon and
+    White, Journal of Econometrics 29, 1985), widened as Student's t of so few asks.
     """
     m = information.shape[1] - 1
     hessians = information[:, :m, :m]
@@ -103,8 +95,7 @@ class Evidence:
         """
         if not columns:
             return 0.0
-        # Asked for by the ten thousand: LAPACK itself, whose wrappers take ten times
-        # as long as it does.
+        # Computed ten thousand times: SciPy's wrappers would take ten times as long.
         index = np.array(columns)
         a, b = self.gram[index[:, None], index], self.gram[index, -1]
         precision = self.precision[index]
@@ -131,10 +122,7 @@ class Evidence:
 
 
 def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Returns Gram matrices (..., m + 1, m + 1) with columns' share in the error again.
-
-    The error is then that of the model whose coefficients are less by `values` (m,).
-    """
+    """Returns Gram matrices of the model whose coefficients are less by values (m,)."""
     mix = np.append(values, 1.0)
     whole = gram.copy()
     whole[..., :, -1] = gram @ mix

@@ -1,6 +1,10 @@
-"""A flight linearized in launch, moving air, per-flight constants and parameters."""
+"""A flight linearized in launch, moving air, per-flight constants and parameters.
+
+A direction is one way in which a model may be wrong: a column of the flight's errors.
+"""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,8 +18,7 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, Field
-from glider.sysid.likelihood.directions import Direction
+from glider.physics.effects import FIELD_TERMS, FIELD_VARIABLES, EffectKind, Field
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
     flow_variables,
@@ -27,8 +30,84 @@ from glider.sysid.replay.replayed import (
 )
 from glider.sysid.replay.theta import OFFSET, Layout
 
+# Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
 NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
-"""Per-flight constants: wind in x and z [m/s], trim and pitch zero [rad]."""
+SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
+SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Direction:
+    """One coefficient moved, the shapes of its effect set to some start."""
+
+    kind: str  # Of the effect, or "parameters".
+    slot: int  # Of the coefficient in theta.
+    base: np.ndarray  # Theta with the effect's shapes set.
+    moved: np.ndarray  # Base with the coefficient moved.
+    size: float  # By how much.
+    # The effect's starting shapes, by slot; empty where it acts already.
+    shapes: tuple[tuple[int, float], ...] = ()
+
+
+def slopes(
+    layout: Layout,
+    theta: np.ndarray,
+    free: Sequence[int],
+    shapes: tuple[tuple[int, float], ...] = (),
+) -> list[Direction]:
+    """Returns the directions of slots as they are, for a fit."""
+    small = np.where(np.array(free) < layout.num_compiled, SMALL, SMALL_SIGNAL)
+    sizes = small * layout.scale[list(free)]
+    moves = zip(free, sizes.tolist(), strict=True)
+    return [_direction(layout, theta, slot, size, shapes) for slot, size in moves]
+
+
+def starts_of(
+    layout: Layout, kind: EffectKind, theta: np.ndarray
+) -> list[list[Direction]]:
+    """Returns an absent effect's directions, for each combination of its shapes.
+
+    An effect whose every coefficient is a shape (a lag, a delay) is tried by secants to
+    its starting values, for it is not linear there.
+    """
+    slots = dict(zip(layout.slots_of(kind.kind), kind.coefficients, strict=True))
+    sizes = [i for i, c in slots.items() if not c.is_shape]
+    grids = {i: c.grid for i, c in slots.items() if c.is_shape}
+    if not sizes:
+        starts = [(i, value) for i, grid in grids.items() for value in grid]
+        return [[_direction(layout, theta, i, v - theta[i])] for i, v in starts]
+    found = []
+    for values in itertools.product(*grids.values()):
+        base = theta.copy()
+        base[list(grids)] = values
+        shapes = tuple(zip(grids, values, strict=True))
+        found.append(slopes(layout, base, sizes, shapes))
+    return found
+
+
+def _direction(
+    layout: Layout,
+    theta: np.ndarray,
+    slot: int,
+    size: float,
+    shapes: tuple[tuple[int, float], ...] = (),
+) -> Direction:
+    moved, (kind, _) = theta.copy(), layout.slots[slot]
+    moved[slot] += size
+    return Direction(
+        kind=kind, slot=slot, base=theta, moved=moved, size=size, shapes=shapes
+    )
+
+
+def nearest_start(
+    layout: Layout, starts: Sequence[Sequence[Direction]], theta: np.ndarray
+) -> int:
+    """Index of the start whose shapes are nearest to those of theta."""
+    apart = [
+        sum(abs(v - theta[i]) / layout.scale[i] for i, v in columns[0].shapes)
+        for columns in starts
+    ]
+    return int(np.argmin(apart))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,14 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.effects.field import FieldData, make_field
-from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.information import bounded_step
-from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, LinearFlight, linearize
+from glider.sysid.likelihood.linear_flight import (
+    NO_CONSTANTS,
+    Direction,
+    LinearFlight,
+    linearize,
+    slopes,
+)
 from glider.sysid.likelihood.scales import (
     NAMES,
     Scales,
@@ -28,14 +33,10 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.smoothing import Noise
 
-FEWEST_ITERATIONS = 2
-"""Before a fit may stop: the first step changes the scales too."""
-
-_TOLERANCE = 0.3
-"""Gain of an iteration below which a fit stops [nats]."""
-
-LARGEST_COORDINATE = 30.0
-"""Of a curve: it keeps a fit that goes astray from overflow."""
+FEWEST_ITERATIONS = 2  # Before a fit may stop: the first step changes the scales too.
+LARGEST_COORDINATE = 30.0  # Of a curve: it keeps a fit that diverges from overflow.
+STRENGTH_RANGE = (0.1, 5.0)  # Of curves: less is as good as none, more no error of one.
+_TOLERANCE = 0.3  # Gain of an iteration below which a fit stops [nats].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -259,7 +260,3 @@ def fit_strength(task: Task, model: FitResult, rounds: int = 8) -> FitResult:
     freedom = 0.5 * float(np.linalg.slogdet(corner)[1])
     freedom += len(corner) * np.log(strength)
     return dataclasses.replace(model, strength=strength, freedom=freedom)
-
-
-STRENGTH_RANGE = (0.1, 5.0)
-"""Strengths of the curves: less is as good as none, more is no error of a form."""

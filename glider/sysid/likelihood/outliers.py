@@ -1,17 +1,10 @@
 """Flights that no model explains together with the others.
 
-All effects, shrunken curves, the launch, moving air and per-flight constants act at
-once; the remaining mean squared error of a flight is about the same for all flights of
-one glider, whatever its model lacks. It is many times as large for a flight whose axes,
-units, clock or elevator are not those of the others, that was hit or is of another
-glider. All is in closed form from the flights' Gram matrices, with low weights for
-flights of large errors (iteratively reweighted least squares; Huber, Robust Statistics,
-1981).
-
-Measured: in 15 good campaigns the worst flight has 2.2 times the median mean square,
-at 4.3 deviations; one of turned axes 200 to 1000 times (60 to 110 deviations), with
-commands 50 ms late 150, with an elevator zero of 0.2 rad 28, of a glider half as heavy
-again 42, with positions 5 % too large 3.
+With everything acting at once, the remaining mean squared error is about the same for
+all flights of one glider, whatever its model lacks, and many times as large for a
+flight of other axes, units or clocks (docs/how_it_works.md has measurements). It is
+found in closed form from the flights' Gram matrices by iteratively reweighted least
+squares (Huber, Robust Statistics, 1981).
 """
 
 import numpy as np
@@ -24,32 +17,19 @@ from glider.sysid.likelihood.scales import PER_FLIGHT, Scales, flight_values
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 
+# Scales under which flights are compared: errors of any one model count little.
 COARSE_SCALES = Scales(
     position=0.01, pitch=0.02, elevator=0.05, air=0.3, moment=5.0, servo=0.02
 )
-"""Scales under which flights are compared: errors of any one model count little."""
-
-Z_OUTLYING = 5.0
-"""Deviations of the logarithm of a flight's mean square from the median above which it
-is an outlier, among many flights."""
-
-LEAST_DEVIATION = 0.15
-"""Least deviation of these logarithms: with `Z_OUTLYING`, twice the median."""
-
-MOST = 0.3
-"""Share of the flights that may be outliers: more are no exceptions."""
-
-FEWEST = 5
-"""Flights below which none can be an outlier."""
-
-_ROUNDS = 12
-_HEAVY = 2.0
-"""Mean square over the median above which a flight counts less."""
-
-
-_LEAST_SQUARE = 1e-6
-"""Mean square below which flights are equally good: errors of a thousandth of
-`COARSE_SCALES`. Of logs without noise the rest is rounding, of any size and sign."""
+Z_OUTLYING = 5.0  # Deviations of a log mean square above which a flight is an outlier,
+LEAST_DEVIATION = 0.15  # and least deviation of these: together twice the median.
+Z_EXTREME = 10.0  # Deviations of constants beyond flight-to-flight variation,
+LEAST_EXTREME = 0.3  # and least deviation, in the coefficient's scale.
+MOST = 0.3  # Share of the flights that may be outliers: more are no exceptions.
+FEWEST = 5  # Flights below which none can be an outlier.
+_ROUNDS = 12  # Of reweighting.
+_HEAVY = 2.0  # Mean square over the median above which a flight counts less.
+_LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
@@ -83,8 +63,7 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     """Finds the mean squares (flights,) that are out of line with the others.
 
     Logarithms are compared, since an error common to all flights scales the squares.
-    With few flights the deviation is uncertain, and a larger one is required. If more
-    than `MOST` are out of line, none is an outlier.
+    With few flights the deviation is uncertain, and a larger one is required.
     """
     logs = np.log(squares)
     apart = logs - np.median(logs)
@@ -93,37 +72,24 @@ def stand_out(squares: np.ndarray) -> np.ndarray:
     return outlying & (np.mean(outlying) <= MOST)
 
 
-Z_EXTREME = 10.0
-"""Deviations of a flight's wind, trim or pitch offset from the median above which it is
-no flight-to-flight variation: of Gaussian ones 1e-20 of flights are so far."""
-
-LEAST_EXTREME = 0.3
-"""... and least deviation, in the coefficient's scale."""
-
-
 def find_extreme(task: Task, model: model_fit.FitResult) -> dict[str, str]:
     """Returns flights of extreme wind, trim or pitch offset, and the reasons.
 
-    The constants of one flight may absorb that its positions have another unit or that
-    it is of another glider; the flight-to-flight variation then grows to include it and
-    hides the effects of all others.
+    A flight's constants may absorb that it has another unit or glider; the variation
+    then grows to include it and hides the effects of all others.
     """
     if not task.vehicle.knows_forces or len(task.records) < FEWEST:
         return {}
     flights = model_fit.error_flights(task, model)
     own = flight_values(flights, model.scales)
     found: dict[str, str] = {}
-    for kind, places in PER_FLIGHT.items():
-        for name, place in places.items():
-            slot = task.layout.index[kind, name]
-            units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
-            apart = np.abs(own[:, place] - np.median(own[:, place]))
-            deviation = float(robust_std(apart))
-            least = max(Z_EXTREME * deviation, LEAST_EXTREME * task.layout.scale[slot])
-            for i in np.flatnonzero(apart > least).tolist():
-                found.setdefault(
-                    task.records[i].name,
-                    f"no other flight needs {kind} as of {own[i, place]:.2g} "
-                    f"{units[name]}",
-                )
+    for (kind, name), values in zip(PER_FLIGHT, own.T, strict=True):
+        slot = task.layout.index[kind, name]
+        units = {c.name: c.unit for c in task.layout.kinds[kind].coefficients}
+        apart = np.abs(values - np.median(values))
+        scale = LEAST_EXTREME * task.layout.scale[slot]
+        least = max(Z_EXTREME * float(robust_std(apart)), scale)
+        for i in np.flatnonzero(apart > least).tolist():
+            words = f"no other flight needs {kind} as of {values[i]:.2g}"
+            found.setdefault(task.records[i].name, f"{words} {units[name]}")
     return found if len(found) <= MOST * len(task.records) else {}

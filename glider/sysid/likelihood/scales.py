@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,23 +13,39 @@ from glider.sysid.likelihood.linear_flight import NO_CONSTANTS, LinearFlight
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import OFFSET
 
+MOMENT_TIME = 0.1  # Correlation time of unmodelled pitch accelerations [s].
+SERVO_TIME = 0.05  # The same of an elevator's departure from its path [s].
+# Spread of a launch about its smoothed measurement, as the state [m, rad, s].
+_LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
+_EXTRA = 0.05  # Spread of effects' states about rest, in their scales.
+# Mean and spread of log(air_time), which flights in nearly still air do not determine.
+_TIME_PRIOR = (np.log(0.25), 0.7)
+_LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
+_MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
+_STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
+
 Flight = TypeVar("Flight")
+
+
+def _scale(usual: float, least: float, most: float) -> Any:
+    """A scale where it starts, and its range: no log shows less, no flight has more."""
+    return dataclasses.field(default=usual, metadata={"range": (least, most)})
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scales:
     """Standard deviations of all noise."""
 
-    position: float = 1e-3  # Of measured x and z [m].
-    pitch: float = 5e-3  # Of measured pitch [rad].
-    elevator: float = 1e-2  # Of the measured elevator [rad].
-    air: float = 0.05  # Of the moving air, in x and in z [m/s].
-    air_time: float = 0.25  # Its correlation time [s].
-    moment: float = 1.0  # Of unmodelled pitch accelerations [rad/s²].
-    servo: float = 5e-3  # Of the elevator's departure from its replayed path [rad].
-    wind: float = 0.05  # Of the steady winds of single flights, in x and in z [m/s].
-    trim: float = 5e-3  # Of their elevator trims [rad].
-    pitch_zero: float = 5e-3  # Of their pitch readings [rad].
+    position: float = _scale(1e-3, 1e-6, 0.2)  # Of measured x and z [m].
+    pitch: float = _scale(5e-3, 1e-5, 0.3)  # Of measured pitch [rad].
+    elevator: float = _scale(1e-2, 1e-5, 0.3)  # Of the measured elevator [rad].
+    air: float = _scale(0.05, 1e-3, 0.6)  # Of the moving air, in x and in z [m/s].
+    air_time: float = _scale(0.25, 0.04, 1.0)  # Its correlation time [s].
+    moment: float = _scale(1.0, 1e-2, 200.0)  # Of unmodelled accelerations [rad/s²].
+    servo: float = _scale(5e-3, 1e-4, 0.3)  # Of the elevator off its path [rad].
+    wind: float = _scale(0.05, 1e-3, 0.5)  # Of flights' steady winds, x and z [m/s].
+    trim: float = _scale(5e-3, 1e-4, 0.1)  # Of their elevator trims [rad].
+    pitch_zero: float = _scale(5e-3, 1e-4, 0.03)  # Of their pitch readings [rad].
 
     @property
     def logs(self) -> np.ndarray:
@@ -43,6 +59,10 @@ class Scales:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Scales))
+FLOOR, CEILING = (
+    Scales(**{f.name: f.metadata["range"][end] for f in dataclasses.fields(Scales)})
+    for end in (0, 1)
+)
 
 
 def start_scales(noise: Noise) -> Scales:
@@ -52,44 +72,6 @@ def start_scales(noise: Noise) -> Scales:
         pitch=noise.pitch,
         elevator=max(noise.elevator, _LEAST_ELEVATOR),
     )
-
-
-_LEAST_ELEVATOR = 1e-4
-"""Least noise of an elevator [rad], where there is none."""
-
-_RANGES = {
-    "position": (1e-6, 0.2),
-    "pitch": (1e-5, 0.3),
-    "elevator": (1e-5, 0.3),
-    "air": (1e-3, 0.6),
-    "air_time": (0.04, 1.0),
-    "moment": (1e-2, 200.0),
-    "servo": (1e-4, 0.3),
-    "wind": (1e-3, 0.5),
-    "trim": (1e-4, 0.1),
-    "pitch_zero": (1e-4, 0.03),
-}
-FLOOR, CEILING = (
-    Scales(**dict(zip(_RANGES, values, strict=True)))
-    for values in zip(*_RANGES.values(), strict=True)
-)
-"""Least scales, as weaker ones show in no log, and largest: no flight has more."""
-
-MOMENT_TIME = 0.1
-"""Correlation time of unmodelled pitch accelerations [s]."""
-
-SERVO_TIME = 0.05
-"""The same of an elevator's departure from its path [s]."""
-
-_LAUNCH = (0.1, 0.1, 0.15, 0.1, 0.5, 0.5, 2.0)
-"""Spread of a launch about its smoothed measurement, as the state [m, rad, s]."""
-
-_EXTRA = 0.05
-"""Spread of effects' states about rest, in their scales."""
-
-_TIME_PRIOR = (np.log(0.25), 0.7)
-"""Mean and spread of log(air_time): the log of a flight in nearly still air does not
-determine it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -169,13 +151,11 @@ def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray
     return np.array(starts)[:, -len(NO_CONSTANTS) :]
 
 
-PER_FLIGHT = {
-    "wind": {"x": 0, "z": 1},
-    "elevator_trim": {"angle": 2},
-    "pitch_offset": {"angle": 3},
-}
-"""Effects that may vary from flight to flight: coefficient to column of
-`flight_values`."""
+PER_FLIGHT = (
+    *(("wind", "x"), ("wind", "z")),
+    *(("elevator_trim", "angle"), ("pitch_offset", "angle")),
+)
+"""Coefficients that may vary from flight to flight, as columns of `flight_values`."""
 
 
 def flight_constants(
@@ -242,7 +222,7 @@ def fit_scales(
             break
         corner = fisher[np.ix_(loose, loose)]
         gained = 0.0
-        while damping <= MOST_DAMPING:
+        while damping <= _MOST_DAMPING:
             heavier = np.diag((damping + 1e-6) * np.diag(corner) + 1e-3)
             step = np.zeros(len(logs))
             solved = -np.linalg.solve(corner + heavier, gradient[loose])
@@ -260,13 +240,6 @@ def fit_scales(
         if gained < tolerance:
             break
     return Scales.from_logs(logs), value
-
-
-MOST_DAMPING = 1e4
-"""Damping of a step of the scales beyond which there is none that gains."""
-
-_STEP_OF_LOG = 1e-3
-"""Step of a scale's logarithm for the slopes of what is filtered."""
 
 
 def _likelihood(

@@ -11,8 +11,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import Layout
 from glider.sysid.replay.vehicle import Vehicle
 
-PRIOR_SCALES = 3.0
-"""Prior spread of an effect's coefficients, in their scales."""
+PRIOR_SCALES = 3.0  # Prior spread of an effect's coefficients, in their scales.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

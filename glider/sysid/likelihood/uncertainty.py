@@ -6,9 +6,12 @@ import numpy as np
 
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import Candidates, saturated_scales
-from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.information import counted_from, covariance, eliminate
+from glider.sysid.likelihood.linear_flight import slopes
 from glider.sysid.likelihood.task import Task
+
+ALLOWED = 4.5  # Evidence that the curves' strength may cost [nats]: three deviations.
+STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)  # None to most.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -27,11 +30,7 @@ class Uncertainty:
 
 
 def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
-    """Returns the covariance of a model's parameters.
-
-    The larger of that of the likelihood and that of the jackknife over flights, see
-    `glider.sysid.likelihood.information.covariance`.
-    """
+    """Returns the covariance of a model's parameters, see `information.covariance`."""
     grams = model_fit.grams_of(model_fit.linear_flights(task, model), model.scales)
     precision = model_fit.prior_of(task, model).precision
     return Uncertainty(free=model.free, covariance=covariance(grams, precision))
@@ -40,9 +39,8 @@ def uncertainty_of(task: Task, model: model_fit.FitResult) -> Uncertainty:
 def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.FitResult:
     """Returns a model with the strongest prior of curves that its flights allow.
 
-    No glider follows formulas exactly. Curves over the angle of attack that the flights
-    cannot show may have biased the coefficients: standard errors are computed with such
-    curves beside the formulas. The more the flights determine, the less they allow.
+    Curves over the angle of attack that the flights cannot show may have biased the
+    coefficients: standard errors are computed with such curves beside the formulas.
 
     The strength s is the largest whose evidence, the coefficients integrated out, is
     at most ALLOWED below the best, where curves are not mistaken for moving air: with
@@ -78,10 +76,3 @@ def with_allowed_curves(task: Task, model: model_fit.FitResult) -> model_fit.Fit
     )
     allowed = STRENGTHS_ASKED[evidence >= evidence.max() - ALLOWED]
     return dataclasses.replace(bent, strength=float(allowed.max()))
-
-
-ALLOWED = 4.5
-"""Evidence that the curves' strength may cost [nats]: three standard deviations."""
-
-STRENGTHS_ASKED = np.geomspace(0.003, model_fit.STRENGTH_RANGE[1], 60)
-"""Strengths of curves that are tried; no sensor detects the least."""

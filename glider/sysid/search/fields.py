@@ -24,36 +24,21 @@ from glider.sysid.likelihood.model_fit import (
 )
 from glider.sysid.likelihood.task import Task
 
-FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}
-"""Forms that a field may have, and the terms of each."""
-
-SPREADS = {"air": (0.5, 0.5), "forces": (0.2, 0.2, 0.01)}
-"""Prior spread of the weights [m/s; -, -, m]."""
-
+FORMS = {"air": AIR_TERMS, "forces": COEFFICIENTS}  # Of a field, with their terms.
+SPREADS = {"air": (0.5, 0.5), "forces": (0.2, 0.2, 0.01)}  # Of weights [m/s; -, -, m].
 SURVEYED = (
     *(("air", name) for name in ("x", "z", "t")),
     *(("forces", name) for name in FIELD_VARIABLES if name != "pitch"),
 )
-"""Forms and variables that are looked at."""
-
-COARSE = 12
-"""Number of Gaussians in the survey."""
-
+COARSE = 12  # Gaussians in the survey.
+FINER = (18, 27, 40)  # Numbers of them that are tried afterwards.
+SURVEY_FLIGHTS = 12  # Flights of the survey; the field is fitted to all.
+MOST_LEADING = 3  # Fields of a survey that are fitted at most.
+# Share of the best field's evidence above which another is fitted too: a time and the
+# place that is reached by then are similar to few Gaussians.
 LEADING = 0.8
-"""Share of the best field's evidence above which another is fitted too: a time and the
-place that is reached by then are similar to few Gaussians."""
-
-MOST_LEADING = 3
-"""Fields of a survey that are fitted at most."""
-
-FINER = (18, 27, 40)
-"""Numbers that are tried afterwards."""
-
-SURVEY_FLIGHTS = 12
-"""Flights of the survey; the field is fitted to all."""
-
-_LEAST_RANGE = 1e-6
-"""Range below which a residual cannot depend on a variable."""
+_LEAST_RANGE = 1e-6  # Range below which a residual cannot depend on a variable.
+_FIELD_ROUNDS = 4  # Of fitting a field and the rest of the model in turn.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,7 +54,7 @@ class Basis(Gaussians):
         return np.tile([of_form[name] for name in self.terms], len(self.centers))
 
     def of_terms(self, terms: Sequence[str]) -> np.ndarray:
-        """Returns the indices of the weights of some terms."""
+        """Indices of the weights of some terms."""
         return np.flatnonzero(np.isin(self.terms * len(self.centers), terms))
 
 
@@ -82,13 +67,7 @@ def make_basis(
     if high - low < _LEAST_RANGE:
         return None
     centers = np.linspace(low, high, count)
-    return Basis(
-        form=form,
-        variable=variable,
-        terms=FORMS[form],
-        centers=centers,
-        width=float(centers[1] - centers[0]),
-    )
+    return Basis(form=form, variable=variable, terms=FORMS[form], centers=centers)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -169,7 +148,7 @@ class FoundField:
     basis: Basis  # Of it.
     covariance: np.ndarray  # Of its weights, functions first, then terms.
     depends_on: tuple[str, ...]  # Its variable, then those that do nearly as well.
-    evidence: float  # Gained [nats].
+    evidence: float = np.nan  # Gained over a model without it [nats].
 
 
 def fit_fields(task: Task, model: FitResult, found: Survey) -> list[FoundField]:
@@ -188,31 +167,23 @@ def fit_field(
         (b for b in bases if b is not None),
         key=lambda b: _gain(flights, few, model, b)[0],
     )
-    gained, weights, spread = 0.0, np.zeros(len(basis.spreads)), np.zeros((0, 0))
+    weights, spread = np.zeros(len(basis.spreads)), np.zeros((0, 0))
     for round_ in range(_FIELD_ROUNDS):
         flights = linear_flights(task, model)
         if round_ == _FIELD_ROUNDS - 1:
             basis, weights = _with_needed_terms(flights, task, model, basis, weights)
             model = dataclasses.replace(model, extra=basis.field_data(weights))
             flights = linear_flights(task, model)
-        evidence, weights, spread = _gain(flights, task, model, basis, weights)
+        _, weights, spread = _gain(flights, task, model, basis, weights)
         if not np.all(np.isfinite(weights)):  # The model diverged: no field for it.
             model = dataclasses.replace(model, cost=np.inf)
             break
-        gained = max(evidence, 0.0) if round_ == 0 else gained
         extra = basis.field_data(weights)
         model = fit_model(task, dataclasses.replace(model, extra=extra), iterations=2)
+    depends_on = found.nearly_as_good(key)
     return FoundField(
-        model=model,
-        basis=basis,
-        covariance=spread,
-        depends_on=found.nearly_as_good(key),
-        evidence=gained,
+        model=model, basis=basis, covariance=spread, depends_on=depends_on
     )
-
-
-_FIELD_ROUNDS = 4
-"""Rounds of fitting a field and the rest of the model in turn."""
 
 
 def _with_needed_terms(
@@ -222,10 +193,10 @@ def _with_needed_terms(
     basis: Basis,
     weights: np.ndarray,
 ) -> tuple[Basis, np.ndarray]:
-    """Returns a field without the terms that only fit noise.
+    """Returns a field without a term that only fits noise.
 
-    Beside a vertical wind over x, a horizontal one would fit noise and be largest
-    where the flights determine it least. A term stays if it has evidence beside others.
+    Beside a vertical wind over x, a horizontal one would be largest where the flights
+    determine it least.
     """
     options = [basis.terms]
     options += [tuple(t for t in basis.terms if t != name) for name in basis.terms]

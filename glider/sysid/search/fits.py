@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -12,25 +13,13 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer
 
-EVIDENCE_THRESHOLD = 10.0
-"""Evidence that an effect must bring [nats], of up to `THRESHOLD_FLIGHTS` flights."""
+# Evidence that an effect and each further coefficient of it must bring [nats], and the
+# same where it alone and moving air explain the flights; see docs/how_it_works.md.
+EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
+SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
+THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
+SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
 
-SIMPLE_THRESHOLD = 6.6
-"""The same where it alone and moving air explain the flights: with noise alone, the
-best of the library exceeds it in one campaign of a hundred (χ² of one coefficient, 36
-of them tried). Two effects must bring EVIDENCE_THRESHOLD each, 13 nats more than one: a
-small effect may stand in for an error of the first one's formula."""
-
-THRESHOLD_FLIGHTS = 40
-"""Flights above which the threshold grows with them: errors of linearization add up as
-evidence does. The threshold was tried on 12 to 40 flights."""
-
-COEFFICIENT_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 4.0, 1.6
-"""Evidence that each further coefficient of an effect must bring [nats]; the second,
-so that χ² of two coefficients is as rare."""
-
-SIMPLE_MOMENT = 0.3
-"""Unmodelled pitch acceleration above which formulas have errors [rad/s²]."""
 
 Progress = Callable[[str], None]
 
@@ -78,17 +67,6 @@ class FirstOrder:
         )
 
 
-def to_first_order(task: Task, model: FitResult, rounds: int = 2) -> FirstOrder | None:
-    """Returns the evidence of sets about a model; None where the model diverges."""
-    candidates = gather(task, model)
-    scales = saturated_scales(candidates, model.scales, rounds)
-    grams = candidates.grams(scales)
-    if not np.all(np.isfinite(grams)):
-        return None
-    score = marginal_scorer(candidates, grams, np.ones(len(task.records)), scales)
-    return FirstOrder(candidates=candidates, scales=scales, score=score)
-
-
 @dataclasses.dataclass
 class Search:
     """A search in progress; it remembers all fits."""
@@ -97,7 +75,7 @@ class Search:
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    _near: tuple[Task, FitResult, FirstOrder | None] | None = None
+    _near: tuple[Any, ...] = (None, None, 0, None)  # What was compared last, and how.
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -124,11 +102,19 @@ class Search:
         """Fits a model, and the strength of its curves."""
         return fit_strength(self.task, self.fit(model, iterations))
 
-    def near(self, model: FitResult) -> FirstOrder | None:
-        """Returns `to_first_order` about a model; the last one is cached."""
-        if not (self._near and self._near[0] is self.task and self._near[1] is model):
-            self._near = self.task, model, to_first_order(self.task, model)
-        return self._near[2]
+    def near(self, model: FitResult, rounds: int = 2) -> FirstOrder | None:
+        """Compares sets about a model, cached; None where the model diverges."""
+        task, about, times, found = self._near
+        if task is self.task and about is model and times == rounds:
+            return found
+        candidates, found = gather(self.task, model), None
+        scales = saturated_scales(candidates, model.scales, rounds)
+        grams = candidates.grams(scales)
+        if np.all(np.isfinite(grams)):
+            score = marginal_scorer(candidates, grams, np.ones(len(grams)), scales)
+            found = FirstOrder(candidates=candidates, scales=scales, score=score)
+        self._near = self.task, model, rounds, found
+        return found
 
     def improved(
         self,
@@ -138,8 +124,7 @@ class Search:
     ) -> FitResult | None:
         """Returns the best of proposed sets, fitted, if worth more than a model.
 
-        They are proposed to first order about it, or about another model. Those that
-        were fitted before are passed over.
+        They are proposed about it, or about another one, and fitted unless known.
         """
         near, tried = self.near(about or model), []
         if near is None:
@@ -172,10 +157,9 @@ def marginal_scorer(
 ) -> Scorer:
     """Returns the evidence of sets on flights that count so often, less a penalty.
 
-    A marginal likelihood already penalizes the prior volume of each coefficient: about
-    a model of one effect at most and air, a member need only be more likely than that
-    no effect of the library acts. Sets of many members are proposed at that penalty;
-    once fitted, they are compared by `Search.penalized_cost`.
+    A marginal likelihood penalizes the prior volume of coefficients already: about a
+    simple model, a member need only be likelier than that no effect acts. Once fitted,
+    sets are compared by `Search.penalized_cost`.
     """
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
     model = candidates.model
@@ -191,10 +175,6 @@ def threshold_of_kind(flights: int, base: float) -> float:
 
 
 def is_simple(model: FitResult, scales: Scales) -> bool:
-    """Whether one effect at most and air explain the flights, and nothing else.
-
-    Beside another effect a small one may stand in for an error of that one's formula:
-    it must bring more.
-    """
+    """Whether one effect at most and air explain the flights, and nothing else."""
     is_bare = not model.has_curves and model.extra is None and len(model.kinds) <= 1
     return is_bare and not model.has_force_errors and scales.moment < SIMPLE_MOMENT

@@ -27,13 +27,42 @@ from glider.sysid.search.fits import FirstOrder, bare_of
 from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh
 
+FORCE_ROUNDS = 4  # At most: the errors' strength depends on the set, and the set on it.
+HELD_OUT_THRESHOLD = 3.0  # Gain of an effect: e³ is 20 to 1, and 20 are tried [nats].
+HELD_OUT_COEFFICIENT_THRESHOLD = 2.0  # Gain of each further coefficient [nats].
+UNCOMMON_THRESHOLD = 8.0  # Further gain of an effect that few gliders have [nats].
+EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
+    *("camber", "profile_drag", "axial_drag", "induced_drag"),
+    *("attached_lift", "pitch_rate_lift"),
+)
+ALONG_ATTITUDE = {  # Scales of flights along it, which ignore the moment.
+    "position": 1e-3,
+    "pitch": 2e-3,
+    "moment": 200.0,
+    "air": 0.06,  # Errors of C_L and C_D where the search starts, and
+    "air_time": 0.3,  # how long they last [s].
+    "wind": 1e-3,
+    "trim": 0.05,
+    "pitch_zero": 3e-3,
+}
+_OF_MOMENT = (  # Unknown parameters of a vehicle that barely show in the forces.
+    ("parameters", "pitch_inertia"),
+    ("parameters", "wing_offset"),
+    ("elevator_trim", "angle"),
+    ("pitch_moment", "coefficient"),
+    ("pitch_damping", "coefficient"),
+)
+# Scales that are estimated from the forces: errors of the moment, whose formula is
+# rougher, must not turn the flights' axes or their winds.
+OF_FORCES = ("wind", "trim", "pitch_zero")
+_SLACK = 1e-9  # Rounding by which a bound may be passed.
+
 
 class HeldOutEvidence:
     """Log-likelihood that columns gain on flights, each held out in turn [nats].
 
-    No formula is exact, and an error common to all flights is evidence for any effect
-    that imitates it, more of it with more flights. Held-out flights do not reward that:
-    cross-validation is robust to models that are all wrong (Stone, J. R. Stat. Soc.
+    An error common to all flights is evidence for any effect that imitates it, more of
+    it with more flights; cross-validation does not reward that (Stone, J. R. Stat. Soc.
     B 39, 1977). Everything is linear, so that each flight is held out exactly, the
     unknown parameters of the vehicle refitted without it.
     """
@@ -54,9 +83,8 @@ class HeldOutEvidence:
             return 0.0
         own, step = list(columns), self.step(columns)
         lower, upper = self._prior.lower[own], self._prior.upper[own]
-        if np.any(step < lower - _SLACK * np.abs(lower)):
-            return -np.inf
-        if np.any(step > upper + _SLACK * np.abs(upper)):
+        is_low = step < lower - _SLACK * np.abs(lower)
+        if np.any(is_low | (step > upper + _SLACK * np.abs(upper))):
             return -np.inf
         return float(self._counts @ (self._alone - self._costs(own)))
 
@@ -79,61 +107,6 @@ class HeldOutEvidence:
         index = np.array([*self._always, *columns, -1])
         own = self._own[:, index[:, None], index]
         return 0.5 * np.einsum("fi,fij,fj->f", weights, own, weights)
-
-
-_SLACK = 1e-9
-"""Rounding by which a bound may be passed."""
-
-
-FORCE_ROUNDS = 4
-"""Rounds at most: the strength of the errors depends on the set, and the set on it."""
-
-HELD_OUT_THRESHOLD = 3.0
-"""Log-likelihood that an effect must gain on held-out flights [nats]: e^3 is twenty to
-one, and about twenty effects are tried."""
-
-HELD_OUT_COEFFICIENT_THRESHOLD = 2.0
-"""Gain that each further coefficient of an effect must bring [nats]."""
-
-EVERY_GLIDER_HAS = (
-    "camber",
-    "profile_drag",
-    "axial_drag",
-    "induced_drag",
-    "attached_lift",
-    "pitch_rate_lift",
-)
-"""Effects of every glider: no wing's lift is exactly a flat plate's."""
-
-UNCOMMON_THRESHOLD = 8.0
-"""Further gain that any other effect must bring [nats]."""
-
-FORCE_ERROR = 0.06
-"""Error of C_L and C_D where the search starts."""
-
-ERROR_TIME = 0.3
-"""Time over which the errors last, where the search starts [s]."""
-
-ALONG_ATTITUDE = {
-    "position": 1e-3,
-    "pitch": 2e-3,
-    "moment": 200.0,
-    "air": FORCE_ERROR,
-    "air_time": ERROR_TIME,
-    "wind": 1e-3,
-    "trim": 0.05,
-    "pitch_zero": 3e-3,
-}
-"""Scales of flights along their measured attitude, which ignore the moment."""
-
-_OF_MOMENT = (
-    ("parameters", "pitch_inertia"),
-    ("parameters", "wing_offset"),
-    ("elevator_trim", "angle"),
-    ("pitch_moment", "coefficient"),
-    ("pitch_damping", "coefficient"),
-)
-"""Unknown parameters of a vehicle that barely show in the forces."""
 
 
 def held_out_threshold(task: Task, kind: str) -> float:
@@ -221,11 +194,6 @@ def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     others = [name for name in NAMES if name not in OF_FORCES]
     fitted = fit_model(task, start, free_scales=others)
     return dataclasses.replace(fitted, free=model.free)
-
-
-OF_FORCES = ("wind", "trim", "pitch_zero")
-"""Scales that are estimated from the forces: errors of the moment, whose formula is
-rougher, must not turn the flights' axes or their winds."""
 
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:

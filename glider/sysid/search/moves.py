@@ -16,7 +16,16 @@ from glider.sysid.search.fits import SIMPLE_MOMENT, Search, without
 from glider.sysid.search.subsets import Members, Scorer, best_of_sizes, best_set, climb
 from glider.sysid.search.support import EffectSupport
 
-# ------------------------------------------------------------------- fewer effects
+OPPOSED = 0.7  # Correlation of two effects' coefficients above which they may cancel.
+WEAK = 3000.0  # Evidence above which means cannot replace all effects [nats].
+FAR = 300.0  # Loss of a smaller set up to which still smaller ones are tried [nats].
+SLACK = 0.1  # Share of the evidence that a smaller set may lack, to first order.
+CURVE_THRESHOLD = 15.0  # Evidence that curves beside the formulas must bring [nats].
+OFF = 5.0  # Standard errors by which a mean over flights is off zero.
+UNDERVALUED = 30.0  # Evidence, to first order, that a forced effect may cost [nats].
+FEW_MORE = 4  # Effects that are added to a model before it is thinned out.
+MOST_TRIED = 3  # Rivals fitted in an effect's place at most, or effects omitted.
+SURE = 0.95  # Share of resampled flights above which an effect's rivals are not tried.
 
 
 def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
@@ -70,8 +79,7 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
 def _without_a_pair(search: Search, model: FitResult) -> FitResult | None:
     """Returns the model without two effects that only work against each other.
 
-    Where a formula has not quite the right shape, two effects that nearly cancel may
-    imitate it; each alone then seems needed. Strong enough curves do better.
+    Two that nearly cancel may imitate a shape; strong enough curves do better.
     """
     if not model.has_curves or len(model.kinds) < 3:
         return None
@@ -84,10 +92,6 @@ def _without_a_pair(search: Search, model: FitResult) -> FitResult | None:
         if search.prefers(fewer, model):
             return fewer
     return None
-
-
-OPPOSED = 0.7
-"""Correlation of two effects' coefficients above which they may cancel."""
 
 
 def _opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
@@ -110,9 +114,8 @@ def _opposed_pairs(task: Task, model: FitResult) -> list[tuple[str, str]]:
 def with_fewer(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model with fewer effects that is worth more, or None.
 
-    To first order about a wrong set, several effects may do as well as the true few:
-    the best set of each smaller size is fitted, at last the flat plate with the means
-    over all flights.
+    The best set of each smaller size is fitted, at last the flat plate with the means
+    over all flights: to first order, several effects may do as well as the true few.
     """
     near = search.near(model) if len(model.kinds) > 1 else None
     if near is None:
@@ -141,16 +144,6 @@ def with_fewer(search: Search, model: FitResult) -> FitResult | None:
     return fewer if search.prefers(fewer, model) else None
 
 
-WEAK = 3000.0
-"""Evidence of all effects, to first order, above which means cannot replace them."""
-
-FAR = 300.0
-"""Evidence that a smaller set may lack, refitted, and still smaller ones are tried."""
-
-SLACK = 0.1
-"""Share of the evidence of all that a smaller set may lack, to first order."""
-
-
 def without_needless_curves(search: Search, model: FitResult) -> FitResult:
     """Returns the model without its curves, unless they reach their threshold."""
     if not model.has_curves:
@@ -162,13 +155,6 @@ def without_needless_curves(search: Search, model: FitResult) -> FitResult:
     return model if gained > CURVE_THRESHOLD else bare
 
 
-CURVE_THRESHOLD = 15.0
-"""Evidence that curves beside the formulas must bring [nats]."""
-
-
-# ------------------------------------------------------------------- other effects
-
-
 def with_means(search: Search, model: FitResult) -> FitResult:
     """Returns a model with the mean of per-flight constants, where it is not zero.
 
@@ -178,8 +164,9 @@ def with_means(search: Search, model: FitResult) -> FitResult:
     own = flight_values(error_flights(task, model), model.scales)
     mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
     is_off = np.abs(mean) > OFF * error
-    for kind, by_name in PER_FLIGHT.items():
-        slots, places = list(task.layout.slots_of(kind)), list(by_name.values())
+    for kind in dict(PER_FLIGHT):
+        slots = list(task.layout.slots_of(kind))
+        places = [k for k, (other, _) in enumerate(PER_FLIGHT) if other == kind]
         is_free = bool(set(slots) & set(model.free))
         if kind not in task.kinds or is_free or not is_off[places].any():
             continue
@@ -197,16 +184,11 @@ def with_means(search: Search, model: FitResult) -> FitResult:
     return model
 
 
-OFF = 5.0
-"""Standard errors by which a mean over flights is off zero."""
-
-
 def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more with an effect that first order undervalues, or None.
 
-    An effect with shape coefficients is linearized at a few shapes of a grid; several
-    others that imitate it are linearized at their best. Each such effect is forced in
-    where the model needs curves beside its formulas.
+    Its shapes are those of a grid; others that imitate it are linearized at their best.
+    Each such effect is forced in where the model needs curves beside its formulas.
     """
     task = search.task
     if len(model.kinds) < 3 or not without_needless_curves(search, model).has_curves:
@@ -238,10 +220,7 @@ def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult
 def with_forced(
     search: Search, model: FitResult, kinds: Collection[str]
 ) -> FitResult | None:
-    """Returns the best model with one of some effects forced in, or None.
-
-    The best set that a climb finds around each of them is fitted.
-    """
+    """Returns the best model with a set around one of some effects, or None."""
 
     def around_each(score: Scorer) -> Iterable[Members]:
         own = score.by_first(model.kinds)
@@ -256,15 +235,11 @@ def with_forced(
     return search.improved(model, around_each)
 
 
-UNDERVALUED = 30.0
-"""Evidence, to first order, that a forced effect may cost [nats]."""
-
-
 def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     """Returns a model worth more that remains when too many effects are thinned out.
 
-    An effect that stands in for others hides them. With a few effects more than reach
-    their thresholds, all refitted, the stand-ins turn out to be needless.
+    Beside a few effects more, all refitted, those that stand in for others turn out to
+    be needless.
     """
     near = search.near(model) if leaves_a_form(model) else None
     if near is None:
@@ -287,13 +262,6 @@ def left_of_many(search: Search, model: FitResult) -> FitResult | None:
     return best if search.prefers(best, model) and set(best.kinds) != own else None
 
 
-FEW_MORE = 4
-"""Effects that are added to a model before it is thinned out."""
-
-MOST_TRIED = 3
-"""Rivals that are fitted in an effect's place at most, or effects omitted in turn."""
-
-
 def leaves_a_form(model: FitResult) -> bool:
     """Whether a model leaves more than moving air does: errors of its formulas."""
     return model.scales.moment > SIMPLE_MOMENT or model.strength > 0.5
@@ -302,10 +270,7 @@ def leaves_a_form(model: FitResult) -> bool:
 def with_another(
     search: Search, model: FitResult, dropped: Collection[str]
 ) -> FitResult | None:
-    """Returns a model worth more with one effect more, or None.
-
-    An effect may show once another that stood in for it was dropped.
-    """
+    """Returns a model worth more with one more effect that was not dropped, or None."""
 
     def larger(score: Scorer) -> list[Members]:
         own = score.by_first(model.kinds)
@@ -321,8 +286,7 @@ def with_a_rival(
 ) -> FitResult | None:
     """Returns a model worth more with a rival in an effect's place, or None.
 
-    To first order rivals do as well as an effect; refitted, one may do better. The
-    nearest rivals are tried, of effects that resampled flights do not always choose.
+    The nearest rivals are refitted, of effects that draws do not always choose.
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
 
@@ -336,9 +300,5 @@ def with_a_rival(
     return search.improved(model, rivals) if doubtful else None
 
 
-SURE = 0.95
-"""Share of resampled flights above which an effect's rivals are not tried."""
-
-
+# Tried in turn until none finds a model that is worth more.
 MOVES = (with_fewer, with_weaker_curves, with_a_shaped_one, left_of_many)
-"""Tried in turn until none finds a model that is worth more."""

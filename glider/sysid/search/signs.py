@@ -17,16 +17,9 @@ from glider.sysid.replay.record import Signs, prepare, turn
 from glider.sysid.replay.smoothing import measure_noise
 from glider.sysid.replay.vehicle import Vehicle
 
-LEAST_GAIN = 20.0
-"""Log-likelihood for each flight by which other signs must be better [nats]: a wrong
-sign turns forces round."""
-
-FLIGHTS = 6
-"""Number of flights to compare; a wrong sign shows in any."""
-
-COMPANIONS = ("profile_drag", "pitch_offset")
-"""Effects that are fitted under any signs: nearly every glider has them, and without
-them a sign may look wrong."""
+LEAST_GAIN = 20.0  # Log-likelihood by which other signs are better [nats per flight].
+FLIGHTS = 6  # Flights to compare; a wrong sign shows in any.
+COMPANIONS = ("profile_drag", "pitch_offset")  # Fitted too: signs look wrong without.
 
 
 def find_signs(
@@ -37,9 +30,8 @@ def find_signs(
 ) -> Signs:
     """Compares the ways in which the angles may have been logged.
 
-    A wrong sign turns forces round: no small effect of the library comes near.
-    So the best set of signs must beat the logged one by `LEAST_GAIN` in the median
-    flight, each with `COMPANIONS` fitted: no single flight can turn the others.
+    A wrong sign turns forces round, as no small effect does: the best set of signs must
+    beat the logged one by `LEAST_GAIN` in the median flight, with `COMPANIONS` fitted.
     """
     few = tuple(flights[:FLIGHTS])
     angles = 3 if campaign.elevator == "servo" else 1
@@ -47,11 +39,10 @@ def find_signs(
     logged = _cost(campaign, few, masks, vehicle, Signs())
     best, most = Signs(), 0.0
     for option in options:
-        signs = Signs(
-            **dict(zip(("pitch", "elevator", "command"), option, strict=False))
-        )
-        cost = _cost(campaign, few, masks, vehicle, signs)
-        gain = float(np.median(logged - cost))
+        names = ("pitch", "elevator", "command")
+        signs = Signs(**dict(zip(names, option, strict=False)))
+        gained = logged - _cost(campaign, few, masks, vehicle, signs)
+        gain = float(np.median(gained))
         if gain > most:
             best, most = signs, gain
     rows = 4 * np.mean([len(f.time) for f in few])

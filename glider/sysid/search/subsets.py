@@ -8,14 +8,10 @@ import numpy as np
 
 from glider.sysid.likelihood.candidates import Member, Variant
 
-MOST_EFFECTS = 8
-"""Effects of a set at most."""
+MOST_EFFECTS = 8  # Of a set.
+BEAM = 4  # Sets that each round goes on from.
+_HOPELESS = 30.0  # Loss below the best set at which the beam stops [nats].
 
-BEAM = 4
-"""Sets that each round goes on from."""
-
-_HOPELESS = 30.0
-"""Loss below the best set at which the beam stops [nats]."""
 
 Members = tuple[Member, ...]
 
@@ -153,11 +149,7 @@ def climb(
 
 
 def best_of_sizes(score: Scorer) -> list[Members]:
-    """Returns the best sets of one effect, of two and so on that a beam finds.
-
-    Its sets are swapped only: one that dropped members would be back at a size that
-    the beam has left, though two members may hide what a third one shows.
-    """
+    """Returns the best sets of one effect, of two and so on that a beam finds."""
     beam: list[Members] = [()]
     found: list[Members] = []
     best: Members = ()

@@ -15,28 +15,16 @@ from glider.sysid.search.fields import FoundField
 from glider.sysid.search.fits import is_simple
 from glider.sysid.search.subsets import Members, Scorer, climb
 
-RESAMPLES = 25, 200
-"""Sets of flights, drawn with replacement, that the search is repeated on: at least,
-and at most where so few leave an effect's support in doubt."""
-
-RIVAL_GAP = 6.0
-"""Difference of evidence below which two effects are indistinguishable [nats]: the odds
-of the better one are then below 400 to 1."""
-
-LEAST_STAND_IN = 0.1
-"""Share of resampled flights that choose another effect in place of a single one, above
-which it is a rival, too: the flights at hand might as well have been those."""
-
-RESAMPLED_SHARE = 0.5
-"""Share of its threshold that a single effect must reach on resampled flights: they
-show whether it depends on a few flights, and need not prove it again."""
-
-MOST_RIVALS = 0.5
-"""Share of the library above which rivals do not support an effect: where anything
-helps, the error has another form."""
-
-_NEAR = 25.0
-"""Loss of evidence up to which an effect is offered to resampled searches [nats]."""
+# See docs/how_it_works.md, How sure?
+RESAMPLES = 25, 200  # Resampled sets of flights: at least, and at most in doubt.
+# Share of them that must choose an effect or a rival of it, and of a single effect.
+LEAST_SUPPORT, SIMPLE_SUPPORT = 0.85, 0.5
+RESAMPLED_SHARE = 0.5  # Share of its threshold that a single effect must reach there.
+RIVAL_GAP = 6.0  # Evidence by which indistinguishable effects differ at most [nats].
+LEAST_STAND_IN = 0.1  # Share of draws with another one that make it a rival, too.
+MOST_RIVALS = 0.5  # Share of the library above which rivals do not support an effect.
+DOUBTED = 60.0  # Evidence up to which too little support drops an effect [nats].
+_NEAR = 25.0  # Loss up to which an effect is offered to resampled searches [nats].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -129,17 +117,6 @@ def _stand_ins(kind: str, resampled: Sequence[set[str]]) -> set[str]:
     return {k for k, n in counts.items() if n >= LEAST_STAND_IN * len(resampled)}
 
 
-LEAST_SUPPORT, SIMPLE_SUPPORT = 0.85, 0.5
-"""Shares of resampled flights by which an effect, or one that is similar, must be
-chosen: one that depends on a few flights is not claimed. A single effect that explains
-the flights but for moving air may show in a few of them: most draws are enough."""
-
-
-DOUBTED = 60.0
-"""Evidence up to which an effect is dropped for want of support [nats]: resampled
-searches are to first order, and an effect of more evidence is real."""
-
-
 def weakest(
     weighed: dict[str, EffectSupport],
     evidence: dict[str, float],
@@ -147,8 +124,7 @@ def weakest(
 ) -> str | None:
     """Returns the effect that fewest resampled flights support, if too few.
 
-    Beside a field any may be dropped: the error of its Gaussians makes evidence of any
-    size for effects that are not there.
+    Beside a field any may be dropped: its Gaussians' error makes evidence of any size.
     """
     doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)

@@ -19,19 +19,14 @@ from glider.sysid.search.force_search import search_forces
 from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
-ROUNDS = 8
-"""Rounds at most."""
-
+ROUNDS = 8  # At most.
+# Effects that are tried last, where others leave an error: lengths are seldom wrong,
+# and to first order they imitate many effects.
 LATE = ("position_scale",)
-"""Effects that are tried last, where the others leave an error: lengths are seldom
-wrong, and to first order they imitate many effects."""
-
-FIELD_THRESHOLD = 40.0
-"""Evidence that an unmodelled field must bring [nats]."""
-
+FIELD_THRESHOLD = 40.0  # Evidence that an unmodelled field must bring [nats].
+# Share of a round's gain that each new effect must bring: errors of linearization look
+# like small effects, which wait for the next round.
 HASTE = 0.01
-"""Share of a round's gain that each new effect must bring: errors of linearization look
-like small effects, which wait for the next round."""
 
 
 def trace(
@@ -97,8 +92,7 @@ def supported(
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
 
-    An effect that they do not always choose may be replaced by a rival; one that they
-    do not support is dropped.
+    Where in doubt, an effect may give way to a rival; without support, it is dropped.
     """
     search.progress("weighing the effects")
     dropped: set[str] = set()
@@ -122,10 +116,7 @@ def leaves_something(model: FitResult) -> bool:
 
 
 def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None:
-    """Returns a field that reaches its threshold, beside the effects or in their place.
-
-    Fields in place of effects are tried too: effects may imitate one.
-    """
+    """Returns a field that reaches its threshold, beside effects or in their place."""
     task = search.task
     found = survey(task, model)
     scale = len(task.records) / min(len(task.records), SURVEY_FLIGHTS)
@@ -153,8 +144,7 @@ def unmodelled_field(search: fits.Search, model: FitResult) -> FoundField | None
 def effects_instead_of_curves(search: fits.Search, model: FitResult) -> FitResult:
     """Returns a set of effects without curves where it explains nearly as much.
 
-    Beside a wrong effect or none, curves absorb what a small effect explains: they stay
-    where they bring CURVE_THRESHOLD more than the best effects do.
+    Beside a wrong effect or none, curves absorb what a small effect explains.
     """
     bare = fits.bare_of(search.task, model)
     named = by_sets(search, search.fit(bare, iterations=4))
@@ -167,7 +157,7 @@ def by_sets(search: fits.Search, model: FitResult) -> FitResult:
     tried: dict[frozenset[str], FitResult] = {}
     for round_ in range(ROUNDS):
         search.progress(f"searching for effects, round {round_ + 1}")
-        near = fits.to_first_order(search.task, model, 2 if round_ else 3)
+        near = search.near(model, 2 if round_ else 3)
         if near is None:
             break
         search.alone = search.alone or near.score.alone()

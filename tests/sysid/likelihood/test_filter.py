@@ -9,8 +9,7 @@ import pytest
 from glider.compiled.filter_error import no_flight
 from glider.physics.effects import NO_FIELD
 from glider.sysid.likelihood import scales
-from glider.sysid.likelihood.directions import slopes
-from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.linear_flight import linearize, slopes
 from glider.sysid.likelihood.scales import (
     MOMENT_TIME,
     SERVO_TIME,

@@ -6,8 +6,7 @@ import pytest
 from glider.campaign.motion_capture import MotionCapture
 from glider.physics.effects import KINDS, NO_FIELD
 from glider.physics.effects.field import FIELD_TERMS, FieldData, make_field
-from glider.sysid.likelihood.directions import slopes, starts_of
-from glider.sysid.likelihood.linear_flight import linearize
+from glider.sysid.likelihood.linear_flight import linearize, slopes, starts_of
 from glider.sysid.likelihood.scales import whiten
 from tests.helpers.columns import SCALES, column_error
 from tests.helpers.tasks import fly, task_of
