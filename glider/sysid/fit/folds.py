@@ -28,8 +28,7 @@ class Gains:
     """Log-likelihood that a correction gains on flights that it was not fitted to."""
 
     values: np.ndarray  # (flights,) of each [nats].
-    # (flights,) which of them the search for effects has not seen either.
-    unseen: np.ndarray
+    unseen: np.ndarray  # (flights,) which of them the search has not seen either.
 
     @property
     def t(self) -> float:
@@ -62,8 +61,7 @@ class HeldOut:
     # (flights, 2, 2) position RMS of baseline and corrected model, of free rollouts
     # and along the measured pitch [m].
     paths: np.ndarray
-    # Gain over the nominal model; None where it was not computed.
-    over_nominal: Gains | None = None
+    over_nominal: Gains | None = None  # Over the nominal model, where computed.
 
     @property
     def ratios(self) -> tuple[float, float]:

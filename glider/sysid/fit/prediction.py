@@ -40,11 +40,8 @@ class RolloutModel:
 
     theta: np.ndarray  # Its parameters and coefficients.
     field: Field  # Its residual field.
-    # Of errors along its rollouts and of flight-to-flight variation, see
-    # `rollout_scales`.
-    scales: Scales
-    # Whether the elevator stands at another angle in each flight.
-    per_flight_trims: bool
+    scales: Scales  # Of errors along rollouts and over flights, see `rollout_scales`.
+    per_flight_trims: bool  # Whether the elevator's angle is another in each flight.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,8 +49,7 @@ class Prediction:
     """Flight of a model, predicted from the beginning of a logged one."""
 
     pose: np.ndarray  # (n, 3) of the free rollout, as the sensors would show it.
-    # (n, 2) x and z of the forces alone along the measured pitch.
-    translated: np.ndarray
+    translated: np.ndarray  # (n, 2) x and z by forces along the measured pitch.
     trim: float  # Elevator trim of the flight, found on the beginning [rad].
 
     @property
@@ -92,11 +88,7 @@ def rollout_scales(
 def find_launch(
     model: RolloutModel, record: Record, rows: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the most likely launch given a flight's first rows.
-
-    Returns:
-        the state (n,) of the compiled dynamics, and the flight's constants (4,).
-    """
+    """Returns the likeliest state (n,) and constants (4,), by a flight's first rows."""
     beginning, constants = record.first(rows), NO_CONSTANTS
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.field, (), constants)

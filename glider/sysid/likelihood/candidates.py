@@ -19,8 +19,7 @@ from glider.sysid.likelihood.task import Task
 Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
 Member = tuple[str, Variant]  # An effect of a set: kind and the columns it acts by.
 
-# Change of a state in one interval, by a coefficient of its usual scale, that no flight
-# has: the formula is then far outside its range.
+# Change of a state in an interval that no flight has: a formula is outside its range.
 _LARGEST_PUSH = 1e3
 
 
@@ -31,8 +30,7 @@ class Candidates:
     task: Task  # Of the flights.
     model: model_fit.FitResult  # About which the flights are linear.
     directions: tuple[Direction, ...]  # Of the columns; the curves' columns follow.
-    # Kind to its variants; a kind that acts already has one.
-    variants: dict[str, tuple[Variant, ...]]
+    variants: dict[str, tuple[Variant, ...]]  # By kind; one of a kind that acts.
     flights: Sequence[LinearFlight]  # Linear in all columns.
 
     @property

@@ -75,9 +75,7 @@ def flown_values(
 class Curves(Gaussians):
     """A basis of curves over alpha."""
 
-    # (M T, q) weights of each coordinate; a coordinate has a prior spread of one, times
-    # the strength.
-    mix: np.ndarray
+    mix: np.ndarray  # (M T, q) weights of coordinates of a prior spread of one.
     angles: np.ndarray  # (n,) a sample of the flown angles of attack [rad].
 
     @property

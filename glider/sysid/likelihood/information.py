@@ -134,13 +134,9 @@ def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:
 def eliminate(
     gram: np.ndarray, always: Sequence[int], precision: np.ndarray, mean: np.ndarray
 ) -> np.ndarray:
-    """Returns a Gram matrix with columns solved for and eliminated.
+    """Returns a Gram matrix (M + 1, M + 1) with columns solved for and eliminated.
 
-    Args:
-        gram: (M + 1, M + 1), the error last.
-        always: indices of the columns.
-        precision: (len(always),) of their prior.
-        mean: (len(always),) of their changes, by the prior.
+    Their changes have a prior of such precisions and means (len(always),).
     """
     always = list(always)
     keep = [j for j in range(len(gram)) if j not in set(always)]

@@ -34,6 +34,7 @@ from glider.sysid.replay.theta import OFFSET, Layout
 NO_CONSTANTS = np.zeros(OWN_STATES - PROCESSES)
 SMALL = 1e-6  # Step of a derivative, in the coefficient's scale: good to 1e-6 of it.
 SMALL_SIGNAL = 5e-4  # The same on the log's clocks: about 1e-5 s of a delay.
+Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and values.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -45,15 +46,11 @@ class Direction:
     base: np.ndarray  # Theta with the effect's shapes set.
     moved: np.ndarray  # Base with the coefficient moved.
     size: float  # By how much.
-    # The effect's starting shapes, by slot; empty where it acts already.
-    shapes: tuple[tuple[int, float], ...] = ()
+    shapes: Shapes = ()  # Starting ones; empty where the effect acts already.
 
 
 def slopes(
-    layout: Layout,
-    theta: np.ndarray,
-    free: Sequence[int],
-    shapes: tuple[tuple[int, float], ...] = (),
+    layout: Layout, theta: np.ndarray, free: Sequence[int], shapes: Shapes = ()
 ) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
     small = np.where(np.array(free) < layout.num_compiled, SMALL, SMALL_SIGNAL)
@@ -86,11 +83,7 @@ def starts_of(
 
 
 def _direction(
-    layout: Layout,
-    theta: np.ndarray,
-    slot: int,
-    size: float,
-    shapes: tuple[tuple[int, float], ...] = (),
+    layout: Layout, theta: np.ndarray, slot: int, size: float, shapes: Shapes = ()
 ) -> Direction:
     moved, (kind, _) = theta.copy(), layout.slots[slot]
     moved[slot] += size
@@ -130,10 +123,7 @@ class LinearFlight:
     start: np.ndarray
 
     def combined(self, weights: np.ndarray) -> "LinearFlight":
-        """Returns the flight with one column: its error at changes δ (m,).
-
-        It is light, for it goes to workers often, and takes no `with_forces`.
-        """
+        """Returns the flight with its error at changes δ (m,) alone, light to send."""
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             self,
@@ -148,10 +138,7 @@ class LinearFlight:
         return self.combined(np.zeros(self.inputs.shape[2] - 1))
 
     def with_launch(self) -> "LinearFlight":
-        """Returns the flight with its start as columns, before the last.
-
-        They are the deviations at the first node, in the filter's order.
-        """
+        """Returns the flight with columns for its start, in the filter's order."""
         return self._with_columns("start", -np.eye(len(self.start)))
 
     def with_force_errors(self) -> "LinearFlight":
@@ -175,10 +162,8 @@ class LinearFlight:
     ) -> "LinearFlight":
         """Returns the flight with more columns, before the last.
 
-        Args:
-            basis: (K, M) values of M functions at the midpoints of intervals.
-            terms: which of FIELD_TERMS each multiplies.
-            mix: (M terms, q) weights of functions (first) and terms in each column.
+        Each mixes (M terms, q), functions first, M functions with values (K, M) at the
+        midpoints of intervals times terms, indices of FIELD_TERMS.
         """
         product = basis[:, None, :, None] * self.by_term[:, :, None, list(terms)]
         more = -product.reshape(*self.by_term.shape[:2], -1) @ mix

@@ -47,18 +47,16 @@ class FitResult:
     theta: np.ndarray  # Its parameters and coefficients.
     free: tuple[int, ...]  # Slots of theta that are fitted.
     coordinates: np.ndarray  # Of the curves; empty where there are none.
-    strength: float  # Prior strength of the curves.
+    strength: float = 1.0  # Prior strength of the curves.
     scales: Scales  # Of all noise.
     # Name of each flight to its constants, about which it is linear.
-    constants: dict[str, np.ndarray]
+    constants: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     extra: FieldData | None = None  # An unmodelled field that acts too, or None.
     # Whether errors of the forces stand in for moving air, see
     # `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
     cost: float = np.inf  # Negative log posterior [nats].
-    # Penalty of the curves for the prior volume that they do not fill, the logarithm of
-    # a ratio of volumes [nats].
-    freedom: float = 0.0
+    freedom: float = 0.0  # Penalty for prior volume that curves do not fill [nats].
 
     @property
     def has_curves(self) -> bool:
@@ -74,9 +72,7 @@ def start_of(task: Task, noise: Noise, with_curves: bool) -> FitResult:
         theta=task.vehicle.theta.copy(),
         free=task.free(()),
         coordinates=np.zeros(count),
-        strength=1.0,
         scales=start_scales(noise),
-        constants={},
     )
 
 

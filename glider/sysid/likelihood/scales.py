@@ -198,12 +198,8 @@ def fit_scales(
 ) -> tuple[Scales, float]:
     """Maximises the likelihood of the scales by Fisher scoring.
 
-    Args:
-        flights: each with one column, its error.
-        scales: where to start.
-        free: names of the scales to fit.
-        iterations: at most.
-        tolerance: stop when less would be gained [nats].
+    Those in `free` are fitted to flights with one column, their error, until less than
+    `tolerance` would be gained [nats].
 
     Returns:
         the scales and the negative log-likelihood there [nats].

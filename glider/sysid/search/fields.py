@@ -34,9 +34,7 @@ COARSE = 12  # Gaussians in the survey.
 FINER = (18, 27, 40)  # Numbers of them that are tried afterwards.
 SURVEY_FLIGHTS = 12  # Flights of the survey; the field is fitted to all.
 MOST_LEADING = 3  # Fields of a survey that are fitted at most.
-# Share of the best field's evidence above which another is fitted too: a time and the
-# place that is reached by then are similar to few Gaussians.
-LEADING = 0.8
+LEADING = 0.8  # Share of the best field's evidence above which another is fitted.
 _LEAST_RANGE = 1e-6  # Range below which a residual cannot depend on a variable.
 _FIELD_ROUNDS = 4  # Of fitting a field and the rest of the model in turn.
 

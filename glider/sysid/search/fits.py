@@ -119,17 +119,19 @@ class Search:
     def improved(
         self,
         model: FitResult,
-        propose: Callable[[Scorer], Iterable[Members]],
+        propose: Callable[[Scorer, Members], Iterable[Members]],
         about: FitResult | None = None,
     ) -> FitResult | None:
         """Returns the best of proposed sets, fitted, if worth more than a model.
 
-        They are proposed about it, or about another one, and fitted unless known.
+        They are proposed about it, or about another one, from the set there, and fitted
+        unless known.
         """
-        near, tried = self.near(about or model), []
+        about = about or model
+        near, tried = self.near(about), []
         if near is None:
             return None
-        for members in propose(near.score):
+        for members in propose(near.score, near.score.by_first(about.kinds)):
             kinds = frozenset(kind for kind, _ in members)
             if kinds in self.fitted:
                 continue

@@ -1,12 +1,12 @@
 """Effects of a glider of which little is known: forces come first.
 
-The flights follow their measured attitude, so that the unknown moment does not affect
-the forces. No formula is exact: the residual is an error of the forces that persists,
-whose strength and time are estimated, and sets of effects are compared by how well they
-predict flights that they were not fitted to.
+The flights follow their measured attitude, whatever the moment. The residual is an
+error of the forces that persists, whose strength and time are estimated, and sets of
+effects are compared by how well they predict held-out flights.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -28,9 +28,8 @@ from glider.sysid.search.subsets import Scorer, best_set
 from glider.sysid.search.support import SearchResult, weigh
 
 FORCE_ROUNDS = 4  # At most: the errors' strength depends on the set, and the set on it.
-HELD_OUT_THRESHOLD = 3.0  # Gain of an effect: e³ is 20 to 1, and 20 are tried [nats].
-HELD_OUT_COEFFICIENT_THRESHOLD = 2.0  # Gain of each further coefficient [nats].
-UNCOMMON_THRESHOLD = 8.0  # Further gain of an effect that few gliders have [nats].
+# Gain on held-out flights: e³ is 20 to 1, and 20 effects are tried.
+HELD_OUT = EvidenceThreshold(effect=3.0, coefficient=2.0, uncommon=8.0)
 EVERY_GLIDER_HAS = (  # No wing's lift is exactly a flat plate's.
     *("camber", "profile_drag", "axial_drag", "induced_drag"),
     *("attached_lift", "pitch_rate_lift"),
@@ -113,8 +112,8 @@ def held_out_threshold(task: Task, kind: str) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats]."""
     slots = task.layout.slots_of(kind)
     sizes = sum(not task.is_shape(i) for i in slots)
-    cause = 0.0 if kind in EVERY_GLIDER_HAS else UNCOMMON_THRESHOLD
-    return HELD_OUT_THRESHOLD + HELD_OUT_COEFFICIENT_THRESHOLD * (sizes - 1) + cause
+    cause = 0.0 if kind in EVERY_GLIDER_HAS else HELD_OUT.uncommon
+    return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
 
 
 def search_forces(
@@ -152,11 +151,7 @@ def search_forces(
         weighed=weighed,
         alone=alone,
         combinations=tuple(score.ranked()),
-        threshold=EvidenceThreshold(
-            effect=HELD_OUT_THRESHOLD,
-            coefficient=HELD_OUT_COEFFICIENT_THRESHOLD,
-            uncommon=UNCOMMON_THRESHOLD,
-        ),
+        threshold=HELD_OUT,
         forces=model,
     )
 
@@ -165,10 +160,9 @@ def held_out_scorer(
     candidates: Candidates, grams: np.ndarray, counts: np.ndarray
 ) -> Scorer:
     """Returns the gain of sets on held-out flights that count so often, penalized."""
-    evidence, task = HeldOutEvidence(candidates, grams, counts), candidates.task
-    return Scorer(
-        evidence, candidates.variants, lambda kind: held_out_threshold(task, kind)
-    )
+    evidence = HeldOutEvidence(candidates, grams, counts)
+    penalty = functools.partial(held_out_threshold, candidates.task)
+    return Scorer(evidence, candidates.variants, penalty)
 
 
 def refit_forces(task: Task, model: FitResult) -> FitResult:
@@ -181,16 +175,11 @@ def refit_forces(task: Task, model: FitResult) -> FitResult:
 
 def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
-    index = task.layout.index
-    slots = [index[slot] for slot in _OF_MOMENT]
+    slots = [task.layout.index[slot] for slot in _OF_MOMENT]
     free = tuple(i for i in slots if i in task.vehicle.nuisance)
     kept = {name: getattr(model.scales, name) for name in OF_FORCES}
-    start = dataclasses.replace(
-        model,
-        free=free,
-        scales=dataclasses.replace(start_scales(noise), **kept),
-        has_force_errors=False,
-    )
+    scales = dataclasses.replace(start_scales(noise), **kept)
+    start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
     others = [name for name in NAMES if name not in OF_FORCES]
     fitted = fit_model(task, start, free_scales=others)
     return dataclasses.replace(fitted, free=model.free)
@@ -198,11 +187,8 @@ def with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model whose forces alone are refitted to other flights."""
-    index = task.layout.index
-    kept = {index[slot] for slot in _OF_MOMENT}
+    kept = {task.layout.index[slot] for slot in _OF_MOMENT}
+    free = tuple(i for i in model.free if i not in kept)
     return dataclasses.replace(
-        model,
-        free=tuple(i for i in model.free if i not in kept),
-        scales=forces.scales,
-        has_force_errors=True,
+        model, free=free, scales=forces.scales, has_force_errors=True
     )

@@ -45,10 +45,7 @@ def prune(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]
 def _without_the_weakest(
     search: Search, model: FitResult, most: int | None = None
 ) -> tuple[FitResult | None, dict[str, float]]:
-    """Returns a model worth more without an effect, or None, and the others' evidence.
-
-    The one that seems weakest is tried first, and `most` of them at most.
-    """
+    """Returns a model worth more without one of the weakest, or None, and evidence."""
     lost, shown = {}, shown_by(search.task, model)
     for kind in sorted(shown, key=shown.__getitem__)[:most]:
         search.progress(f"is {kind} needed?")
@@ -156,10 +153,7 @@ def without_needless_curves(search: Search, model: FitResult) -> FitResult:
 
 
 def with_means(search: Search, model: FitResult) -> FitResult:
-    """Returns a model with the mean of per-flight constants, where it is not zero.
-
-    To first order a spread that absorbed the mean hides it; both are refitted.
-    """
+    """Returns a model with the mean of per-flight constants, where it is not zero."""
     task = search.task
     own = flight_values(error_flights(task, model), model.scales)
     mean, error = own.mean(axis=0), own.std(axis=0) / np.sqrt(len(own))
@@ -175,9 +169,8 @@ def with_means(search: Search, model: FitResult) -> FitResult:
         if model.extra is None and frozenset(kinds) in search.fitted:
             continue
         search.progress(f"{kind} in all flights?")
-        other = dataclasses.replace(
-            model, kinds=kinds, theta=theta, free=task.free(kinds)
-        )
+        free = task.free(kinds)
+        other = dataclasses.replace(model, kinds=kinds, theta=theta, free=free)
         other = search.fit_with_strength(other, iterations=4)
         if search.prefers(other, model):
             model = other
@@ -198,10 +191,7 @@ def with_a_shaped_one(search: Search, model: FitResult) -> FitResult | None:
 
 
 def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
-    """Returns a model worth more whose effects explain what its curves did, or None.
-
-    Curves as strong as they had to be without an effect leave no error to explain.
-    """
+    """Returns a model worth more whose effects explain what its curves did, or None."""
     weakest, _ = STRENGTH_RANGE
     if model.strength <= weakest or not model.has_curves:
         return None
@@ -210,11 +200,7 @@ def with_weaker_curves(search: Search, model: FitResult) -> FitResult | None:
 
 def _best_about(search: Search, model: FitResult, about: FitResult) -> FitResult | None:
     """Returns the best set about another model, to first order, if worth more."""
-
-    def best(score: Scorer) -> list[Members]:
-        return [best_set(score, score.by_first(about.kinds))]
-
-    return search.improved(model, best, about)
+    return search.improved(model, lambda score, own: [best_set(score, own)], about)
 
 
 def with_forced(
@@ -222,8 +208,7 @@ def with_forced(
 ) -> FitResult | None:
     """Returns the best model with a set around one of some effects, or None."""
 
-    def around_each(score: Scorer) -> Iterable[Members]:
-        own = score.by_first(model.kinds)
+    def around_each(score: Scorer, own: Members) -> Iterable[Members]:
         for kind in score.variants:
             if kind in model.kinds or kind not in kinds:
                 continue
@@ -272,8 +257,7 @@ def with_another(
 ) -> FitResult | None:
     """Returns a model worth more with one more effect that was not dropped, or None."""
 
-    def larger(score: Scorer) -> list[Members]:
-        own = score.by_first(model.kinds)
+    def larger(score: Scorer, own: Members) -> list[Members]:
         options = [m for m in score.larger(own) if m[-1][0] not in dropped]
         best = max(options, key=score, default=own)
         return [best] if score(best) > score(own) else []
@@ -290,8 +274,7 @@ def with_a_rival(
     """
     doubtful = [k for k, w in weighed.items() if w.rivals and w.inclusion < SURE]
 
-    def rivals(score: Scorer) -> Iterable[Members]:
-        own = score.by_first(model.kinds)
+    def rivals(score: Scorer, own: Members) -> Iterable[Members]:
         for kind in doubtful:
             rest = tuple(m for m in own if m[0] != kind)
             others = score.among(weighed[kind].rivals)

@@ -33,44 +33,33 @@ def find_signs(
     A wrong sign turns forces round, as no small effect does: the best set of signs must
     beat the logged one by `LEAST_GAIN` in the median flight, with `COMPANIONS` fitted.
     """
-    few = tuple(flights[:FLIGHTS])
+    few = flights[:FLIGHTS]
+    kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
+
+    def costs(signs: Signs) -> np.ndarray:
+        """Negative log-likelihoods of the flights under some signs [nats]."""
+        turned = tuple(turn(f, signs) for f in few)
+        # Its noise depends on the signs.
+        noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
+        records = prepare(turned, campaign, noise, vehicle.layout, masks)
+        task = make_task(records, vehicle, vehicle.kinds)
+        model = start_of(task, noise, with_curves=False)
+        model = dataclasses.replace(
+            model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
+        )
+        fitted = fit_model(task, model, iterations=2, free_scales=())
+        return negative_log_likelihood(error_flights(task, fitted), COARSE_SCALES)
+
     angles = 3 if campaign.elevator == "servo" else 1
-    options = list(itertools.product((1, -1), repeat=angles))[1:]
-    logged = _cost(campaign, few, masks, vehicle, Signs())
-    best, most = Signs(), 0.0
-    for option in options:
-        names = ("pitch", "elevator", "command")
-        signs = Signs(**dict(zip(names, option, strict=False)))
-        gained = logged - _cost(campaign, few, masks, vehicle, signs)
-        gain = float(np.median(gained))
+    names = ("pitch", "elevator", "command")[:angles]
+    logged, best, most = costs(Signs()), Signs(), 0.0
+    for option in list(itertools.product((1, -1), repeat=angles))[1:]:
+        signs = Signs(**dict(zip(names, option, strict=True)))
+        gain = float(np.median(logged - costs(signs)))
         if gain > most:
             best, most = signs, gain
-    rows = 4 * np.mean([len(f.time) for f in few])
     if best.are_right or most < LEAST_GAIN:
         return Signs()
-    return dataclasses.replace(
-        best, evidence=most * len(few), share=float(1.0 - math.exp(-2.0 * most / rows))
-    )
-
-
-def _cost(
-    campaign: Campaign,
-    flights: tuple[Flight, ...],
-    masks: Mapping[str, Masks],
-    vehicle: Vehicle,
-    signs: Signs,
-) -> np.ndarray:
-    """Returns the flights' negative log-likelihoods under some signs [nats]."""
-    turned = tuple(turn(f, signs) for f in flights)
-    # Its noise depends on the signs.
-    noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
-    records = prepare(turned, campaign, noise, vehicle.layout, masks)
-    task = make_task(records, vehicle, vehicle.kinds)
-    model = start_of(task, noise, with_curves=False)
-    kinds = tuple(kind for kind in COMPANIONS if kind in vehicle.kinds)
-    model = dataclasses.replace(
-        model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
-    )
-    fitted = fit_model(task, model, iterations=2, free_scales=())
-    flights_now = error_flights(task, fitted)
-    return negative_log_likelihood(flights_now, COARSE_SCALES)
+    rows = 4 * np.mean([len(f.time) for f in few])
+    share = float(1.0 - math.exp(-2.0 * most / rows))
+    return dataclasses.replace(best, evidence=most * len(few), share=share)

@@ -31,9 +31,7 @@ _NEAR = 25.0  # Loss up to which an effect is offered to resampled searches [nat
 class EffectSupport:
     """Support of an effect of the chosen set."""
 
-    # Kinds that would do as well in its place, on these flights or on flights drawn
-    # from them.
-    rivals: tuple[str, ...]
+    rivals: tuple[str, ...]  # Kinds that would do as well, here or on drawn flights.
     inclusion: float  # Share of the resampled flights that choose it.
     support: float  # Share that choose it or one of its rivals.
     enough: float  # Least support of an effect that is claimed.
@@ -128,9 +126,8 @@ def weakest(
     """
     doubted = [kind for kind in weighed if beside_field or evidence[kind] < DOUBTED]
     kind = min(doubted, key=lambda k: weighed[k].support, default=None)
-    if kind is None or weighed[kind].support >= weighed[kind].enough:
-        return None
-    return kind
+    is_weak = kind and weighed[kind].support < weighed[kind].enough
+    return kind if is_weak else None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -141,8 +138,7 @@ class SearchResult:
     bare: FitResult  # The model without any, fitted.
     evidence: dict[str, float]  # Kind to the evidence lost without it [nats].
     weighed: dict[str, EffectSupport]  # Kind to its support.
-    # Kind to its evidence as the only effect, to first order [nats].
-    alone: dict[str, float]
+    alone: dict[str, float]  # Evidence as the only effect, to first order [nats].
     # Kinds of each set that was fitted, and its penalized gain [nats].
     combinations: tuple[tuple[tuple[str, ...], float], ...]
     threshold: EvidenceThreshold  # Of evidence, below which an effect is not taken.

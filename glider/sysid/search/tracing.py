@@ -1,8 +1,7 @@
 """The search for effects: sets of the library, by their evidence.
 
-In turn: all flights are made linear about the best model so far, the scales of noise
-are fitted with everything acting at once, the best set of effects is searched in closed
-form, and that set is fitted with its curves and scales. It ends where a set comes back.
+All flights are made linear about the best model so far, scales of noise fitted with
+everything acting, the best set searched in closed form and fitted, until one returns.
 """
 
 import dataclasses
@@ -20,13 +19,10 @@ from glider.sysid.search.subsets import Members, Scorer, best_set
 from glider.sysid.search.support import EffectSupport, SearchResult, weakest, weigh
 
 ROUNDS = 8  # At most.
-# Effects that are tried last, where others leave an error: lengths are seldom wrong,
-# and to first order they imitate many effects.
+# Tried last: lengths are seldom wrong, and to first order they imitate many effects.
 LATE = ("position_scale",)
 FIELD_THRESHOLD = 40.0  # Evidence that an unmodelled field must bring [nats].
-# Share of a round's gain that each new effect must bring: errors of linearization look
-# like small effects, which wait for the next round.
-HASTE = 0.01
+HASTE = 0.01  # Share of a round's gain below which a new effect waits for the next.
 
 
 def trace(
@@ -56,9 +52,7 @@ def trace(
         again = model if field is not None else by_sets(search, model)
         best = again if search.prefers(again, model) else model
         model, evidence = moves.prune(search, best)
-    model, evidence, weighed = supported(
-        search, model, evidence, field is not None, rng
-    )
+    model, evidence, weighed = supported(search, model, evidence, rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)
     bare = model
@@ -87,7 +81,6 @@ def supported(
     search: fits.Search,
     model: FitResult,
     evidence: dict[str, float],
-    beside_field: bool,
     rng: np.random.Generator,
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
@@ -95,7 +88,7 @@ def supported(
     Where in doubt, an effect may give way to a rival; without support, it is dropped.
     """
     search.progress("weighing the effects")
-    dropped: set[str] = set()
+    dropped, beside_field = set[str](), model.extra is not None
     while True:
         weighed = weigh(search.task, model, fits.marginal_scorer, rng)
         other = None if beside_field else moves.with_a_rival(search, model, weighed)

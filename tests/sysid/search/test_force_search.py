@@ -8,10 +8,8 @@ import pytest
 from glider.sysid.replay.replayed import trimmed
 from glider.sysid.search.force_search import (
     EVERY_GLIDER_HAS,
-    HELD_OUT_COEFFICIENT_THRESHOLD,
-    HELD_OUT_THRESHOLD,
+    HELD_OUT,
     OF_FORCES,
-    UNCOMMON_THRESHOLD,
     held_out_threshold,
     search_forces,
 )
@@ -38,7 +36,7 @@ def test_what_every_throw_has_is_named(traced):
     _, found, truth = traced
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
     assert truth.wrong(found.model.kinds) == ()
-    assert all(found.evidence[kind] > HELD_OUT_THRESHOLD for kind in found.model.kinds)
+    assert all(found.evidence[kind] > HELD_OUT.effect for kind in found.model.kinds)
     assert found.combinations[0][1] > 0.0
 
 
@@ -62,10 +60,10 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
 
 def test_an_effect_that_needs_a_cause_costs_more(throws):
     task, *_ = throws
-    assert held_out_threshold(task, "camber") == HELD_OUT_THRESHOLD
-    assert held_out_threshold(task, "thrust") == HELD_OUT_THRESHOLD + UNCOMMON_THRESHOLD
+    assert held_out_threshold(task, "camber") == HELD_OUT.effect
+    assert held_out_threshold(task, "thrust") == HELD_OUT.effect + HELD_OUT.uncommon
     assert held_out_threshold(task, "marker_offset") == (
-        HELD_OUT_THRESHOLD + HELD_OUT_COEFFICIENT_THRESHOLD + UNCOMMON_THRESHOLD
+        HELD_OUT.effect + HELD_OUT.coefficient + HELD_OUT.uncommon
     )
     assert set(EVERY_GLIDER_HAS) <= set(task.layout.kinds)
 
