@@ -16,7 +16,7 @@ from rich.text import Text
 from glider.comparison.differences import EFFECTS, Comparison, SavedReport
 from glider.files.schema import json_text, to_builtins
 from glider.report import numbers
-from glider.report.error_table import ALONG, END, FREE, PITCH, error_of
+from glider.report.error_table import ALONG, END, FREE, PITCH, columns_of, error_of
 from glider.report.plots.style import LABELS
 from glider.report.terminal import for_console, make_table, writer
 from glider.report.wording import counted, name_of, say
@@ -96,18 +96,14 @@ def _plain(
     return write(dataclasses.replace(estimate, unit=""))
 
 
-def models_of(comparison: Comparison) -> list[str]:
-    """Models of which either report has errors."""
-    return [m for m in LABELS if any(r.errors.get(m) for r in comparison.reports)]
-
-
 def error_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """Errors on held-out flights, of each model in both reports.
 
     Name, model, unit, error in A and in B, and their ratio: all of it text.
     """
     found = []
-    for error, model in itertools.product(_ERRORS, models_of(comparison)):
+    models = columns_of(*comparison.reports)
+    for error, model in itertools.product(_ERRORS, models):
         values = [error_of(report, model, error) for report in comparison.reports]
         unit = unit_of(comparison, error, *values)
         names = _ERRORS[error], LABELS[model], unit.name

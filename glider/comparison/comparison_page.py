@@ -7,7 +7,7 @@ import numpy as np
 from glider.comparison import as_text
 from glider.comparison.differences import Comparison
 from glider.report.as_page import render_page
-from glider.report.error_table import ALONG, FREE, PITCH, bounded, error_of
+from glider.report.error_table import ALONG, FREE, PITCH, bounded, columns_of, error_of
 from glider.report.model_figures import WIDE, grouped_bars, lack_marks, term_panel
 from glider.report.plots import figure as spec
 from glider.report.plots.style import LABELS
@@ -74,7 +74,7 @@ def changes_figure(comparison: Comparison) -> spec.Figure | None:
 
 def errors_figure(comparison: Comparison) -> spec.Figure | None:
     """Errors of each model in both reports as bars."""
-    models, keys = as_text.models_of(comparison), _keys(comparison)
+    models, keys = columns_of(*comparison.reports), _keys(comparison)
     if not models:
         return None
     panels = []

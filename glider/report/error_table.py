@@ -84,9 +84,9 @@ def unit_beside_noise(result: Result, *lengths: float) -> Unit:
     return length_unit(*lengths, noise_floor(result, FREE))
 
 
-def columns_of(result: Result) -> list[str]:
-    """Models of which there are errors, as COLUMNS orders them."""
-    return [m for m in COLUMNS if result.errors.get(m) is not None]
+def columns_of(*reports: Report) -> list[str]:
+    """Models of which any report has errors, as COLUMNS orders them."""
+    return [m for m in COLUMNS if any(r.errors.get(m) for r in reports)]
 
 
 def baseline(result: Result) -> str:

@@ -64,10 +64,10 @@ class Task:
         is_shape = np.array([self.is_shape(i) for i in slots], dtype=bool)
         mean = np.where(is_shape, theta[slots], vehicle.theta[slots])
         spread = PRIOR_SCALES * self.layout.scale[slots]
-        if vehicle.prior is not None:
-            is_known, (means, spreads) = np.isin(slots, vehicle.nuisance), vehicle.prior
-            mean = np.where(is_known, means[slots], mean)
-            spread = np.where(is_known, spreads[slots], spread)
+        if vehicle.prior_spread is not None:
+            is_nuisance = np.isin(slots, vehicle.nuisance)
+            mean = np.where(is_nuisance, vehicle.theta[slots], mean)
+            spread = np.where(is_nuisance, vehicle.prior_spread[slots], spread)
         return mean, 1.0 / spread**2
 
     def on(self, records: Sequence[Record]) -> "Task":

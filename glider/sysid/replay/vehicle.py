@@ -57,7 +57,7 @@ class Vehicle:
     trim_is_known: bool  # Whether the elevator's angle is the same in each flight.
     is_known: bool  # Whether the nominal model is complete, with the elevator's angle.
     knows_forces: bool  # Whether mass and areas are known: forces can be compared.
-    prior: tuple[np.ndarray, np.ndarray] | None  # Mean, spread of theta if unknown.
+    prior_spread: np.ndarray | None  # Of theta about the start, if any is unknown.
     notes: tuple[str, ...]  # What was assumed, for the report.
     is_per_mass: bool  # Whether areas and inertia are per kilogram.
 
@@ -111,7 +111,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         layout=layout,
         theta=theta,
         knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
-        prior=_prior(layout, theta, unknown) if unknown else None,
+        prior_spread=_prior_spread(layout, theta, unknown) if unknown else None,
         nuisance=tuple(sorted(nuisance)),
         baseline_slots=tuple(sorted({*nuisance, *of_plate})),
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
@@ -144,10 +144,9 @@ def _assumptions(
     return assumed, notes
 
 
-def _prior(
+def _prior_spread(
     layout: Layout, theta: np.ndarray, unknown: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Prior mean and spread of theta, where parameters are unknown."""
+) -> np.ndarray:
     spread = PRIOR_SCALES * layout.scale
     for name in unknown:
         i = layout.index["parameters", name]
@@ -155,7 +154,7 @@ def _prior(
         spread[i] = _OFFSET_SPREAD if name == "wing_offset" else relative * theta[i]
     spread[layout.index["elevator_trim", "angle"]] = _TRIM_SPREAD
     spread[layout.index["pitch_moment", "coefficient"]] = _MOMENT_SPREAD
-    return theta.copy(), spread
+    return spread
 
 
 def parameters_of(theta: np.ndarray, campaign: Campaign) -> GliderParameters:
