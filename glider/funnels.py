@@ -36,8 +36,7 @@ from glider.verification.proof.check import Verdict, check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
-from glider.verification.trials.falsify import Falsification, falsify_funnel
-from glider.verification.trials.funnel_flights import fly_inside
+from glider.verification.trials.falsify import Falsification, falsify_funnel, fly_inside
 
 __all__ = [
     "LAUNCH_SIZES",

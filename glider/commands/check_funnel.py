@@ -146,7 +146,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.proof.flight_proof import prove_flights
     from glider.verification.trials.falsify import falsify_funnel
 
-    funnel = funnel_of(file, args.funnel)
+    funnel = funnel_of(args.funnel, *file)
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     confidence = None

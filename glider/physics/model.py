@@ -297,12 +297,24 @@ def _load(
     path: Path | str, own_effects: Sequence[EffectKind]
 ) -> tuple[GliderModel, Covariance | None]:
     """Returns the model in a file and its covariance, or None."""
-    data = schema.parse_yaml(schema.read_text(path, "a glider model"), str(path))
+    text = schema.read_text(path, "a glider model")
+    return parse_model(text, str(path), own_effects)
+
+
+def parse_model(
+    text: str, source: str, own_effects: Sequence[EffectKind] = ()
+) -> tuple[GliderModel, Covariance | None]:
+    """Returns the model in a text and its covariance, or None.
+
+    Raises:
+        InputError: the text is no model's, with the source before it.
+    """
+    data = schema.parse_yaml(text, source)
     fields = [field.name for field in dataclasses.fields(GliderParameters)]
     if isinstance(data, dict) and not data.keys().isdisjoint(fields):
-        parameters = schema.convert(data, GliderParameters, str(path))
+        parameters = schema.convert(data, GliderParameters, source)
         return GliderModel(parameters=parameters), None
-    file = schema.convert(data, _ModelFile, str(path))
+    file = schema.convert(data, _ModelFile, source)
     kinds = {**KINDS, **{e.kind: e for e in own_effects}}
     try:
         for entry in file.effects:
@@ -320,7 +332,7 @@ def _load(
         if file.covariance is not None:
             check_names(file.covariance.names, effects)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{source}: {error}") from None
     return model, file.covariance
 
 

@@ -44,7 +44,7 @@ def check_report(
         report |= {
             "every_flight": proof.is_whole,
             "intervals_proven": proof.count,
-            "intervals_tried": len(proof.intervals),
+            "intervals_tried": len(proof.outcomes),
             "of_intervals": proof.of_intervals,
             "intervals_from_file": proof.from_file,
             "proven_until": proof.until,
@@ -122,7 +122,7 @@ def remainder_status(funnel: Funnel, proof: FlightProof | None = None) -> str:
         return "none"
     if proof is None or not proof.count:
         return "sampled"
-    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.intervals)
+    status, tried = f"rigorous until t={proof.until:.4f}", len(proof.outcomes)
     if tried == proof.of_intervals or not proof.complete:
         return status
     return f"{status} in {tried} of {proof.of_intervals} intervals"

@@ -5,8 +5,7 @@ from pydrake.systems.framework import LeafSystem
 from pydrake.systems.primitives import TrajectoryAffineSystem
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.funnel_flights import funnel_policy
+from glider.verification.funnel.funnel import Funnel, funnel_policy
 
 TABLE = 441
 """Number of times that a regulator's gains are given at."""
@@ -61,14 +60,12 @@ def funnel_regulator(funnel: Funnel) -> TrajectoryAffineSystem:
     def over_time(values: np.ndarray) -> PiecewisePolynomial:
         return PiecewisePolynomial.FirstOrderHold(times, list(values))
 
-    def zeros(rows: int, columns: int) -> PiecewisePolynomial:
-        return over_time(np.zeros((TABLE, rows, columns)))
-
+    zero = over_time(np.zeros((TABLE, 1, 1)))
     return TrajectoryAffineSystem(  # One state that rests: Drake asks for it.
-        A=zeros(1, 1),
-        B=zeros(1, funnel.num_states),
-        f0=zeros(1, 1),
-        C=zeros(1, 1),
+        A=zero,
+        B=over_time(np.zeros((TABLE, 1, funnel.num_states))),
+        f0=zero,
+        C=zero,
         D=over_time(-gain[:, None, :]),
         y0=over_time(offset[:, None, None]),
     )

@@ -17,7 +17,7 @@ from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief
 from glider.verification.monitor import FunnelMonitor, funnel_regulator
 from glider.verification.trials.estimated import fly_estimated, study_estimates
-from glider.verification.trials.funnel_flights import boundary_states, fly_from
+from glider.verification.trials.falsify import boundary_states, fly_from
 
 NOISE = 0.003
 UNKNOWN = 0.5
@@ -156,5 +156,5 @@ def test_what_is_borne_is_the_level_before_the_first_escape(found):
 
 def test_bad_levels_are_refused(funnel, launch, draws):
     for noise, share in ((0.0, 0.5), (np.nan, 0.5), (0.001, 1.5), (0.001, -0.1)):
-        with pytest.raises(InputError, match="from 0 to 1"):
+        with pytest.raises(InputError, match=r"fly_estimated: the .*expected a"):
             fly_estimated(funnel, launch, noise, share, draws)

@@ -9,8 +9,11 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.exact_check import exact_faults
-from glider.verification.trials.falsify import falsify_funnel
-from glider.verification.trials.funnel_flights import boundary_states, fly_inside
+from glider.verification.trials.falsify import (
+    boundary_states,
+    falsify_funnel,
+    fly_inside,
+)
 from tests.verification.points import sphere_points
 
 

@@ -16,7 +16,7 @@ from glider.verification.funnel.servo_limits import (
     steepest_gains,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.funnel.shape_flow import ShapeFlow
+from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.forms import linear_part
 from tests.verification.points import sphere_points
 
@@ -66,8 +66,8 @@ def test_no_command_of_this_size_brings_v_down_faster(funnel, nominal):
 
 def test_a_launch_may_err_by_more_with_it(nominal):
     settings = FunnelSettings(step=0.011, hold=0.088, elevator_gain=40.0)
-    parts = nominal, settings, sphere_points(1, 7)
-    with_it, without = ShapeFlow(*parts, steer=True), ShapeFlow(*parts)
+    task = FunnelTask(nominal, settings, sphere_points(1, 7))
+    with_it, without = ShapeFlow(task, steer=True), ShapeFlow(task)
     given = nominal.gains.copy()
     heights = [flow.run()[0, 1, 1] ** -0.5 for flow in (with_it, without)]
     assert heights[0] > 1.1 * heights[1]

@@ -18,8 +18,7 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.monitor import FunnelMonitor
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.purpose import hook_faults
-from glider.verification.trials.falsify import falsify_funnel
-from glider.verification.trials.funnel_flights import boundary_states
+from glider.verification.trials.falsify import boundary_states, falsify_funnel
 from tests.verification.points import sphere_points
 
 

@@ -21,8 +21,7 @@ from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel, gliders_faults
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.interval_proof import IntervalProof
-from glider.verification.trials.falsify import falsify_funnel
-from glider.verification.trials.funnel_flights import fly_from
+from glider.verification.trials.falsify import falsify_funnel, fly_from
 
 NAMES = ("mass", "wing_area")
 STD = np.array([2e-4, 2e-4])  # About 0.2 %.
@@ -103,15 +102,14 @@ def test_a_funnel_is_made_for_all_gliders_of_a_set(made, policy):
 def test_what_is_proven_is_said_of_whom_it_is(made):
     proof = FlightProof(
         times=made.nominal.times,
-        intervals=tuple(range(len(made.nominal.times) - 1)),
-        outcomes=tuple(IntervalProof() for _ in made.nominal.times[1:]),
+        outcomes={k: IntervalProof() for k in range(len(made.nominal.times) - 1)},
         from_file=0,
         candidate=None,
     )
     words = describe_proof(made, proof)
     assert words.startswith("Proven: every flight of every glider of its set that")
     assert "stays in the funnel about its own center and ends in its last set" in words
-    some = dataclasses.replace(proof, intervals=(0,), outcomes=proof.outcomes[:1])
+    some = dataclasses.replace(proof, outcomes={0: IntervalProof()})
     words = describe_proof(made, some)
     assert "no flight of every glider" not in words
     assert "no flight of a glider of its set leaves the funnel about its own" in words

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from glider.verification.funnel.build import STARTS
 from glider.verification.funnel.growth import (
     boundary_forms,
     largest_growth,
     remainder_form,
 )
-from glider.verification.funnel.scaling import STARTS
 from tests.verification.points import sphere_points
 
 

@@ -21,8 +21,13 @@ from glider.verification.dynamics.nominal import (
 )
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.interval import keeps_servo, make_interval, tight_cover
-from glider.verification.proof.interval_gliders import gliders_defect, servo_reach
+from glider.verification.proof.interval import (
+    gliders_defect,
+    keeps_servo,
+    make_interval,
+    servo_reach,
+    tight_cover,
+)
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, line
 

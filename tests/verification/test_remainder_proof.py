@@ -19,7 +19,7 @@ from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
     PATIENCE,
-    RemainderProof,
+    IntervalProof,
     bound_remainder,
     halve,
     prove_remainder,
@@ -221,7 +221,7 @@ def test_a_ball_that_takes_too_many_boxes_leaves_some_for_its_halves(
 
     def stubborn(remainder, budget):
         if remainder.span == (-1.0, 1.0):
-            return RemainderProof(proven=False, boxes=budget, ratio=0.9)
+            return IntervalProof(fault="stubborn", boxes=budget, ratio=0.9)
         return real(remainder, budget)
 
     monkeypatch.setattr(interval_proof, "bound_remainder", stubborn)

@@ -15,7 +15,7 @@ from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.funnel.settings import LAUNCH_SIZES, FunnelSettings
-from glider.verification.funnel.shape_flow import SHARE, size_matrices
+from glider.verification.funnel.shape_flow import SHARE, FunnelTask
 from tests.verification.points import sphere_points
 
 SETTINGS = FunnelSettings(step=0.011, hold=0.088, launch_sizes=LAUNCH_SIZES)
@@ -33,14 +33,14 @@ def nominal(policy):
 
 def test_sizes_alone_are_the_same_at_all_times(nominal):
     settings = dataclasses.replace(SETTINGS, launch_sizes=None)
-    found = size_matrices(nominal, settings)
+    found = FunnelTask(nominal, settings, sphere_points(1, 7)).sizes
     assert found.shape == (len(nominal.times), NUM_STATES, NUM_STATES)
     assert np.all(found == np.diag(np.square(settings.sizes)))
 
 
 def test_errors_of_a_launch_become_what_flights_show(nominal, policy):
     small = 1e-3
-    found = size_matrices(nominal, SETTINGS)
+    found = FunnelTask(nominal, SETTINGS, sphere_points(1, 7)).sizes
     starts = nominal.states[0] + small * np.diag([*LAUNCH_SIZES])
     starts = np.vstack([nominal.states[0], starts])
     step = (nominal.times[1] - nominal.times[0]) / 8.0
@@ -69,7 +69,8 @@ def test_what_is_least_later_is_least_at_the_launch(policy, monkeypatch):
     nominal = nominal.part(slice(50))
     small = tuple(1e-3 * np.array(SETTINGS.goal))  # No limit of the servo cuts it.
     settings = dataclasses.replace(SETTINGS, goal=small, hold=SETTINGS.step)
-    flow = shape_flow.ShapeFlow(nominal, settings, sphere_points(1, 7))
+    task = FunnelTask(nominal, settings, sphere_points(1, 7))
+    flow = shape_flow.ShapeFlow(task)
     S = flow.run()
     traces.append(np.sum(np.square(LAUNCH_SIZES) * np.diag(S[0])))
     np.testing.assert_allclose(traces, traces[0], rtol=1e-4)

@@ -1,6 +1,5 @@
 """Sums of squares on the sphere, their solvers, and the exact check of a matrix."""
 
-import functools
 import os
 from fractions import Fraction
 
@@ -29,7 +28,6 @@ from glider.verification.sos.sphere import (
     least_eigenvalue,
     nearby_gram,
     represent,
-    represent_rest,
     sphere,
 )
 from tests.verification.points import sphere_points, sphere_values
@@ -104,14 +102,12 @@ def test_a_near_polynomial_gets_its_gram_matrix_without_a_solver():
     _, margin, entries = largest_margin(polynomial, N)
     lifted = polynomial + (0.1 - margin) * TABLES.constant
     change = 0.02 * np.random.default_rng(6).normal(size=len(polynomial))
-    closest = functools.partial(represent, TABLES, coefficients=lifted + change)
-    found = nearby_gram(TABLES, entries, closest, 0.01)
+    found = nearby_gram(TABLES, entries, lifted + change, 0.01)
     assert found is not None
     assert TABLES.map @ found == pytest.approx(lifted + change, abs=1e-12)
     assert least_eigenvalue(TABLES, found) >= 0.01
     below = polynomial - (margin + 0.1) * TABLES.constant
-    closest = functools.partial(represent, TABLES, coefficients=below)
-    assert nearby_gram(TABLES, entries, closest, 0.01, rounds=20) is None
+    assert nearby_gram(TABLES, entries, below, 0.01, rounds=20) is None
 
 
 def test_a_gram_matrix_may_have_a_block_that_is_known():
@@ -119,7 +115,7 @@ def test_a_gram_matrix_may_have_a_block_that_is_known():
     gram = rng.normal(size=(TABLES.size, TABLES.size))
     gram, block = gram + gram.T, np.diag(rng.uniform(size=N))
     cubic_and_quartic = rng.normal(size=len(TABLES.map))
-    found = represent_rest(TABLES, TABLES.entries(gram), block, cubic_and_quartic)
+    found = represent(TABLES, TABLES.entries(gram), cubic_and_quartic, block)
     matrix = TABLES.matrix(found)
     assert np.array_equal(matrix[:N, :N], block)
     matrix[:N, :N] = 0.0  # What is left represents the forms without it.

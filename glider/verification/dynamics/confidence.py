@@ -132,9 +132,6 @@ class ConfidenceSet:
         covariance: covariance of the m numbers that may deviate.
         level: probability with which the true numbers are in it.
         shape: one of SHAPES.
-
-    Raises:
-        InputError: the level or the shape is not valid.
     """
 
     covariance: Covariance
@@ -178,13 +175,14 @@ class ConfidenceSet:
 
     def on_boundary(self, directions: np.ndarray) -> np.ndarray:
         """Returns δ (..., m) on the boundary, towards directions (..., r) of w."""
-        size = np.abs(directions)
-        size = (
-            size.max(axis=-1, keepdims=True)
-            if self.shape == "box"
-            else np.linalg.norm(directions, axis=-1, keepdims=True)
-        )
-        return (directions / np.maximum(size, 1e-300)) @ self.factor.T
+        size = np.maximum(self._size(directions), 1e-300)
+        return (directions / size[..., None]) @ self.factor.T
+
+    def _size(self, w):
+        """Returns how far w (..., r) are: 1 on the boundary."""
+        if self.shape == "box":
+            return np.abs(w).max(axis=-1, initial=0.0)
+        return np.linalg.norm(w, axis=-1)
 
     def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """Draws δ (count, m), uniform in the set."""
@@ -220,10 +218,7 @@ class ConfidenceSet:
         in_span = np.abs(w @ self.factor.T - deviations) <= 1e-9 * self.reach(
             np.eye(len(self.names))
         )
-        size = np.abs(w).max(axis=-1, initial=0.0)
-        if self.shape == "ellipsoid":
-            size = np.linalg.norm(w, axis=-1)
-        return np.all(in_span, axis=-1) & (size <= 1.0 + 1e-9)
+        return np.all(in_span, axis=-1) & (self._size(w) <= 1.0 + 1e-9)
 
 
 def make_confidence(
@@ -232,11 +227,7 @@ def make_confidence(
     level: float = LEVEL,
     shape: str = "ellipsoid",
 ) -> ConfidenceSet:
-    """Returns the confidence set of all numbers that a glider's flight depends on.
-
-    Raises:
-        InputError: there is no such set.
-    """
+    """Returns the confidence set of all numbers that a glider's flight depends on."""
     flown = covariance.of_flight(model.kinds)
     return ConfidenceSet(covariance=flown, level=level, shape=shape)
 

@@ -144,12 +144,8 @@ class Monomials:
         # And every one of degree 1 or more is a variable times a lower one.
         self._factor = np.argmax(self.exponents > 0, axis=1)
         unit = np.eye(num_variables, dtype=int)
-        self._lower = np.array(
-            [0] + [place[tuple(e - unit[i])] for e, i in self._rows()]
-        )
-
-    def _rows(self):
-        return zip(self.exponents[1:], self._factor[1:], strict=True)
+        lower = self.exponents[1:] - unit[self._factor[1:]]
+        self._lower = np.array([0, *(place[tuple(e)] for e in lower)])
 
     def values(self, points: np.ndarray) -> np.ndarray:
         """Returns the monomials' values (B, M) at points (B, n)."""
@@ -184,6 +180,7 @@ def monomials(num_variables: int, degree: int) -> Monomials:
     return Monomials(num_variables, degree)
 
 
+@dataclasses.dataclass(eq=False)
 class Jet(Number):
     """A truncated Taylor polynomial as a number.
 
@@ -195,12 +192,10 @@ class Jet(Number):
         coefficients: (M, ...) one for each monomial.
     """
 
-    def __init__(self, table: Monomials, coefficients: np.ndarray):
-        """Takes the monomials and their coefficients."""
-        self.table, self.coefficients = table, coefficients
+    table: Monomials
+    coefficients: np.ndarray
 
     def plus(self, other: Any) -> "Jet":
-        """Returns the sum with a jet of the same table or a plain number."""
         if isinstance(other, Jet):
             return Jet(self.table, self.coefficients + other.coefficients)
         coefficients = self.coefficients.copy()
@@ -208,7 +203,6 @@ class Jet(Number):
         return Jet(self.table, coefficients)
 
     def times(self, other: Any) -> "Jet":
-        """Returns the product with a jet of the same table or a plain number."""
         if not isinstance(other, Jet):
             return Jet(self.table, self.coefficients * other)
         table = self.table
@@ -216,7 +210,6 @@ class Jet(Number):
         return Jet(table, np.add.reduceat(products, table.starts, axis=0))
 
     def apply(self, function: np.ufunc) -> "Jet":
-        """Returns a function of this jet."""
         terms = SERIES[function](self.coefficients[0], self.table.degree)
         change = Jet(self.table, self.coefficients.copy())
         change.coefficients[0] = 0.0

@@ -129,11 +129,7 @@ ARRAYS = ("times", "states", "inputs", "gains")
 
 
 def make_nominal(model: GliderModel, policy: TrackingPolicy, step: float) -> Nominal:
-    """Flies the feedback from its plan's launch.
-
-    Args:
-        model: the glider that the plan is for.
-        step: longest step between the times [s].
+    """Flies the feedback from its plan's launch, at times one step [s] apart at most.
 
     Raises:
         InputError: the plan is for another glider, the flight needs its servo at a

@@ -9,6 +9,7 @@ every operation (Makino and Berz 2003). NumPy's functions are assumed accurate t
 100 units in the last place.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -26,6 +27,7 @@ WIDER = 1.0 + 1e-12
 few hundred terms that are not negative, with an error below 1e-13."""
 
 
+@dataclasses.dataclass(eq=False)
 class TaylorModel(Number):
     """A polynomial and a bound of its remainder, on each of many boxes.
 
@@ -35,14 +37,11 @@ class TaylorModel(Number):
         remainder: (B,) bounds of what they leave out.
     """
 
-    def __init__(
-        self, table: Monomials, coefficients: np.ndarray, remainder: np.ndarray
-    ):
-        """Takes the monomials, their coefficients and the remainders' bounds."""
-        self.table, self.coefficients, self.remainder = table, coefficients, remainder
+    table: Monomials
+    coefficients: np.ndarray
+    remainder: np.ndarray
 
     def plus(self, other: Any) -> "TaylorModel":
-        """Returns the sum with a model of the same boxes or a number."""
         if isinstance(other, TaylorModel):
             total = _add(
                 self.coefficients, self.remainder, other.coefficients, other.remainder
@@ -54,21 +53,12 @@ class TaylorModel(Number):
         return TaylorModel(self.table, coefficients, remainder)
 
     def times(self, other: Any) -> "TaylorModel":
-        """Returns the product with a model of the same boxes or a number."""
         if isinstance(other, TaylorModel):
-            return TaylorModel(
-                self.table,
-                *_multiply(
-                    self.coefficients,
-                    self.remainder,
-                    other.coefficients,
-                    other.remainder,
-                    self.table.left,
-                    self.table.right,
-                    self.table.starts,
-                    self.table.degrees,
-                ),
-            )
+            table = self.table
+            mine = self.coefficients, self.remainder
+            theirs = other.coefficients, other.remainder
+            products = table.left, table.right, table.starts, table.degrees
+            return TaylorModel(table, *_multiply(*mine, *theirs, *products))
         factors = np.broadcast_to(np.asarray(other, dtype=float), self.remainder.shape)
         return TaylorModel(
             self.table, *_scale(self.coefficients, self.remainder, factors)

@@ -1,11 +1,18 @@
-"""The making of a funnel: shape it, scale it, certify it at every time."""
+"""The making of a funnel: shape it, scale it, certify it at every time.
+
+The size of given shapes is that of the comparison equation: on the boundary of
+{eᵀ S e <= ρ}, V̇/V <= h(t); the set stays one that nothing leaves as long as
+    d(log ρ)/dt >= h(t),
+integrated backward from ρ(T) = 1. Here h is found by ascent, and the set S/ρ is what is
+then certified, with a margin.
+"""
 
 import dataclasses
-import functools
 import time
 from collections.abc import Callable
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from glider.control.tvlqr import TrackingPolicy
@@ -13,14 +20,23 @@ from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.verification.dynamics.confidence import ConfidenceSet
+from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import BoundaryForms
-from glider.verification.funnel.remainder import SAMPLES
-from glider.verification.funnel.scaling import Gauge
+from glider.verification.funnel.growth import (
+    SHARES,
+    BoundaryForms,
+    BoundarySets,
+    boundary_forms,
+    growth_between,
+    largest_growth,
+    remainder_form,
+)
+from glider.verification.funnel.remainder import SAMPLES, remainder_weights
+from glider.verification.funnel.servo_limits import margin_to_limits, servo_bounds
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
-from glider.verification.funnel.shape_flow import ShapeFlow
+from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow
 from glider.verification.sos.programs import (
     SOLVERS,
     SolverError,
@@ -36,6 +52,17 @@ from glider.verification.sos.sphere import (
 )
 
 Progress = Callable[[str], None]
+
+ROUNDS = 10
+"""Rounds of scaling and looking again; it converges in four or five."""
+
+MARGIN_SHARE = 0.6
+"""Share of the margin that is enough, everywhere, to end the rounds."""
+
+STARTS = 60
+"""Points where the ascent to the largest growth starts, besides the axes of its
+quadratic part. With 12, and none from neighbors in time, it missed so much that one
+funnel was not certified, and another not proven between two times."""
 
 EIGENVALUE_SHARE = 0.1
 """Least eigenvalue of a Gram matrix, as a share of the margin of V̇/V. On the sphere
@@ -89,14 +116,14 @@ def make_funnel(
     directions = normalized(rng.normal(size=(SAMPLES, total)))
     if settings.elevator_gain > 0.0:
         own = normalized(directions[:, :n])
-        steered = ShapeFlow(nominal, settings, own, steer=True)
+        steered = ShapeFlow(FunnelTask(nominal, settings, own), steer=True)
         _shape(steered, say, "feedback")
         nominal = dataclasses.replace(steered.nominal)  # Expanded again, as a whole.
     center = make_moving_center(nominal, confidence) if confidence else None
-    parts = nominal, settings, directions, center
-    S = _shape(ShapeFlow(*parts), say, "shape")
+    task = FunnelTask(nominal, settings, directions, center)
+    S = _shape(ShapeFlow(task), say, "shape")
     say("funnel: its size")
-    sets, forms = Gauge(*parts).scaled(S)
+    sets, forms = Gauge(task).scaled(S)
     say("funnel: its certificate")
     grams = certify(nominal.times, forms, settings.margin)
     return Funnel(
@@ -121,11 +148,7 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
     """Returns a Gram matrix (T, E) of -V̇/V on the boundary, at each time.
 
     The first comes from a solver, the others from their neighbors, and again from a
-    solver where that fails.
-
-    Args:
-        times: (T,) [s].
-        margin: of V̇/V; the least eigenvalues are EIGENVALUE_SHARE of it [1/s].
+    solver where that fails. Least eigenvalues are EIGENVALUE_SHARE of the margin [1/s].
 
     Raises:
         SolverError: at some time -V̇/V is no sum of squares.
@@ -138,8 +161,7 @@ def certify(times: np.ndarray, forms: BoundaryForms, margin: float) -> np.ndarra
     for k in range(len(polynomials) - 1, -1, -1):
         gram = None
         if before is not None:
-            closest = functools.partial(represent, tables, coefficients=polynomials[k])
-            gram = nearby_gram(tables, before, closest, least)
+            gram = nearby_gram(tables, before, polynomials[k], least)
         if gram is None:
             gram = _solve(tables, polynomials[k])
             if least_eigenvalue(tables, gram) < least:
@@ -157,3 +179,90 @@ def _solve(tables, polynomial):
     margin, gram = first_success(largest_margin, polynomial, tables.n, fault=fault)
     even = 0.5 * margin * tables.entries(np.eye(tables.size))
     return represent(tables, gram + even, polynomial)
+
+
+class Gauge:
+    """A gauge of sets S (T, n, n) along a flight: their growth, the servo's margin."""
+
+    def __init__(self, task: FunnelTask):
+        """Expands the dynamics between the times."""
+        self._task, self._nominal = task, task.nominal
+        self._starts = task.directions[:STARTS]
+        if task.center is not None:
+            n = self._nominal.states.shape[1]
+            self._starts = normalized(self._starts[:, :n])
+        self._between = {share: self._nominal.between(share) for share in SHARES}
+        self._defect = defect_bounds(self._nominal)
+        self._limits = servo_bounds(self._nominal, task.center)
+
+    def scaled(self, S: np.ndarray) -> tuple[BoundarySets, BoundaryForms]:
+        """Returns sets of shapes S, scaled so that V̇/V < 0 on their boundary, and V̇/V.
+
+        Raises:
+            SolverError: the sets cannot be evaluated between their times.
+        """
+        if not np.all(np.isfinite(self._defect)):
+            raise SolverError(
+                "The plan's flight cannot be enclosed; a shorter step may help."
+            )
+        try:
+            return self._sets(self._scale(S))
+        except np.linalg.LinAlgError:
+            raise SolverError(
+                "The funnel changes too fast between its times; a shorter step may "
+                "help."
+            ) from None
+
+    def _scale(self, S):
+        times, margin = self._nominal.times, self._task.settings.margin
+        for turn in range(ROUNDS):
+            growth = self.growth(S)
+            largest = margin_to_limits(S, *self._limits)
+            if growth.max() <= -MARGIN_SHARE * margin and largest.min() >= 1.0 - 1e-9:
+                break
+            excess = growth + margin
+            # At first as the equation says; then only what is still missing.
+            excess = excess if turn == 0 else np.maximum(excess, 0.0)
+            S = S / _levels(times, excess, largest)
+        return S
+
+    def _sets(self, S):
+        """Returns sets with slopes of a cubic spline, and V̇/V on their boundaries."""
+        times = self._nominal.times
+        beta = self._task.beta(S, np.arange(len(S)))
+        weights = remainder_weights(S, beta, self._task.sizes)
+        slopes = CubicSpline(times, S)(times, 1)
+        disturbance = remainder_form(S, beta, weights)
+        disturbance += self._drift(S)[:, None, None] * np.eye(S.shape[1])
+        forms = boundary_forms(S, slopes, self._nominal.closed_loop, disturbance)
+        sets = BoundarySets(
+            nominal=self._nominal, S=S, slopes=slopes, beta=beta, weights=weights
+        )
+        return sets, forms
+
+    def growth(self, S: np.ndarray) -> np.ndarray:
+        """Returns the largest V̇/V (T,) at and around each time [1/s]."""
+        (sets, forms), starts = self._sets(S), self._starts
+        growth = largest_growth(forms, starts)
+        drift = self._drift(S)
+        drift = np.maximum(drift[:-1], drift[1:])
+        # Between the times it is looked for only where it is good at them.
+        for share, here in self._between.items() if growth.max() < 0.0 else ():
+            found = growth_between(sets, share, starts, here=here) + drift
+            growth[1:] = np.maximum(growth[1:], found)
+            growth[:-1] = np.maximum(growth[:-1], found)
+        return growth
+
+    def _drift(self, S):
+        return defect_growth(S, self._defect)
+
+
+def _levels(times, rate, largest):
+    """Returns ρ (T, 1, 1), backward from 1 and within the servo's margin."""
+    log = np.zeros(len(times))
+    cap = np.log(largest)
+    log[-1] = min(0.0, cap[-1])
+    for k in range(len(times) - 2, -1, -1):
+        mean = 0.5 * (rate[k] + rate[k + 1])
+        log[k] = min(log[k + 1] - mean * (times[k + 1] - times[k]), cap[k])
+    return np.exp(log)[:, None, None]

@@ -32,7 +32,6 @@ import numpy as np
 
 from glider.errors import InputError, show
 from glider.files import schema
-from glider.files.writing import replace_file
 from glider.verification.funnel.settings import FunnelSettings
 
 FORMAT = "drake-glider funnel 1"
@@ -98,21 +97,6 @@ class Notes:
     format: str = FORMAT
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FunnelFile:
-    """The content of a file.
-
-    Attributes:
-        notes: its notes.
-        arrays: name to finite doubles, of the shapes in `_shapes`.
-        sha256: hash of the file, in hexadecimal.
-    """
-
-    notes: Notes
-    arrays: dict[str, np.ndarray]
-    sha256: str
-
-
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     """Returns the shape of each array, given the numbers of times and states."""
     size = n + n * (n + 1) // 2
@@ -129,16 +113,12 @@ def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:
     }
 
 
-def write_file(path: Path | str, notes: Notes, arrays: dict[str, np.ndarray]) -> None:
-    """Writes a file at once; `read_file` reads it."""
-    buffer = io.BytesIO()
-    text = np.array(schema.json_text(notes))
-    np.savez_compressed(buffer, notes=text, **arrays)  # type: ignore[arg-type]
-    replace_file(Path(path), lambda file: file.write_bytes(buffer.getvalue()))
+def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
+    """Reads a file's notes, its arrays as finite doubles, and its SHA-256.
 
-
-def read_file(path: Path | str) -> FunnelFile:
-    """Reads a file; InputError where it holds no funnel."""
+    Raises:
+        InputError: it holds no funnel.
+    """
     try:
         if not _may_be_a_funnel(path):
             raise InputError(
@@ -156,8 +136,7 @@ def read_file(path: Path | str) -> FunnelFile:
                 raise ValueError(f"its arrays are larger than {MOST_BYTES:,} bytes")
             arrays = {k: _read_array(archive, k, shapes[k]) for k in shapes}
         _check(arrays)
-        digest = hashlib.sha256(content).hexdigest()
-        return FunnelFile(notes=notes, arrays=arrays, sha256=digest)
+        return notes, arrays, hashlib.sha256(content).hexdigest()
     except InputError:
         raise
     except _FAULTS as error:
@@ -169,9 +148,8 @@ def read_file(path: Path | str) -> FunnelFile:
 
 def _may_be_a_funnel(path: Path | str) -> bool:
     """Determines whether a file is an archive with the notes that a funnel has."""
-    if Path(path).is_dir() or Path(path).stat().st_size > MOST_BYTES:
-        return False
-    if not zipfile.is_zipfile(path):
+    too_large = Path(path).is_dir() or Path(path).stat().st_size > MOST_BYTES
+    if too_large or not zipfile.is_zipfile(path):
         return False
     with zipfile.ZipFile(path) as archive:
         return "notes.npy" in archive.namelist()

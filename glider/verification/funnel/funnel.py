@@ -1,24 +1,22 @@
 """A funnel: a tube of states about a nominal flight, saved and loaded whole."""
 
 import dataclasses
+import io
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
+from glider.files import schema
+from glider.files.writing import replace_file
 from glider.physics.covariance import Covariance, check_names
-from glider.physics.model import GliderModel, model_text
+from glider.physics.model import GliderModel, model_text, parse_model
+from glider.planning.plan import Plan
 from glider.verification.dynamics.confidence import ConfidenceSet, make_confidence
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
-from glider.verification.funnel.file import (
-    FunnelFile,
-    GlidersNote,
-    Notes,
-    read_file,
-    write_file,
-)
+from glider.verification.funnel.file import GlidersNote, Notes, read_file
 from glider.verification.funnel.growth import BoundarySets
 from glider.verification.funnel.settings import FunnelSettings
 
@@ -48,11 +46,6 @@ class Funnel(BoundarySets):
     def num_states(self) -> int:
         """Number of states n, the effects' own included."""
         return self.S.shape[1]
-
-    def some_times(self, every: int) -> list[int]:
-        """Returns the indices of every so many times, the first and last included."""
-        last = len(self.nominal.times) - 1
-        return sorted({*range(0, last + 1, every), last})
 
     def between(self, first: int, last: int) -> "Funnel":
         """Returns the funnel from one of its times to another, given their indices."""
@@ -106,7 +99,10 @@ def save_funnel(path: Path | str, funnel: Funnel) -> None:
         seconds=funnel.seconds,
         confidence=gliders_note(funnel),
     )
-    write_file(path, notes, arrays)
+    buffer = io.BytesIO()
+    text = np.array(schema.json_text(notes))
+    np.savez_compressed(buffer, notes=text, **arrays)
+    replace_file(Path(path), lambda file: file.write_bytes(buffer.getvalue()))
 
 
 def gliders_note(funnel: Funnel) -> GlidersNote | None:
@@ -132,17 +128,18 @@ def load_funnel(path: Path | str) -> Funnel:
     Raises:
         InputError: the file holds no funnel, or one of a time-varying glider.
     """
-    return funnel_of(read_file(path), path)
+    return funnel_of(path, *read_file(path))
 
 
-def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
+def funnel_of(
+    path: Path | str, notes: Notes, arrays: dict[str, np.ndarray], sha256: str
+) -> Funnel:
     """Returns the funnel of a file that was read from a path.
 
     Raises:
         InputError: its glider can have no funnel.
     """
-    notes = file.notes
-    model = _read_model(notes.model, path)
+    model, _ = parse_model(notes.model, f"{path}: not a funnel: its glider")
     if model.is_time_varying:
         raise InputError(f"{path}: not a funnel: its glider's dynamics vary with time.")
     if notes.state_names != model.state_names:
@@ -150,7 +147,7 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
             f"{path}: not a funnel: its states are {', '.join(notes.state_names)}; its "
             f"glider's are {', '.join(model.state_names)}."
         )
-    nominal = Nominal(model=model, **{name: file.arrays[name] for name in ARRAYS})
+    nominal = Nominal(model=model, **{name: arrays[name] for name in ARRAYS})
     gliders = None
     if notes.confidence is not None:
         try:
@@ -163,9 +160,9 @@ def funnel_of(file: FunnelFile, path: Path | str) -> Funnel:
         settings=notes.settings,
         solver=notes.solver,
         seconds=notes.seconds,
-        sha256=file.sha256,
+        sha256=sha256,
         gliders=gliders,
-        **{name: file.arrays[name] for name in _OWN_ARRAYS},
+        **{name: arrays[name] for name in _OWN_ARRAYS},
     )
 
 
@@ -182,15 +179,31 @@ def noted_confidence(model: GliderModel, note: GlidersNote) -> ConfidenceSet:
     return confidence
 
 
-def _read_model(text: str, source: Path | str) -> GliderModel:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "model.yaml"
-        path.write_text(text, encoding="utf-8")
-        try:
-            return GliderModel.load(path)
-        except InputError as error:
-            reason = str(error).removeprefix(f"{path}: ")
-            raise InputError(f"{source}: not a funnel: its glider: {reason}") from None
+def funnel_policy(funnel: Funnel, first: int = 0) -> TrackingPolicy:
+    """Returns the feedback of a funnel from one of its times on, as a policy."""
+    nominal = funnel.nominal
+    if not 0 <= first < len(nominal.times) - 1:
+        raise InputError(f"There is no flight from the funnel's time {first} on.")
+    times = nominal.times[first:] - nominal.times[first]
+    plan = Plan(
+        times=times,
+        states=nominal.states[first:],
+        slopes=nominal.slopes[first:],
+        inputs=nominal.inputs[first:],
+        state_names=nominal.state_names,
+        cost=0.0,
+        max_defect=0.0,
+        path_defect=0.0,
+    )
+    return TrackingPolicy(
+        plan=plan,
+        times=times,
+        gains=nominal.gains[first:],
+        corrections=np.zeros(len(times)),
+        cost=funnel.S[first:],
+        cost_slope=np.zeros((len(times), funnel.num_states)),
+        is_linear=True,
+    )
 
 
 def tube_radii(funnel: Funnel, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,6 @@ SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 five, a funnel was made whose V̇ rises between two of them, where a servo limit cuts it
 down; it could not be proven."""
 
-
 NEIGHBORS = 2
 """Rounds of ascent from where the neighbors in time reached their largest value."""
 
@@ -112,19 +111,24 @@ def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
 
 
 def growth_between(
-    sets: BoundarySets, share: float, here: Nominal, starts: np.ndarray, every: int = 1
+    sets: BoundarySets,
+    share: float,
+    starts: np.ndarray,
+    every: int = 1,
+    here: Nominal | None = None,
 ) -> np.ndarray:
     """Returns the largest V̇/V found by ascent at one point of each interval [1/s].
 
     Args:
         share: of an interval, where the point is; from 0 to 1.
-        here: the nominal flight at these points.
-        every: `here` is of every so many intervals only.
+        every: examine every so many intervals only.
+        here: the nominal flight at these points, where it is expanded already.
     """
 
     def mixed(values):
         return ((1.0 - share) * values[:-1] + share * values[1:])[::every]
 
+    here = here or sets.nominal.between(share).part(slice(None, None, every))
     S, slopes = sets.curve(here.times), sets.curve(here.times, 1)
     disturbance = remainder_form(S, mixed(sets.beta), mixed(sets.weights))
     forms = boundary_forms(S, slopes, here.closed_loop, disturbance)

@@ -161,11 +161,6 @@ def _rates(nominal, at, errors, theta=None):
     return np.stack([np.broadcast_to(r, states.shape[:2]) for r in rates], axis=2)
 
 
-def inflate(sampled: np.ndarray, inflation: float) -> np.ndarray:
-    """Returns β, sampled remainders times an inflation; what may be rounding is 0."""
-    return inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
-
-
 def remainder_weights(S: np.ndarray, beta: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Returns λ (T, n) that add little growth in the sense of Σ, `sizes`.
 

@@ -47,9 +47,6 @@ class FunnelSettings:
             that is made with the funnel's shape
             (`glider.verification.funnel.servo_limits`); 0 for the policy's own
             feedback. 40 is slow enough for commands held for 20 ms.
-
-    Raises:
-        InputError: a setting is out of range.
     """
 
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)

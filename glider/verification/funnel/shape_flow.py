@@ -16,6 +16,7 @@ times, without which it is flat.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -25,7 +26,7 @@ from glider.verification.dynamics.moving_center import MovingCenter
 from glider.verification.dynamics.nominal import Nominal
 from glider.verification.funnel.growth import remainder_form
 from glider.verification.funnel.remainder import (
-    inflate,
+    LEAST_REMAINDER,
     remainder_weights,
     sample_remainder,
 )
@@ -46,19 +47,48 @@ funnel for the hook, 0.32, 0.17, 0.1 and 0.05 leave 14.4, 15.4, 15.9 and 15.3 cm
 height, in steps twice as long."""
 
 
-def size_matrices(nominal: Nominal, settings: FunnelSettings) -> np.ndarray:
-    """Returns Σ (T, n, n), in squared units of the states."""
-    count, n = nominal.states.shape
-    steady = np.diag(np.square(settings.size_axes(n)))
-    if settings.launch_sizes is None:
-        return np.broadcast_to(steady, (count, n, n))
-    slopes = linear_part(nominal.closed_loop)
-    means = 0.5 * (slopes[:-1] + slopes[1:])
-    errors = [np.diag(settings.launch_axes(n))]
-    for step in expm(np.diff(nominal.times)[:, None, None] * means):
-        errors.append(step @ errors[-1])
-    spread = np.array(errors)
-    return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
+@dataclasses.dataclass(frozen=True)
+class FunnelTask:
+    """A funnel that is to be made.
+
+    Attributes:
+        nominal: nominal flight.
+        settings: its goal and margins.
+        directions: (B, n + r) of `sample_remainder`.
+        center: of the gliders that may fly; None for the model's own.
+    """
+
+    nominal: Nominal
+    settings: FunnelSettings
+    directions: np.ndarray
+    center: MovingCenter | None = None
+
+    @functools.cached_property
+    def sizes(self) -> np.ndarray:
+        """Σ (T, n, n), in squared units of the states."""
+        nominal, settings = self.nominal, self.settings
+        count, n = nominal.states.shape
+        steady = np.diag(np.square(settings.size_axes(n)))
+        if settings.launch_sizes is None:
+            return np.broadcast_to(steady, (count, n, n))
+        slopes = linear_part(nominal.closed_loop)
+        means = 0.5 * (slopes[:-1] + slopes[1:])
+        errors = [np.diag(settings.launch_axes(n))]
+        for step in expm(np.diff(nominal.times)[:, None, None] * means):
+            errors.append(step @ errors[-1])
+        spread = np.array(errors)
+        return spread @ np.swapaxes(spread, 1, 2) + SHARE**2 * steady
+
+    def beta(self, S: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Returns β (K, n) of K sets: the inflated remainder, but for rounding.
+
+        It is zero where the funnel is to be of the Taylor polynomial alone.
+        """
+        inflation = self.settings.remainder
+        if inflation == 0.0:
+            return np.zeros(S.shape[:2])
+        sampled = sample_remainder(self.nominal, S, self.directions, at, self.center)
+        return inflation * np.where(sampled > LEAST_REMAINDER, sampled, 0.0)
 
 
 CHANGE_SHARE = 0.3
@@ -67,33 +97,25 @@ line is a guess and may not take over."""
 
 
 class ShapeFlow:
-    """The flow of the set, backward along a nominal flight."""
+    """The flow of the set, backward along a nominal flight.
 
-    def __init__(
-        self,
-        nominal: Nominal,
-        settings: FunnelSettings,
-        directions: np.ndarray,
-        center: MovingCenter | None = None,
-        steer: bool = False,
-    ):
-        """Takes what the flow depends on, with directions of `sample_remainder`.
+    Attributes:
+        nominal: nominal flight, with the feedback that was made where one was.
+    """
+
+    def __init__(self, task: FunnelTask, steer: bool = False):
+        """Takes what the flow depends on.
 
         Where it may steer, the feedback is made on the way, in place of the nominal's.
-        Centers depend on that, so it excludes `center`.
+        Centers depend on that, so it excludes them.
         """
+        nominal = task.nominal
         if steer:
             nominal = dataclasses.replace(nominal, gains=nominal.gains.copy())
-        self._nominal, self._settings = nominal, settings
-        self._directions = directions
-        self._bounds, self._center = servo_bounds(nominal, center), center
-        self._sizes = size_matrices(nominal, settings)
+            task = dataclasses.replace(task, nominal=nominal)
+        self._task, self.nominal, self._sizes = task, nominal, task.sizes
+        self._bounds = servo_bounds(nominal, task.center)
         self._slopes = command_slopes(nominal) if steer else None
-
-    @property
-    def nominal(self) -> Nominal:
-        """Nominal flight, with the feedback that was made where one was."""
-        return self._nominal
 
     def run(self, progress: Callable[[float], None] | None = None) -> np.ndarray:
         """Returns S at all times, (T, n, n).
@@ -101,10 +123,11 @@ class ShapeFlow:
         Raises:
             SolverError: no solver gave a usable answer, or the set vanishes.
         """
-        times = self._nominal.times
-        last, n = len(times) - 1, self._nominal.states.shape[1]
-        hold = max(1, round(self._settings.hold / (times[1] - times[0])))
-        S = goal_about(self._settings.goal_axes(n), self._center)
+        times = self.nominal.times
+        last, n = len(times) - 1, self.nominal.states.shape[1]
+        settings = self._task.settings
+        hold = max(1, round(settings.hold / (times[1] - times[0])))
+        S = goal_about(settings.goal_axes(n), self._task.center)
         self._steer(S, last)
         S = self._cut(S, last)
         shapes = np.zeros((last + 1, n, n))
@@ -128,9 +151,9 @@ class ShapeFlow:
         """Makes the feedback at a time, for a set about then, if it is to be made."""
         if self._slopes is None:
             return
-        nominal, (directions, bounds) = self._nominal, self._bounds
+        nominal, (directions, bounds) = self.nominal, self._bounds
         nominal.gains[k] = steepest_gains(
-            S, self._slopes[k], bounds[k, 0], self._settings.elevator_gain
+            S, self._slopes[k], bounds[k, 0], self._task.settings.elevator_gain
         )
         here = nominal.part(slice(k, k + 1))
         nominal.closed_loop[k] = here.closed_loop[0]  # Ours: of a copy.
@@ -143,7 +166,7 @@ class ShapeFlow:
 
     def _growth(self, S, k):
         """Returns N + D at a time."""
-        cubic, quartic = higher_forms(S, self._nominal.closed_loop[k])
+        cubic, quartic = higher_forms(S, self.nominal.closed_loop[k])
         L = np.linalg.cholesky(S)
         weight = L.T @ self._sizes[k] @ L
         [growth] = first_success(
@@ -153,20 +176,15 @@ class ShapeFlow:
             weight,
             fault="No solver shaped the funnel; the goal may be too wide.",
         )
-        if self._settings.remainder > 0.0:
-            beta = sample_remainder(
-                self._nominal, S[None], self._directions, np.array([k]), self._center
-            )
-            beta = inflate(beta, self._settings.remainder)
-            weights = remainder_weights(S[None], beta, self._sizes[k])
-            growth = growth + remainder_form(S[None], beta, weights)[0]
-        return growth
+        beta = self._task.beta(S[None], np.array([k]))
+        weights = remainder_weights(S[None], beta, self._sizes[k])
+        return growth + remainder_form(S[None], beta, weights)[0]
 
     def _step(self, S, k, growth, slope):
         """Returns S one time earlier, by a Runge-Kutta step."""
-        step = self._nominal.times[k] - self._nominal.times[k - 1]
-        first = linear_part(self._nominal.closed_loop[k])
-        second = linear_part(self._nominal.closed_loop[k - 1])
+        step = self.nominal.times[k] - self.nominal.times[k - 1]
+        first = linear_part(self.nominal.closed_loop[k])
+        second = linear_part(self.nominal.closed_loop[k - 1])
 
         def rate(S, share):
             L = np.linalg.cholesky(S)
@@ -179,5 +197,5 @@ class ShapeFlow:
         k4 = rate(S + step * k3, 1.0)
         S = S + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         if not np.all(np.isfinite(S)):
-            raise SolverError(f"The funnel vanishes at {self._nominal.times[k]:.3f} s.")
+            raise SolverError(f"The funnel vanishes at {self.nominal.times[k]:.3f} s.")
         return 0.5 * (S + S.T)

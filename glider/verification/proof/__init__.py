@@ -3,9 +3,9 @@
 check: the verdict about a certificate, at its times. purpose: whether it is of the
 intended problem and glider. exact_check: the part in exact arithmetic. flight_proof:
 that no flight leaves, interval by interval. interval_proof: one of them. interval: its
-polynomials in time, its servo, and a ball that holds its sets. interval_gliders: the
-centers of a set of gliders. interval_growth: that V falls. enclosure,
-boxes: that the Taylor remainder is within the bounds that the certificate assumes.
+polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
+gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
+within the bounds that the certificate assumes.
 
 Between its times t_k a funnel is this: with τ from 0 to 1, x₀ and S are cubic Hermite
 polynomials, u₀ and K straight lines; its sets are E(t) = {x₀ + e: eᵀ S e <= 1}, and its

@@ -113,7 +113,8 @@ def check_funnel(
         model: the glider that it must be a funnel of; any if None.
         hook: whether the problem's hook must accept every state of the last set.
     """
-    at = funnel.some_times(every)
+    last = len(funnel.nominal.times) - 1
+    at = sorted({*range(0, last, every), last})
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     faults = model_faults(funnel, model) if model else []
     faults += problem_faults(funnel, problem) if problem else []
@@ -195,16 +196,7 @@ def largest_between(funnel: Funnel, defect: np.ndarray, every: int = 1) -> float
     starts = normalized(rng.normal(size=(STARTS, funnel.num_states)))
     around = np.maximum(defect[:-1], defect[1:])[::every]
     try:
-        found = [
-            growth_between(
-                funnel,
-                share,
-                funnel.nominal.between(share).part(slice(None, None, every)),
-                starts,
-                every,
-            )
-            for share in SHARES
-        ]
+        found = [growth_between(funnel, share, starts, every) for share in SHARES]
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.max(np.array(found) + around))

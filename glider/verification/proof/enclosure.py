@@ -19,7 +19,7 @@ import dataclasses
 import numpy as np
 
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.confidence import theta_at
+from glider.verification.dynamics.confidence import ConfidenceSet, theta_at
 from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
@@ -31,7 +31,7 @@ from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.funnel.growth import DIFFERENCE
 from glider.verification.proof.boxes import blame_of, bound_in_balls, shifted
-from glider.verification.proof.interval_gliders import GlidersPath, gliders_path
+from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
 from glider.verification.sos.sphere import normalized
 
@@ -57,7 +57,7 @@ class TaylorRemainder:
         limits: polynomials (r, M) of the bounds β that R has to keep, linear in s.
         span: first and last s.
         seen: largest |R| / β (r,) that was seen at the middle of that.
-        path: where the gliders of a set fly; None for one alone.
+        allowed: set of the gliders that fly; None for one alone.
         beyond: bounds (n + 1,) of what the inputs lack of that.
     """
 
@@ -71,19 +71,20 @@ class TaylorRemainder:
     limits: np.ndarray
     span: tuple[float, float]
     seen: np.ndarray
-    path: GlidersPath | None
+    allowed: ConfidenceSet | None
     beyond: np.ndarray
 
     @property
     def dimension(self) -> int:
         """Number of the boxes' coordinates."""
-        return len(self.basis) + (self.path.dimension if self.path else 0) + 1
+        of_set = self.allowed.dimension if self.allowed else 0
+        return len(self.basis) + of_set + 1
 
     @property
     def balls(self) -> tuple[slice, ...]:
         """Coordinates of w, and of v where they are in a ball."""
         m = len(self.basis)
-        is_round = self.path is not None and self.path.is_round
+        is_round = self.allowed is not None and self.allowed.shape == "ellipsoid"
         return (slice(0, m), slice(m, -1)) if is_round else (slice(0, m),)
 
     def bounds(
@@ -108,9 +109,10 @@ class TaylorRemainder:
             value.remainder = (value.remainder + lacks) * WIDER
         *states, command = inputs
         theta = None
-        if self.path is not None:
-            deviations = [on_boxes(row @ unit[1 + m : d]) for row in self.path.factor]
-            theta = theta_at(self.model, self.path.names, deviations)
+        if self.allowed:
+            factor = self.allowed.factor
+            deviations = [on_boxes(row @ unit[1 + m : d]) for row in factor]
+            theta = theta_at(self.model, self.allowed.names, deviations)
         rates = open_loop_rates(self.model, states, command, theta)
         time = on_boxes(unit[d])
         within = np.all(
@@ -146,8 +148,8 @@ def make_remainder(
     nominal, n = piece.nominal, piece.num_states
     which, rows = nonlinear_parts(nominal.model)
     m = len(which)
-    gliders = gliders_path(piece)
-    last = m + (gliders.dimension if gliders else 0)  # The coordinate s.
+    moved, drift = gliders_path(piece)
+    last = m + moved.shape[1]  # The coordinate s.
     table, open_loop = monomials(last + 1, ORDER), table_of(n + 1)
     own = open_loop.without(np.setdiff1d(np.arange(n + 1), which))
     P = nominal.open_loop[:, rows][..., own]
@@ -179,14 +181,12 @@ def make_remainder(
     polynomials[:, times[:-1]] += slopes[rows]
     highest[:, plain] = np.where(low, 0.0, change)
     limits[:, times[:2]] = beta_ends.T
-    beyond = np.zeros(n + 1)
-    if gliders:
-        for v in range(gliders.dimension):
-            places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
-            inputs[:, places] += gliders.inputs[:, v, :ORDER]
-            polynomials[:, places] += gliders.slopes[rows, v]
-        beyond = np.abs(gliders.inputs[..., ORDER:]).sum(axis=(1, 2))
-        beyond += ROUNDING * np.abs(gliders.inputs).sum(axis=(1, 2))
+    for v in range(moved.shape[1]):
+        places = [_place(table, unit[m + v] + j * unit[last]) for j in range(ORDER)]
+        inputs[:, places] += moved[:, v, :ORDER]
+        polynomials[:, places] += drift[rows, v]
+    beyond = np.abs(moved[..., ORDER:]).sum(axis=(1, 2))
+    beyond += ROUNDING * np.abs(moved).sum(axis=(1, 2))
     return TaylorRemainder(
         model=nominal.model,
         rows=rows,
@@ -198,7 +198,7 @@ def make_remainder(
         limits=limits,
         span=span,
         seen=np.nan_to_num(ratios, nan=np.inf),
-        path=gliders,
+        allowed=piece.gliders.confidence if piece.gliders else None,
         beyond=beyond * WIDER,
     )
 

@@ -15,17 +15,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.interval import Interval, at_time, keeps_servo
+from glider.verification.proof.interval import at_time, keeps_servo
 from glider.verification.proof.interval_growth import growth_forms
 from glider.verification.sos.exact import (
-    Exact,
     exact,
     is_positive_definite,
     leaves_definite,
     rounded,
 )
 from glider.verification.sos.forms import (
-    gram_polynomial,
+    mixed_forms,
     odd_then_even,
     quadratic_product,
     sparse_gram,
@@ -107,13 +106,17 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         return [rises], 0.0
     if np.any((beta > 0.0) & (weights == 0.0)):
         return [rises], 0.0
-    here, tables = at_time(funnel, k), sphere(len(S))
-    faults = [] if keeps_servo(here) else ["The servo would meet its limits"]
+    tables, faults = sphere(len(S)), []
     try:
+        here = at_time(funnel, k)
+        if not keeps_servo(here):
+            faults = ["The servo would meet its limits"]
         basis = rounded(to_ball(S)[1], BALL_BITS)
-        polynomial, metric = growth_polynomial(here, basis, exact(slack))
+        forms = growth_forms(here, basis, exact(slack))
+        A, cubic, quartic, G = (form.parts[0] for form in forms)
         # In floating point: a Gram matrix of nearly this polynomial. The one in the
         # file may or may not have the nominal's defect in it.
+        polynomial = odd_then_even(cubic, quartic + quadratic_product(A, G))
         doubles = polynomial.to_float()
         entries = funnel.grams[k].astype(float)
         entries = entries - 0.5 * slack * tables.entries(np.eye(tables.size))
@@ -122,20 +125,10 @@ def check_time(funnel: Funnel, k: int, slack: float) -> tuple[list[str], float]:
         whole = rounded(gram, GRAM_BITS)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         return [*faults, rises], 0.0
-    left_over = polynomial - gram_polynomial(tables, whole, metric)
+    even = quartic + quadratic_product(A - whole[: tables.n, : tables.n], G)
+    left_over = odd_then_even(cubic, even) - mixed_forms(tables, whole)
     falls, change = leaves_definite(whole, sparse_gram(tables, left_over))
     return faults if falls else [*faults, rises], change
-
-
-def growth_polynomial(
-    here: Interval, basis: Exact, slack: Exact
-) -> tuple[Exact, Exact]:
-    """Returns minus V̇ - slack V on the boundary at a time, (C,), and G of V = zᵀ G z.
-
-    Any basis of e = basis z will do; near L⁻ᵀ, G is near the identity.
-    """
-    A, cubic, quartic, G = (form.parts[0] for form in growth_forms(here, basis, slack))
-    return odd_then_even(cubic, quartic + quadratic_product(A, G)), G
 
 
 def _within_goal(funnel):

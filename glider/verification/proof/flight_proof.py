@@ -35,15 +35,14 @@ class FlightProof:
 
     Attributes:
         times: the funnel's times (T,) [s].
-        intervals: indices of those that were tried, in order.
-        outcomes: outcome of each; one at most is no proof.
+        outcomes: outcome of each interval that was tried, by its index, in order; one
+            at most is no proof.
         from_file: number of them that were read from a file.
         candidate: where flights may leave, in an interval that is not proven.
     """
 
     times: np.ndarray
-    intervals: tuple[int, ...]
-    outcomes: tuple[IntervalProof, ...]
+    outcomes: dict[int, IntervalProof]
     from_file: int
     candidate: Candidate | None
 
@@ -53,48 +52,40 @@ class FlightProof:
         return len(self.times) - 1
 
     @property
+    def failed(self) -> int | None:
+        """Index of the interval that is not proven; None where all tried are."""
+        return next((k for k, found in self.outcomes.items() if not found.proven), None)
+
+    @property
     def complete(self) -> bool:
         """Whether all that were tried are proven."""
         return self.failed is None
 
     @property
-    def until(self) -> float:
-        """Time before which nothing that was tried is left unproven [s]."""
-        last = self.intervals[-1] + 1 if self.complete else self.failed
-        return float(self.times[last])
-
-    @property
     def is_whole(self) -> bool:
         """Whether it is proven of every interval: the theorem holds."""
-        return self.complete and len(self.intervals) == self.of_intervals
+        return self.complete and len(self.outcomes) == self.of_intervals
 
     @property
-    def failed(self) -> int | None:
-        """Index of the interval that is not proven; None where all that were are."""
-        for k, outcome in zip(self.intervals, self.outcomes, strict=True):
-            if not outcome.proven:
-                return k
-        return None
+    def until(self) -> float:
+        """Time before which nothing that was tried is left unproven [s]."""
+        failed = self.failed
+        return float(self.times[max(self.outcomes) + 1 if failed is None else failed])
 
     @property
     def fault(self) -> str:
         """Reason why that one is not; empty where all are."""
-        return next((o.fault for o in self.outcomes if not o.proven), "")
+        return "" if self.failed is None else self.outcomes[self.failed].fault
 
     @property
     def count(self) -> int:
         """Number of intervals that are proven."""
-        return sum(outcome.proven for outcome in self.outcomes)
+        return sum(found.proven for found in self.outcomes.values())
 
     @property
     def boxes(self) -> int:
         """Number of boxes in all intervals."""
-        return sum(outcome.boxes for outcome in self.outcomes)
-
-    @property
-    def ratio(self) -> float:
-        """Largest |R| / β that was seen."""
-        return float(np.max([outcome.ratio for outcome in self.outcomes]))
+        return sum(found.boxes for found in self.outcomes.values())
 
 
 def prove_flights(
@@ -142,12 +133,10 @@ def prove_flights(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # That the rest is not needed any more.
         found.close()
-    tried = sorted(done)
-    failed = [funnel.between(k, k + 1) for k in tried if not done[k].proven]
+    failed = [funnel.between(k, k + 1) for k in done if not done[k].proven]
     return FlightProof(
         times=funnel.nominal.times,
-        intervals=tuple(tried),
-        outcomes=tuple(done[k] for k in tried),
+        outcomes=dict(sorted(done.items())),
         from_file=len(known),
         candidate=worst_candidate(failed[0]) if failed else None,
     )

@@ -6,19 +6,22 @@ the gains K, the weights λ and β² / λ, and the open loop's Taylor polynomial
 
 Of its sets it is determined exactly whether they are ellipsoids, within the servo's
 limits, and within a ball.
+
+Of a set of gliders, δ = A v with |v_l| <= 1, and for an ellipsoid |v| <= 1. The center
+is x₀ + X A v, X the cubic Hermite polynomial between the times, and the command there
+differs by -K X A v; their time is s from -1 to 1.
 """
 
 import dataclasses
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import nonlinear_parts, table_of
+from glider.verification.dynamics.taylor_models import ROUNDING, WIDER
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.proof.interval_gliders import servo_reach
 from glider.verification.sos.exact import (
     Exact,
     InTime,
@@ -63,19 +66,19 @@ class Interval:
     bearing: InTime
     limits: tuple[tuple[InTime, InTime], ...]
 
-    def halves(self) -> tuple["Interval", "Interval"]:
+    def halves(self) -> tuple["Interval", ...]:
         """Returns the first half and the second."""
-        fixed = ("step", "rows", "which", "limits")
-        names = [f.name for f in dataclasses.fields(self) if f.name not in fixed]
-        parts = {name: getattr(self, name).halves() for name in names}
-        limits = [(a.halves(), b.halves()) for a, b in self.limits]
 
-        def side(which: int) -> Interval:
-            changes: dict[str, Any] = {name: p[which] for name, p in parts.items()}
-            changes["limits"] = tuple((a[which], b[which]) for a, b in limits)
-            return dataclasses.replace(self, **changes)
+        def half(value, side):
+            if isinstance(value, tuple):
+                return tuple(half(part, side) for part in value)
+            return value.halves()[side] if isinstance(value, InTime) else value
 
-        return side(0), side(1)
+        names = [field.name for field in dataclasses.fields(self)]
+        return tuple(
+            Interval(**{name: half(getattr(self, name), side) for name in names})
+            for side in (0, 1)
+        )
 
 
 def make_interval(piece: Funnel) -> Interval:
@@ -243,3 +246,68 @@ def _joined(S, C, ball):
     low = min(S.exponent, C.exponent, ball.exponent)
     rows = [[S.at(low), C.at(low).T], [C.at(low), ball.at(low)]]
     return Exact(np.block(rows), low)
+
+
+def gliders_path(piece: Funnel) -> tuple[np.ndarray, np.ndarray]:
+    """Returns where the gliders of a set fly, in powers of s, lowest first.
+
+    That is X A of the states and -K X A of the command, (n + 1, r, 5), and Ẋ A
+    (n, r, 3) [1/s]; r is 0 for the model's own glider alone.
+    """
+    nominal, n = piece.nominal, piece.num_states
+    if piece.gliders is None:
+        return np.zeros((n + 1, 0, 5)), np.zeros((n, 0, 3))
+    A = piece.gliders.confidence.factor
+    half = 0.5 * (nominal.times[1] - nominal.times[0])
+    (a, b), (da, db) = piece.gliders.shifts @ A, piece.gliders.slopes @ A
+    da, db = half * da, half * db
+    powers = [
+        0.5 * (a + b) + 0.25 * (da - db),
+        0.75 * (b - a) - 0.25 * (da + db),
+        0.25 * (db - da),
+        0.25 * (a - b + da + db),
+    ]
+    states = np.stack([*powers, np.zeros_like(a)], axis=-1)
+    first, last = nominal.gains
+    command = -np.einsum("i,irk->rk", 0.5 * (first + last), states)
+    command[:, 1:] -= np.einsum("i,irk->rk", 0.5 * (last - first), states[..., :-1])
+    slopes = states[..., 1:4] * [1.0, 2.0, 3.0] / half
+    return np.concatenate([states, command[None]]), slopes
+
+
+def servo_reach(piece: Funnel, a: InTime, step: Exact) -> float:
+    """Returns a bound of aᵀ X δ over the set and the interval, rounded up."""
+    if piece.gliders is None:
+        return 0.0
+    allowed = piece.gliders.confidence
+    X, _ = hermite(piece.gliders.shifts, piece.gliders.slopes, step)
+    along = a @ X @ exact(allowed.factor)
+    sizes = np.abs(along.bernstein()).max(axis=0)
+    norm = np.linalg.norm(sizes) if allowed.shape == "ellipsoid" else sizes.sum()
+    return float(norm * WIDER)
+
+
+def gliders_defect(piece: Funnel) -> np.ndarray:
+    """Returns bounds δ (n,) of what X δ lacks to be a flight, in the rates.
+
+    It is zero for the rates that are not linear, which have it in R.
+    """
+    n, (inputs, slopes) = piece.num_states, gliders_path(piece)
+    _, rows = nonlinear_parts(piece.nominal.model)
+    jacobian = piece.nominal.open_loop[0][:, 1 : n + 2]
+    wanted = np.einsum("ij,jrk->irk", jacobian, inputs)
+    wanted[..., :3] -= slopes
+    sizes = np.einsum("ij,jrk->ir", np.abs(jacobian), np.abs(inputs))
+    sizes += np.abs(slopes).sum(axis=2)
+    found = np.abs(wanted).sum(axis=(1, 2)) + ROUNDING * sizes.sum(axis=1)
+    found[rows] = 0.0
+    return found * WIDER
+
+
+def unproven_numbers(piece: Funnel) -> bool:
+    """Determines whether an otherwise linear rate depends on a number that deviates."""
+    if piece.gliders is None:
+        return False
+    model = piece.nominal.model
+    names = piece.gliders.confidence.names
+    return nonlinear_parts(model, names)[1] != nonlinear_parts(model)[1]

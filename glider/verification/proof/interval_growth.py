@@ -30,13 +30,7 @@ from glider.verification.sos.forms import (
     sparse_gram,
     to_ball,
 )
-from glider.verification.sos.sphere import (
-    Sphere,
-    nearby_gram,
-    represent,
-    represent_rest,
-    sphere,
-)
+from glider.verification.sos.sphere import Sphere, nearby_gram, sphere
 
 GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
@@ -155,17 +149,14 @@ def _middle_gram(tables, forms, guess, h):
     """Returns a Gram matrix in the middle, where G is all but the identity."""
     polynomials = (forms.A, forms.cubic, forms.quartic)
     here = [p.at(Fraction(1, 2)).to_float() for p in polynomials]
-    closest = functools.partial(
-        represent, tables, coefficients=tables.coefficients(*here)
-    )
-    found = _search(tables, guess, closest, h)
+    found = _search(tables, guess, tables.coefficients(*here), h)
     return None if found is None else tables.matrix(found)
 
 
-def _search(tables, guess, closest, h):
+def _search(tables, guess, coefficients, h, block=None):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
-    least, aim = LEAST * h, AIM * h
-    return nearby_gram(tables, tables.entries(guess), closest, least, aim, ROUNDS)
+    entries, least, aim = tables.entries(guess), LEAST * h, AIM * h
+    return nearby_gram(tables, entries, coefficients, least, aim, ROUNDS, block)
 
 
 def _multiplier(A, blocks):
@@ -205,13 +196,8 @@ def _is_definite(
     for j, (corner, cubic, quartic) in enumerate(parts):
         share = math.comb(degree, j)  # Of Bernstein's coefficient in a part.
         rest = odd_then_even(cubic, quartic)
-        closest = functools.partial(
-            represent_rest,
-            tables,
-            block=corner.to_float() / share,
-            coefficients=rest.to_float() / share,
-        )
-        found = _search(tables, guesses[j], closest, h)
+        block = corner.to_float() / share
+        found = _search(tables, guesses[j], rest.to_float() / share, h, block)
         if found is None:
             return False
         whole = rounded(share * tables.matrix(found) * scales, GRAM_BITS)

@@ -25,12 +25,13 @@ from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     Interval,
     covers,
+    gliders_defect,
     keeps_servo,
     make_interval,
     stays_definite,
     tight_cover,
+    unproven_numbers,
 )
-from glider.verification.proof.interval_gliders import gliders_defect, unproven_numbers
 from glider.verification.proof.interval_growth import prove_growth
 from glider.verification.sos.exact import exact
 from glider.verification.sos.forms import to_ball
@@ -107,15 +108,9 @@ def _prove(piece, budget):
     defect = linear_defect(piece, interval)
     if not np.isfinite(defect):
         return IntervalProof(fault="the nominal's defect is not bounded")
-    remainder = prove_remainder(piece, interval, budget)
-    found = IntervalProof(boxes=remainder.boxes, ratio=remainder.ratio)
-    if not remainder.proven:
-        fault = (
-            f"the remainder is {remainder.ratio:.4g} times its bound"
-            if remainder.ratio > 1.0
-            else f"the remainder was not bounded on {remainder.boxes:,} boxes"
-        )
-        return dataclasses.replace(found, fault=fault)
+    found = prove_remainder(piece, interval, budget)
+    if not found.proven:
+        return found
     slack = proven_slack(piece) + defect
     parts = prove_growth(interval, exact(slack), _gram_guesses(piece, slack))
     if parts is None:
@@ -206,34 +201,19 @@ def worst_candidate(piece: Funnel) -> Candidate:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RemainderProof:
-    """The outcome of a proof on one interval.
-
-    Attributes:
-        proven: whether |R| <= β on all of its sets.
-        boxes: number of boxes that were bounded.
-        ratio: largest |R| / β that was seen; above 1 there is nothing to prove.
-    """
-
-    proven: bool
-    boxes: int
-    ratio: float
-
-
 def prove_remainder(
     piece: Funnel,
     interval: Interval,
     budget: int = BUDGET,
     span: tuple[float, float] = (-1.0, 1.0),
     halvings: int = HALVINGS,
-) -> RemainderProof:
+) -> IntervalProof:
     """Tries to prove that |R| <= β on the sets of a funnel of two times.
 
     The span is first and last s of the part, of -1 to 1.
     """
     basis, stretch = tight_cover(interval)
-    found = RemainderProof(proven=False, boxes=0, ratio=np.inf)
+    found = _bounded(False, boxes=0, ratio=np.inf)
     if (stretch <= STRETCH or not halvings) and covers(interval, basis):
         most = min(PATIENCE, budget) if halvings else budget
         found = bound_remainder(make_remainder(piece, basis, span), most)
@@ -248,10 +228,10 @@ def prove_remainder(
         boxes, ratio = boxes + found.boxes, max(ratio, found.ratio)
         if not found.proven:
             break
-    return RemainderProof(proven=found.proven, boxes=boxes, ratio=ratio)
+    return _bounded(found.proven, boxes, ratio)
 
 
-def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> RemainderProof:
+def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball."""
     ratio, boxes = float(remainder.seen.max(initial=0.0)), 0
     size = remainder.dimension
@@ -273,8 +253,17 @@ def bound_remainder(remainder: TaylorRemainder, budget: int = BUDGET) -> Remaind
         )
         center = np.concatenate([center, halves[0]], axis=1)
         half = np.concatenate([half, halves[1]], axis=1)
-    proven = ratio <= 1.0 and center.shape[1] == 0
-    return RemainderProof(proven=proven, boxes=boxes, ratio=ratio)
+    return _bounded(ratio <= 1.0 and center.shape[1] == 0, boxes, ratio)
+
+
+def _bounded(proven, boxes, ratio):
+    """Returns the outcome for the remainder alone."""
+    fault = ""
+    if not proven:
+        fault = f"the remainder was not bounded on {boxes:,} boxes"
+        if ratio > 1.0:
+            fault = f"the remainder is {ratio:.4g} times its bound"
+    return IntervalProof(fault=fault, boxes=boxes, ratio=ratio)
 
 
 def halve(center, half, blame, balls=(slice(0, -1),)):

@@ -147,13 +147,6 @@ def odd_then_even(cubic: Exact, quartic: Exact) -> Exact:
     return Exact(np.concatenate([cubic.at(low), quartic.at(low)]), low)
 
 
-def gram_polynomial(tables: Sphere, gram: Exact, metric: Exact) -> Exact:
-    """Returns the coefficients (C,) of bᵀ Q b, with (zᵀ Q₁₁ z) times zᵀ G z."""
-    lifted = quadratic_product(gram[: tables.n, : tables.n], metric)
-    no_cubic = Exact(np.zeros(len(tables.cubic), dtype=object), 0)
-    return mixed_forms(tables, gram) + odd_then_even(no_cubic, lifted)
-
-
 def mixed_forms(tables: Sphere, gram: Exact) -> Exact:
     """Returns the coefficients (C,) of bᵀ Q b without zᵀ Q₁₁ z."""
     total = np.zeros(len(tables.map), dtype=object)

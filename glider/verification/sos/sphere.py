@@ -13,7 +13,6 @@ a margin finds the next one in a few steps of 1 ms, without a solver.
 
 import functools
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 
@@ -137,21 +136,18 @@ ROUNDS = 300
 
 
 def represent(
-    tables: Sphere, entries: np.ndarray, coefficients: np.ndarray
+    tables: Sphere,
+    entries: np.ndarray,
+    coefficients: np.ndarray,
+    block: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Returns the closest Gram matrix (E,) that has exactly these coefficients (C,)."""
-    return entries + tables.correction @ (coefficients - tables.map @ entries)
+    """Returns the closest Gram matrix (E,) that has exactly these coefficients (C,).
 
-
-def represent_rest(
-    tables: Sphere, entries: np.ndarray, block: np.ndarray, coefficients: np.ndarray
-) -> np.ndarray:
-    """Returns the closest Gram matrix (E,) whose block of z is known, (n, n).
-
-    Coefficients (C,) are of what the other blocks represent.
+    Where the block (n, n) of z is given, the coefficients are of the other blocks.
     """
-    entries = entries.copy()
-    own = tables.rows < tables.n
+    if block is None:
+        return entries + tables.correction @ (coefficients - tables.map @ entries)
+    entries, own = entries.copy(), tables.rows < tables.n
     entries[own] = block[tables.rows[own], tables.columns[own]]
     missing = coefficients - tables.rest_map @ entries
     return entries + tables.rest_correction @ missing
@@ -165,22 +161,24 @@ def least_eigenvalue(tables: Sphere, entries: np.ndarray) -> float:
 def nearby_gram(
     tables: Sphere,
     entries: np.ndarray,
-    project: Callable[[np.ndarray], np.ndarray],
+    coefficients: np.ndarray,
     margin: float,
     aim: float | None = None,
     rounds: int = ROUNDS,
+    block: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Returns a Gram matrix (E,) of a polynomial near another's; None if none is found.
 
     Args:
         entries: (E,) to start from.
-        project: from entries (E,) to the closest that represent the polynomial.
+        margin: least eigenvalue.
         aim: least eigenvalue that the search aims at; twice the margin if None.
+        block: as for `represent`.
     """
     aim = 2.0 * margin if aim is None else aim
     state = entries
     for _ in range(rounds):
-        candidate = project(state)
+        candidate = represent(tables, state, coefficients, block)
         if least_eigenvalue(tables, candidate) >= margin:
             return candidate
         values, vectors = np.linalg.eigh(tables.matrix(2.0 * candidate - state))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import expect
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS
 from glider.estimation.running import Belief, run_ekf
@@ -22,8 +22,8 @@ from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.trials.funnel_flights import draw_inside, funnel_policy
+from glider.verification.funnel.funnel import Funnel, funnel_policy
+from glider.verification.trials.falsify import draw_inside
 
 NOISES = (0.0001, 0.001, 0.002, 0.003, 0.005, 0.007, 0.01, 0.02)
 """Standard deviations of a measured position [m]; angles in proportion."""
@@ -90,10 +90,7 @@ def study_estimates(
 ) -> list[EstimatedFlights]:
     """Flies the same launches with the same noise, scaled, at each level of noise.
 
-    Args:
-        funnel: whose feedback flies its own glider.
-        flights: launches, uniform in the inlet.
-        progress: called with the current level.
+    The launches are uniform in the inlet; progress is called with the current level.
 
     Returns:
         outcomes, one for each share and noise, the noises of a share in a row.
@@ -117,29 +114,25 @@ def fly_estimated(
 
     The loop of `diagrams.estimated_loop`, with the command held between the
     filter's predictions, TICKS of them to a sample of motion capture. The filter's
-    process noise is PROCESS; the glider meets no gusts.
+    process noise is PROCESS; the glider meets no gusts. The funnel's own glider flies.
 
     Args:
-        funnel: whose feedback flies its own glider.
         starts: (B, n) launches.
         noise: standard deviation of a measured position [m]; the angles' are in
             proportion, as in CAPTURE.std.
-        unknown: from 0 to 1. The filter starts with this share of the launch's
-            deviation from the plan unknown: at 0 from the launch itself, at 1 from
-            the plan's. Its covariance is that of launches uniform in the inlet,
-            S⁻¹ / (n + 2), times the share squared.
+        unknown: from 0 to 1: the share of the launch's deviation from the plan that the
+            filter does not know. Its covariance is that of launches uniform in the
+            inlet, S⁻¹ / (n + 2), times the share squared.
         draws: (B, K, 4) standard normal, scaled by the noise; of the samples until
             AFTER the funnel's end, one period after launch and so on.
 
     Raises:
         InputError: the noise or the share is out of range.
     """
-    if not (math.isfinite(noise) and noise > 0.0 and 0.0 <= unknown <= 1.0):
-        raise InputError(
-            f"fly_estimated: the noise is {show(noise)} m and the unknown share "
-            f"{show(unknown)}; "
-            "expected a positive number and one from 0 to 1."
-        )
+    good = math.isfinite(noise) and noise > 0.0
+    expect(good, "fly_estimated: the noise", noise, "a positive number of meters")
+    good, what = 0.0 <= unknown <= 1.0, "fly_estimated: the unknown share"
+    expect(good, what, unknown, "a number from 0 to 1")
     std = CAPTURE.std * (noise / CAPTURE.position)
     rate = TICKS * CAPTURE.rate
     model = funnel.nominal.model

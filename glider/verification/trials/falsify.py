@@ -1,10 +1,11 @@
-"""The attempt to falsify a funnel: flights of the full dynamics from its boundary.
+"""Flights of the full dynamics in a funnel, above all from its boundary to falsify it.
 
-Flights start from random points of the boundary, then near the worst of them. For a
-confidence set, gliders are drawn too and climb along the boundary of their set; at last
-its worst corner is flown, to first order from the worst flight. For a funnel that was
-made for such a set, V of each glider is about its own center. Flights that escape are
-counted, never dropped.
+Full means: the physics, not its Taylor polynomial, and the servo with its limits, under
+the funnel's own feedback. An attempt to falsify starts from random points of the
+boundary, then near the worst of them. For a confidence set, gliders are drawn too and
+climb along the boundary of their set; at last its worst corner is flown, to first order
+from the worst flight. For a funnel that was made for such a set, V of each glider is
+about its own center. Flights that escape are counted, never dropped.
 """
 
 import dataclasses
@@ -14,10 +15,11 @@ import numpy as np
 
 from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.simulation.fly import fly
 from glider.verification.dynamics.confidence import ConfidenceSet, glider_at, physical
-from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.funnel import Funnel, funnel_policy
+from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized
-from glider.verification.trials.funnel_flights import boundary_states, fly_from
 
 ESCAPE_LEVEL = 1.005
 """Level V that only flights which have left the funnel exceed. They start at 1, and
@@ -239,3 +241,67 @@ def strayed(points: np.ndarray, width: float, rng: np.random.Generator) -> np.nd
     n = points.shape[1]
     noise = rng.normal(size=(5 * len(points), n)) / np.sqrt(n)
     return normalized(np.repeat(points, 5, axis=0) + width * noise)
+
+
+def fly_from(
+    funnel: Funnel,
+    first: int,
+    states: np.ndarray,
+    model: GliderModel | None = None,
+    deviation: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flies states (B, n) from one of the funnel's times to its end.
+
+    Args:
+        model: the glider that flies; the funnel's own if None.
+        deviation: δ (m,) of that glider in the funnel's set; V is then about its own
+            center. None: about the nominal.
+
+    Returns:
+        V of each at the funnel's times from `first` on, (B, T - first), and the
+        paths (B, T - first, n'), n' the states of the glider that flies.
+    """
+    policy = funnel_policy(funnel, first)
+    step = (policy.plan.times[1] - policy.plan.times[0]) / 2.0
+    model = funnel.nominal.model if model is None else model
+    flights = fly(
+        model, policy, states, step=step * (1.0 + 1e-9), after=0.0, keep_paths=True
+    )
+    assert flights.paths is not None
+    paths = flights.paths[:, ::2]
+    times = funnel.nominal.times[first:]
+    known = paths[..., : funnel.num_states]
+    if deviation is not None and funnel.gliders:
+        known = known - funnel.gliders.at(times, deviation)
+    return funnel.level(times, known), paths
+
+
+def boundary_states(
+    funnel: Funnel, k: int, directions: np.ndarray, deviation: np.ndarray | None = None
+) -> np.ndarray:
+    """Returns states (B, n) on the boundary at a time, given unit vectors (B, n).
+
+    Those of a glider of the funnel's set are about its own center.
+    """
+    states = funnel.nominal.states[k] + directions @ to_ball(funnel.S[k])[1].T
+    if deviation is not None and funnel.gliders:
+        states = states + funnel.gliders.shifts[k] @ deviation
+    return states
+
+
+def draw_inside(funnel: Funnel, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws launches (count, n) that are uniform in the inlet."""
+    n = funnel.num_states
+    points = normalized(rng.normal(size=(count, n)))
+    points *= rng.uniform(size=(count, 1)) ** (1 / n)
+    return boundary_states(funnel, 0, points)
+
+
+def fly_inside(
+    funnel: Funnel,
+    count: int,
+    rng: np.random.Generator,
+    model: GliderModel | None = None,
+) -> np.ndarray:
+    """Flies launches that are uniform in the inlet; returns paths (count, T, n)."""
+    return fly_from(funnel, 0, draw_inside(funnel, count, rng), model)[1]
