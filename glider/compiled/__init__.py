@@ -4,7 +4,7 @@ A module holds the loops of a `Family` or two as plain Python and, where several
 modules call them, functions that allocate their arrays. Nothing else in the library
 calls numba, except the doctor's check of the compiler.
 
-kernel: the compiler and its cache. fingerprint: all that machine code depends on.
+kernel: the compiler, its cache and all that machine code depends on.
 runge_kutta: the step that all loops share. jacobian: exact slopes. rollouts,
 closed_loop: batches of gliders under tapes and under feedback. replay: flights along a
 log. actuators: an elevator behind a custom actuator. ekf, riccati, sequence_costs: the

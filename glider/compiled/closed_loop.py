@@ -169,17 +169,14 @@ def fly_feedback(
     """
     batch, n = starts.shape
     miss, arrivals = np.empty(batch), np.empty((batch, n))
+    tables = feedback.offset, feedback.gain, feedback.noise
+    offset, gain, noise = (np.ascontiguousarray(t, dtype=float) for t in tables)
     states = np.empty((batch, steps + 1 if keep_paths else 1, n))
     LOOPS.over(model.kinds, model.has_field).guided(
         np.ascontiguousarray(starts, dtype=float),
         steps,
         step,
-        Feedback(
-            offset=np.ascontiguousarray(feedback.offset, dtype=float),
-            gain=np.ascontiguousarray(feedback.gain, dtype=float),
-            hold=feedback.hold,
-            noise=np.ascontiguousarray(feedback.noise, dtype=float),
-        ),
+        Feedback(offset, gain, feedback.hold, noise),
         model.parameters.servo,
         (float(wire[0]), float(wire[1])),
         model.numbers,

@@ -10,12 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.kernel import (
-    Family,
-    UncompilableError,
-    compile_errors,
-    machine_code,
-)
+from glider.compiled.kernel import CompileError, Family, UncompilableError, machine_code
 from glider.compiled.runge_kutta import BLOCK
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
@@ -257,7 +252,7 @@ class PathDynamics:
         points[:knots] = w[:-1].reshape(knots, -1)
         try:
             self._loops.rates_at(points[:knots], self._theta, rates[:knots])
-        except compile_errors() as error:
+        except CompileError as error:
             raise UncompilableError(str(error)) from None
         place_middles(step, rates, points)
         self._loops.rates_at(points[knots:], self._theta, rates[knots:])

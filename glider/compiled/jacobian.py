@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glider.compiled.kernel import Family, UncompilableError, compile_errors
+from glider.compiled.kernel import CompileError, Family, UncompilableError
 from glider.compiled.runge_kutta import TINY
 from glider.physics.chain import NUM_INPUTS, derivatives_of
 from glider.physics.model import GliderModel
@@ -63,6 +63,6 @@ def differentiate(
     loop = LOOPS.over(model.kinds, model.has_field).directional
     try:
         loop(t, z, directions, n, model.residual_field, value, slopes)
-    except compile_errors() as error:
+    except CompileError as error:
         raise UncompilableError(str(error)) from None
     return value, slopes

@@ -15,7 +15,7 @@ import os
 import sys
 import threading
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from importlib.machinery import SourceFileLoader
 from types import FunctionType
 from typing import Any
@@ -26,7 +26,6 @@ import numpy as np
 from numba.extending import register_jitable
 
 from glider.compiled import fast_trigonometry, runge_kutta
-from glider.compiled.fingerprint import fingerprint
 from glider.errors import InputError
 from glider.paths import cache_folder
 from glider.physics import chain
@@ -73,6 +72,9 @@ _BORROWING = {
 counting references to the arrays that they are handed, which took a third of a glider's
 step. What returns an array has to count, and they may not call it."""
 
+_VERSIONED = {"numpy", "numba", "math", "cmath"}
+"""Packages whose code the digest holds by their version, or Python's."""
+
 _COMPILING = threading.RLock()
 
 connect_compiler(register_jitable)
@@ -86,6 +88,10 @@ own module and NumPy."""
 
 called_code = numba.njit(nogil=True, error_model="numpy", **_INNER)
 """Compiles what only functions of `machine_code` of the same module call."""
+
+
+CompileError = numba.core.errors.NumbaError
+"""Numba's, of a formula that does not compile."""
 
 
 class UncompilableError(InputError):
@@ -191,11 +197,6 @@ def check_compiles(formula: Callable, arguments: tuple) -> object:
     return numba.njit(formula)(*arguments)
 
 
-def compile_errors() -> type[Exception]:
-    """Returns the exception of a formula that does not compile."""
-    return numba.core.errors.NumbaError
-
-
 @functools.cache
 def _importable(kinds: tuple[EffectKind, ...]) -> bool:
     return all(
@@ -240,3 +241,73 @@ def _import(digest: str, text: str) -> dict:
     sys.modules[name] = module
     SourceFileLoader(name, str(path)).exec_module(module)
     return module.__dict__
+
+
+def fingerprint(roots: Iterable[object]) -> str:
+    """Describes all that machine code depends on, as it is in memory.
+
+    Numba compiles a function with its globals, closures and defaults as constants, and
+    inlines the functions that it calls; on disk it looks only at the file of the
+    outermost function.
+
+    Args:
+        roots: functions, plain or compiled, NamedTuples, and numbers; described with
+            all that they reach by name.
+    """
+    seen: set[int] = set()
+    return "\n".join(line for root in roots for line in _describe(root, seen))
+
+
+def reached(function: types.FunctionType) -> Iterator[tuple[str, object]]:
+    """Yields names and values of what a function takes from outside itself."""
+    names = {name for code in _codes(function.__code__) for name in code.co_names}
+    for name in sorted(names & function.__globals__.keys()):
+        value = function.__globals__[name]
+        if not isinstance(value, types.ModuleType):
+            yield name, value
+        elif value.__name__.partition(".")[0] not in _VERSIONED:
+            attributes = vars(value)
+            for attribute in sorted(names & attributes.keys()):
+                yield f"{name}.{attribute}", attributes[attribute]
+    for name, cell in zip(
+        function.__code__.co_freevars, function.__closure__ or (), strict=True
+    ):
+        yield name, cell.cell_contents
+    yield "defaults", (function.__defaults__, function.__kwdefaults__)
+
+
+def _describe(value: object, seen: set[int]) -> Iterator[str]:
+    value = getattr(value, "py_func", value)  # Of a function that numba compiles.
+    if isinstance(value, types.FunctionType):
+        yield f"{value.__module__}.{value.__qualname__}"
+        if id(value) in seen:
+            return
+        seen.add(id(value))
+        for code in _codes(value.__code__):
+            constants = [c for c in code.co_consts if not isinstance(c, types.CodeType)]
+            yield f"{code.co_code.hex()} {code.co_names} {code.co_varnames}"
+            yield f"{constants} {code.co_freevars} {code.co_argcount}"
+        for name, found in reached(value):
+            yield name
+            yield from _describe(found, seen)
+    elif isinstance(value, type):
+        fields = getattr(value, "__annotations__", {})
+        yield f"{value.__module__}.{value.__qualname__} {fields}"
+    elif isinstance(value, (tuple, list)):
+        for part in value:
+            yield from _describe(part, seen)
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype} {value.shape} {value.tobytes().hex()}"
+    elif isinstance(value, (int, float, complex, str, np.generic, type(None))):
+        yield repr(value)
+    else:  # By name: an address in its text would make each process compile.
+        kind, name = type(value), getattr(value, "__name__", "")
+        yield f"{kind.__module__}.{kind.__qualname__} {name}"
+
+
+def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
+    """Yields a function's code and that of the functions within it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _codes(constant)

@@ -80,11 +80,8 @@ def check_belief(ekf: Ekf, prior: Belief, source: str) -> None:
     """Raises InputError where a belief is of another filter's x̄."""
     size, shapes = len(ekf.names), (prior.mean.shape, prior.covariance.shape)
     good = (shapes[0][-1:], shapes[1][-2:]) == ((size,), (size, size))
-    what, needed = (
-        "the shape of the prior's mean and covariance",
-        f"({size},) and ({size}, {size})",
-    )
-    expect(good, f"{source}: {what}", shapes, needed)
+    what = f"{source}: the shape of the prior's mean and covariance"
+    expect(good, what, shapes, f"({size},) and ({size}, {size})")
 
 
 def run_ekf(

@@ -17,7 +17,7 @@ from pydrake.solvers import MathematicalProgramResult
 
 from glider.compiled.collocation import LOOPS as POINTS
 from glider.compiled.jacobian import differentiate, stacked
-from glider.compiled.kernel import UncompilableError, compile_errors
+from glider.compiled.kernel import CompileError, UncompilableError
 from glider.errors import InputError, expect
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
@@ -61,7 +61,7 @@ class Dynamics:
                     np.ascontiguousarray(points), self._theta, found
                 )
                 return found
-            except compile_errors():
+            except CompileError:
                 self.fast = False
         for k, point in enumerate(points):
             found[k] = self.evaluate(point[:-1], point[-1])

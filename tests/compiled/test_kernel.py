@@ -23,8 +23,7 @@ from glider.compiled import (
     rollouts,
     stages,
 )
-from glider.compiled.fingerprint import reached
-from glider.compiled.kernel import Family
+from glider.compiled.kernel import Family, reached
 from glider.compiled.replay import flow_at
 from glider.compiled.rollouts import fly_tapes
 from glider.compiled.runge_kutta import BLOCK
