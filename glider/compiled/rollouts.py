@@ -71,7 +71,7 @@ def fly_tapes(
     *,
     order: int = 4,
 ) -> np.ndarray:
-    """Flies launches of a glider under command tapes in still air.
+    """Computes states (B, N + 1, n) of a glider under command tapes in still air.
 
     Args:
         model: the glider.
@@ -80,9 +80,6 @@ def fly_tapes(
         step: [s].
         order: 1 for explicit Euler, 4 for classical Runge-Kutta; a step is divided
             where the effects' own states ask for it.
-
-    Returns:
-        states (B, N + 1, n).
     """
     states = np.empty((len(commands), commands.shape[1] + 1, starts.shape[1]))
     LOOPS.over(model.kinds, model.has_field).rollouts(

@@ -15,8 +15,6 @@ from glider.physics.compose import compose
 from glider.physics.effects import KINDS, STAGES, EffectKind
 from glider.physics.parameters import GliderParameters
 
-_RESERVED = ("parameters", "rbf_residual", "unexplained")
-
 _TRIAL_STATE = (-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5)
 _TRIAL_RATE = 1.0
 """A state of glider.physics.state and an elevator rate in which formulas are tried."""
@@ -24,17 +22,17 @@ _TRIAL_RATE = 1.0
 
 def check_user_effects(own: Sequence[EffectKind]) -> None:
     """Raises InputError about the first kind that cannot be used."""
-    names = [e.kind if isinstance(e, EffectKind) else "" for e in own]
-    for effect, name in zip(own, names, strict=True):
+    taken = {*KINDS, "parameters", "rbf_residual", "unexplained"}
+    for effect in own:
         if not isinstance(effect, EffectKind):
-            raise InputError(
-                f"user effects: found a {type(effect).__name__}; "
-                "expected an EffectKind."
-            )
-        if name in KINDS or name in _RESERVED or names.count(name) > 1:
+            found = type(effect).__name__
+            raise InputError(f"user effects: found a {found}; expected an EffectKind.")
+        name = effect.kind
+        if name in taken:
             raise InputError(
                 f"user effect '{name}': the name is taken; expected a new one."
             )
+        taken.add(name)
         _check_shape(effect)
         _check_formulas(effect)
 

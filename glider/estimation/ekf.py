@@ -130,7 +130,12 @@ def make_ekf(
         expect(good, f"make_ekf: '{name}'", value, "a positive number")
     n, places = model.num_states, _places(model)
     process, noise = _checked_process(process, n), _checked_noise(noise, n)
-    _check_names((*(s.name for s in slow), *known), tuple(places))
+    names = (*(s.name for s in slow), *known)
+    for name in names:
+        needed = f"one of {', '.join(places)}"
+        expect(name in places, "make_ekf: a slow state or known input", name, needed)
+    what, needed = "make_ekf: the list of slow and known", "each name only once"
+    expect(len(set(names)) == len(names), what, names, needed)
     for s in slow:
         numbers = (s.std, s.walk, s.decay, 0.0 if s.mean is None else s.mean)
         good = all(map(math.isfinite, numbers)) and min(numbers[:2]) >= 0.0
@@ -189,14 +194,6 @@ def _depend(model: GliderModel, z: np.ndarray, places: np.ndarray) -> tuple:
         if np.any(np.isnan(chain.measure(y[:n], theta))):
             seen.append(k)
     return np.array(acting), np.array(seen)
-
-
-def _check_names(names: tuple[str, ...], places: tuple[str, ...]) -> None:
-    for name in names:
-        known = f"one of {', '.join(places)}"
-        expect(name in places, "make_ekf: a slow state or known input", name, known)
-    what, needed = "make_ekf: the list of slow and known", "each name only once"
-    expect(len(set(names)) == len(names), what, names, needed)
 
 
 def _numbers(values: ArrayLike) -> np.ndarray:

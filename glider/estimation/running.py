@@ -168,14 +168,7 @@ def predict_mean(
     steps = max(math.ceil(duration / ekf.step - 1e-9), 1)
     value = np.empty(size)
     slopes = np.empty((size, size) if differentiate else (0, 0))
-    LOOPS.over(model.kinds, model.has_field).ekf_advance(
-        time,
-        z,
-        ekf.estimated,
-        duration / steps,
-        steps,
-        model.residual_field,
-        value,
-        slopes,
-    )
+    loop, step = LOOPS.over(model.kinds, model.has_field).ekf_advance, duration / steps
+    field = model.residual_field
+    loop(time, z, ekf.estimated, step, steps, field, value, slopes)
     return value, slopes
