@@ -37,31 +37,3 @@ from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.sos.programs import SolverError
 from glider.verification.trials.estimated import EstimatedFlights, study_estimates
 from glider.verification.trials.falsify import Falsification, falsify_funnel, fly_inside
-
-__all__ = [
-    "LAUNCH_SIZES",
-    "ConfidenceSet",
-    "EstimatedFlights",
-    "Falsification",
-    "FlightProof",
-    "Funnel",
-    "FunnelMonitor",
-    "FunnelSettings",
-    "SolverError",
-    "Verdict",
-    "check_funnel",
-    "describe_proof",
-    "describe_set",
-    "falsify_funnel",
-    "fly_inside",
-    "funnel_regulator",
-    "load_funnel",
-    "make_confidence",
-    "make_funnel",
-    "prove_flights",
-    "remainder_status",
-    "save_funnel",
-    "study_estimates",
-    "tube_outline",
-    "tube_radii",
-]

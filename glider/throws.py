@@ -18,18 +18,3 @@ from glider.experiments.proposal import Proposal, next_throw
 from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.experiments.throws import fly_throw
 from glider.report.next_throw import draw_proposal, sentences, write_proposal
-
-__all__ = [
-    "Findings",
-    "Flight",
-    "Proposal",
-    "ThrowLimits",
-    "draw_proposal",
-    "findings_of",
-    "fly_throw",
-    "load_findings",
-    "load_limits",
-    "next_throw",
-    "sentences",
-    "write_proposal",
-]

@@ -117,13 +117,9 @@ def command_steps(
 def _on_ramps(before: np.ndarray, after: np.ndarray, period: float) -> np.ndarray:
     """Returns which changes are samples of a rate that changes all the time, (k,).
 
-    Three changes or more that follow each other sooner than a clock ticks are no
-    commands of the clock: so does a servo that slows down before a stop.
-
-    Args:
-        before: (k,) times of the rows before each change [s].
-        after: (k,) times of the rows after it [s].
-        period: of the clock [s].
+    Three changes or more that follow each other sooner than a clock's period [s] are no
+    commands of the clock: so does a servo that slows down before a stop. `before` and
+    `after` (k,) are the times of the rows beside each change [s].
     """
     soon = np.pad(after[1:] - before[:-1] < period, 1)
     runs = soon[1:-1] & (soon[:-2] | soon[2:])

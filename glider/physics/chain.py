@@ -255,19 +255,9 @@ def measure(x, theta):
     return x[0] + error_x, x[1] + error_z, x[2] + error_pitch
 
 
-def parameters_of(numbers):
-    """Returns the Parameters at the front of a vector."""
-    return Parameters(
-        numbers[0],
-        numbers[1],
-        numbers[2],
-        numbers[3],
-        numbers[4],
-        numbers[5],
-        numbers[6],
-        numbers[7],
-        numbers[8],
-    )
+def parameters_of(n):
+    """Returns the Parameters at the front of a vector n."""
+    return Parameters(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8])
 
 
 def theta_of(numbers, field):

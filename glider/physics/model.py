@@ -283,12 +283,7 @@ def load_covariance(
 ) -> Covariance | None:
     """Loads the covariance of a model's parameters from its file; None without one.
 
-    Args:
-        path: of the file.
-        own_effects: as for `GliderModel.load`.
-
-    Raises:
-        InputError: the file holds no model, or no valid covariance.
+    Arguments and errors are those of `GliderModel.load`.
     """
     return _load(path, own_effects)[1]
 
@@ -315,7 +310,7 @@ def parse_model(
         parameters = schema.convert(data, GliderParameters, source)
         return GliderModel(parameters=parameters), None
     file = schema.convert(data, _ModelFile, source)
-    kinds = {**KINDS, **{e.kind: e for e in own_effects}}
+    kinds = KINDS | {e.kind: e for e in own_effects}
     try:
         for entry in file.effects:
             if entry.kind not in kinds:

@@ -40,12 +40,8 @@ def rate_bounds(elevator, servo, time):
     """Returns the least and the largest rate that keep a servo's limits [rad/s].
 
     The rate limit, and [(low - φ) / T, (high - φ) / T]: what takes the elevator φ to
-    a stop in the time T. An elevator beyond a stop returns.
-
-    Args:
-        elevator: φ [rad].
-        servo: its limits.
-        time: T [s]: STOPPING_TIME, or how long a command is held.
+    a stop in the time T [s]: STOPPING_TIME, or how long a command is held. An elevator
+    beyond a stop returns.
     """
     top = max(min((servo.high - elevator) / time, servo.rate), -servo.rate)
     return min(max((servo.low - elevator) / time, -servo.rate), top), top
@@ -55,16 +51,9 @@ def rate_bounds(elevator, servo, time):
 def limited_rate(command, elevator, servo):
     """Returns the elevator rate that a servo makes of a command [rad/s].
 
-    The command, clipped to `rate_bounds` over STOPPING_TIME. So the elevator comes to
-    a stop as exp(-t / τ), and the rate is a Lipschitz function of φ, which integrators
-    and the compiled loop need.
-
-    Takes floats and AutoDiffXd, and numba compiles it.
-
-    Args:
-        command: [rad/s].
-        elevator: φ [rad].
-        servo: its limits.
+    The command, clipped to `rate_bounds` over STOPPING_TIME. So the elevator φ [rad]
+    comes to a stop as exp(-t / τ), and the rate is a Lipschitz function of φ, which
+    integrators and the compiled loop need. Takes floats and AutoDiffXd.
     """
     low, high = rate_bounds(elevator, servo, STOPPING_TIME)
     return min(max(command, low), high)
@@ -73,13 +62,7 @@ def limited_rate(command, elevator, servo):
 def limited_rates(
     commands: np.ndarray, elevators: np.ndarray, servo: Servo
 ) -> np.ndarray:
-    """Returns `limited_rate` of each command [rad/s], of the commands' shape.
-
-    Args:
-        commands: (...) [rad/s].
-        elevators: (...) angles that they meet [rad].
-        servo: its limits.
-    """
+    """Returns `limited_rate` of commands (...) [rad/s] at elevators (...) [rad]."""
     top = np.clip((servo.high - elevators) / STOPPING_TIME, -servo.rate, servo.rate)
     low = np.maximum((servo.low - elevators) / STOPPING_TIME, -servo.rate)
     return np.clip(commands, np.minimum(low, top), top)

@@ -49,12 +49,10 @@ class CampaignPlan:
 
         The campaign's vehicle has the model's parameters: its effects stay undeclared.
         """
-        flights = [
-            _fly(model, self, rng, f"flight_{i:03d}.csv") for i in range(self.flights)
-        ]
-        return campaign_of(
-            name, model.parameters, flights, self.capture.rate, self.command_rate
-        )
+        names = [f"flight_{i:03d}.csv" for i in range(self.flights)]
+        flights = [_fly(model, self, rng, flight) for flight in names]
+        rates = self.capture.rate, self.command_rate
+        return campaign_of(name, model.parameters, flights, *rates)
 
 
 def random_commands(

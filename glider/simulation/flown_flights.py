@@ -17,6 +17,8 @@ INSTANT = 1e-9
 a rounding error apart."""
 
 
+_PITCH = STATE_NAMES.index("pitch")
+
 REFINEMENT = 16
 """Segments that each step of a simulator's log is divided into."""
 
@@ -97,11 +99,6 @@ class FlownFlight:
     def speed(self) -> float:
         """Speed at the wire [m/s]."""
         return float(np.linalg.norm(self.arrival[VELOCITY]))
-
-    @property
-    def pitch(self) -> float:
-        """Pitch at the wire [rad]."""
-        return float(self.arrival[STATE_NAMES.index("pitch")])
 
     @property
     def perched(self) -> bool:
@@ -204,7 +201,7 @@ class Perches:
     @property
     def pitches(self) -> list[float]:
         """Pitch of each flight there [rad]."""
-        return [flight.pitch for flight in self.flights]
+        return [float(flight.arrival[_PITCH]) for flight in self.flights]
 
     @property
     def perched(self) -> int:

@@ -164,14 +164,7 @@ def _scales(campaign: Campaign, model: GliderModel) -> Scales:
 def _predicted(
     campaign: Campaign, flight: Flight, model: GliderModel, scales: Scales
 ) -> tuple[Record, Prediction]:
-    """Returns a flight and what a model makes of it.
-
-    Args:
-        campaign: of the flight.
-        flight: as logged.
-        model: that flies it.
-        scales: of the best model that there is.
-    """
+    """Returns a flight and what a model predicts, by the scales of the best model."""
     flights = (flight, *typical_flights(campaign.flights))
     ((record, *others), _) = _records(campaign, flights, model)
     flown = RolloutModel(

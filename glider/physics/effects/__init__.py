@@ -1,5 +1,6 @@
 """The library of effects: what a flat-plate glider may lack."""
 
+from glider.physics.effects import geometry, signals, surface, wrench
 from glider.physics.effects.effect import (
     STAGES,
     Coefficient,
@@ -53,41 +54,13 @@ from glider.physics.effects.wrench import (
 )
 from glider.physics.formulas import scalar
 
-LIBRARY: tuple[EffectKind, ...] = (
-    SERVO_LAG,
-    COMMAND_DELAY,
-    WIND,
-    WIND_SHEAR,
-    WING_INCIDENCE,
-    ELEVATOR_TRIM,
-    ELEVATOR_BLOWBACK,
-    CENTER_OF_PRESSURE,
-    DOWNWASH,
-    STALLED_DOWNWASH,
-    ATTACHED_LIFT,
-    CAMBER,
-    PITCH_RATE_LIFT,
-    DYNAMIC_STALL,
-    AIRSPEED_DEPENDENCE,
-    GROUND_EFFECT,
-    TAIL_WAKE,
-    ELEVATOR_AREA,
-    PROFILE_DRAG,
-    INDUCED_DRAG,
-    AXIAL_DRAG,
-    PITCH_DAMPING,
-    PITCH_MOMENT,
-    THRUST,
-    MASS,
-    INERTIA,
-    ADDED_MASS,
-    MARKER_OFFSET,
-    POSE_LATENCY,
-    FRAME_TILT,
-    POSITION_SCALE,
-    PITCH_OFFSET,
-    ANGLE_SIGN,
-)
-"""All effects that the tracer tries. A new effect is one line here."""
+_KINDS = [
+    kind
+    for module in (signals, geometry, surface, wrench)
+    for kind in vars(module).values()
+    if isinstance(kind, EffectKind)
+]
+LIBRARY = tuple(sorted(_KINDS, key=lambda kind: [*STAGES].index(kind.stage)))
+"""All effects that the tracer tries, by stage: those of the modules here."""
 
 KINDS = {effect.kind: effect for effect in LIBRARY}

@@ -129,13 +129,10 @@ def gaussians(
 ) -> np.ndarray:
     """Returns the basis functions (N, M) at values (N, d) of some of FIELD_VARIABLES.
 
-    Args:
-        field: whose centers and widths to take.
-        variables: d indices into FIELD_VARIABLES, all that the field depends on.
-        values: (N, d).
+    `variables` are d indices into FIELD_VARIABLES, all that the field depends on.
     """
-    scaled = values[:, None, :] - field.centers[None][:, :, variables]
-    scaled = scaled * field.inverse_widths[None][:, :, variables]
+    scaled = values[:, None, :] - field.centers[:, variables]
+    scaled = scaled * field.inverse_widths[:, variables]
     return np.exp(-0.5 * np.sum(scaled**2, axis=2))
 
 
