@@ -57,13 +57,6 @@ class Covariance:
         good = least >= -ROUNDING * max(count, 1)
         expect(good, what, float(least), "none that is negative")
 
-    def part(self, names: Sequence[str]) -> "Covariance":
-        """Returns the covariance of some of the names, in their order."""
-        rows = [self.names.index(name) for name in names]
-        return Covariance(
-            names=tuple(names), matrix=self.matrix[np.ix_(rows, rows)].copy()
-        )
-
     def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":
         """Returns the part of it that the flight of a glider depends on.
 
@@ -74,7 +67,9 @@ class Covariance:
         """
         flown = {e.kind for e in kinds if e.stage not in ("sensor", "log")}
         flown |= set(PARAMETER_NAMES)
-        return self.part([n for n in self.names if n.partition(".")[0] in flown])
+        names = tuple(n for n in self.names if n.partition(".")[0] in flown)
+        rows = [self.names.index(name) for name in names]
+        return Covariance(names=names, matrix=self.matrix[np.ix_(rows, rows)])
 
 
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
