@@ -4,8 +4,8 @@ import argparse
 import math
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command, check_seed
-from glider.errors import InputError, show
+from glider.commands.parsing import Commands, add_command, add_json, check_seed
+from glider.errors import InputError, expect
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
@@ -115,9 +115,7 @@ def add(commands: Commands) -> None:
         help="with --confidence: of the draws; the same seed, the same flights "
         f"(default: {SEED})",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print JSON instead of sentences"
-    )
+    add_json(parser, "JSON instead of sentences")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -194,8 +192,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _checked_options(args: argparse.Namespace) -> tuple[float | None, int, int]:
     """Probability of --confidence, number of flights and seed; checks all options."""
-    if args.every < 1:
-        raise InputError(f"--every is {args.every}; expected a positive number.")
+    expect(args.every >= 1, "--every", args.every, "a positive number")
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
@@ -207,44 +204,36 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int, int]:
             )
     flights = FLIGHTS if args.flights is None else args.flights
     seed = SEED if args.seed is None else args.seed
-    if not 1 <= flights <= MOST_FLIGHTS:
-        raise InputError(
-            f"--flights is {flights}; expected a number from 1 to {MOST_FLIGHTS:,}."
-        )
+    expected = f"a number from 1 to {MOST_FLIGHTS:,}"
+    expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
     check_seed(seed)
     return level, flights, seed
 
 
-def _level(text):
-    """Returns the probability given by --confidence; None without it."""
+def _level(text: str | None) -> float | None:
+    """The probability given by --confidence; None without it."""
     if text is None:
         return None
     try:
         level = float(text)
     except ValueError:
         level = math.nan
-    if 0.0 < level < 1.0:
-        return level
-    raise InputError(
-        f"--confidence is {show(text)}; expected a probability between 0 and 1, such "
-        f"as {LEVEL:g}, or no value."
-    )
+    expected = f"a probability between 0 and 1, such as {LEVEL:g}, or no value"
+    expect(0.0 < level < 1.0, "--confidence", text, expected)
+    return level
 
 
 def _confidence(funnel, model, level, shape):
-    """Returns the set of gliders to fly, by the model's file or the funnel's own."""
+    """The set of gliders to fly, by the model's file or the funnel's own."""
     from glider.physics.model import load_covariance
     from glider.verification.dynamics.confidence import make_confidence
 
-    if model:
-        covariance, where = load_covariance(model), model
-    else:
-        covariance, where = None, "--confidence"
-        if funnel.gliders:
-            covariance = funnel.gliders.confidence.covariance
+    covariance = load_covariance(model) if model else None
+    if not model and funnel.gliders:
+        covariance = funnel.gliders.confidence.covariance
     if covariance is None:
         raise InputError(
-            f"{where}: the accuracy of the glider's parameters is unknown; expected a "
-            "--model with a covariance, as close-the-loop writes it."
+            f"{model or '--confidence'}: the accuracy of the glider's parameters is "
+            "unknown; expected a --model with the covariance of close-the-loop."
         )
     return make_confidence(funnel.nominal.model, covariance, level, shape)

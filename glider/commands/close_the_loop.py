@@ -6,6 +6,9 @@ from pathlib import Path
 from glider.commands.parsing import (
     Commands,
     add_command,
+    add_json,
+    add_out,
+    add_seed,
     check_seed,
     names,
     output_folder,
@@ -48,13 +51,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "campaign", type=Path, help="folder of flight logs, its .zip, or a sample"
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where to write report.json, report.html, model.yaml and figures/ "
-        "(default: out/CAMPAIGN)",
-    )
+    files = "report.json, report.html, model.yaml and figures/"
+    add_out(parser, files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "--flights", metavar="FILE,...", type=names, help="use only these flights"
@@ -72,13 +70,7 @@ def add(commands: Commands) -> None:
         default=0.3,
         help="share of the flights that are held out to measure errors (default: 0.3)",
     )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=int,
-        default=0,
-        help="of the split into fitted and held-out flights (default: 0)",
-    )
+    add_seed(parser, "of the split into fitted and held-out flights")
     parser.add_argument(
         "--effects",
         metavar="NAME,...",
@@ -86,9 +78,7 @@ def add(commands: Commands) -> None:
         help="try only these effects; others cannot be found then "
         "(default: the whole library)",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print report.json instead of the summary"
-    )
+    add_json(parser, "report.json instead of the summary")
 
 
 def run(args: argparse.Namespace) -> int:

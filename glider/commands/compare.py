@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command
+from glider.commands.parsing import Commands, add_command, add_json, add_out
 
 _DESCRIPTION = """\
 Compares the reports of two campaigns value by value: did last week's change to the
@@ -30,15 +30,8 @@ def add(commands: Commands) -> None:
             metavar=letter,
             help="folder that close-the-loop wrote, or its report.json",
         )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where to write comparison.html and comparison.json (default: out/A_B)",
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="print comparison.json, no tables"
-    )
+    add_out(parser, "comparison.html and comparison.json", "out/A_B")
+    add_json(parser, "comparison.json, no tables")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -46,14 +46,9 @@ class Finding(NamedTuple):
 
     def __str__(self) -> str:
         """As lines within 80 columns, the advice under what was found."""
-        texts = [self.found, *([f"-> {self.advice}"] if self.advice else [])]
-        lines = [
-            line
-            for text in texts
-            for line in textwrap.wrap(
-                text, 57, break_on_hyphens=False, break_long_words=False
-            )
-        ]
+        texts = [self.found, f"-> {self.advice}"] if self.advice else [self.found]
+        whole = {"break_on_hyphens": False, "break_long_words": False}
+        lines = [line for text in texts for line in textwrap.wrap(text, 57, **whole)]
         return f"{self.state:6}{self.name:15}  " + f"\n{' ' * 23}".join(lines)
 
 
@@ -81,10 +76,10 @@ def check_libraries() -> Iterator[Finding]:
         if group in _GROUPS and name != _PACKAGE:
             requirements.setdefault(group, {})[name] = _version(name)
     for group, versions in sorted(requirements.items()):
-        title = f"extra [{group}]" if group else "libraries"
-        advice = (
-            f"pip install '{_PACKAGE}[{group}]', if needed" if group else _REINSTALL
-        )
+        title, advice = "libraries", _REINSTALL
+        if group:
+            title = f"extra [{group}]"
+            advice = f"pip install '{_PACKAGE}[{group}]', if needed"
         if missing := [name for name, version in versions.items() if version is None]:
             yield Finding(title, f"without {', '.join(missing)}", advice, not group)
         else:
@@ -189,13 +184,8 @@ CHECKS = {
 
 def add(commands: Commands) -> None:
     """Adds the command to a parser's."""
-    add_command(
-        commands,
-        "doctor",
-        run,
-        help="check this installation",
-        description=_DESCRIPTION,
-    )
+    words = "check this installation"
+    add_command(commands, "doctor", run, help=words, description=_DESCRIPTION)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,8 +3,16 @@
 import argparse
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command, check_seed, output_folder
-from glider.errors import InputError
+from glider.commands.parsing import (
+    Commands,
+    add_command,
+    add_json,
+    add_out,
+    add_seed,
+    check_seed,
+    output_folder,
+)
+from glider.errors import expect
 
 _DESCRIPTION = """\
 Proposes the next throws of a campaign: launches and elevator commands that best
@@ -71,26 +79,16 @@ def add(commands: Commands) -> None:
         metavar="FILE.npz",
         help="funnel that every throw keeps inside (default: none)",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where to write commands_N.csv, next_throw.json and next_throw.png "
-        "(default: out/CAMPAIGN/next_throw)",
-    )
-    parser.add_argument(
-        "--seed", metavar="N", type=int, default=0, help="of the search (default: 0)"
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="print next_throw.json, no sentences"
-    )
+    files = "commands_N.csv, next_throw.json and next_throw.png"
+    add_out(parser, files, "out/CAMPAIGN/next_throw")
+    add_seed(parser, "of the search")
+    add_json(parser, "next_throw.json, no sentences")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     check_seed(args.seed)
-    if args.launches < 1:
-        raise InputError(f"--launches is {args.launches}; expected at least 1.")
+    expect(args.launches >= 1, "--launches", args.launches, "at least 1")
     folder = output_folder(args.out, args.campaign, "next_throw")
 
     from rich.console import Console

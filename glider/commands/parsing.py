@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.files.writing import check_writable
 
 Commands = argparse._SubParsersAction
@@ -37,10 +37,26 @@ def names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def add_out(parser: argparse.ArgumentParser, files: str, default: str) -> None:
+    """Adds --out, the folder of what a command writes."""
+    words = f"where to write {files} (default: {default})"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=words)
+
+
+def add_json(parser: argparse.ArgumentParser, words: str) -> None:
+    """Adds --json, which prints that instead of text for people."""
+    parser.add_argument("--json", action="store_true", help=f"print {words}")
+
+
+def add_seed(parser: argparse.ArgumentParser, words: str) -> None:
+    """Adds --seed, of what is drawn at random; see `check_seed`."""
+    help = f"{words} (default: 0)"
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help=help)
+
+
 def check_seed(seed: int) -> None:
-    """Raises InputError where a seed is none."""
-    if seed < 0:
-        raise InputError(f"--seed is {seed}; expected 0 or more.")
+    """Raises InputError where a seed is negative."""
+    expect(seed >= 0, "--seed", seed, "0 or more")
 
 
 def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:

@@ -11,7 +11,8 @@ from glider.report.numbers import DEGREE, Unit
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
 from glider.report.plots.style import LABELS
-from glider.sysid.result import HeldOutFlight, Result
+from glider.report.wording import name_of
+from glider.sysid.result import HeldOutFlight, Result, Spread
 
 MOST_SHOWN = 4
 """Held-out flights that are shown without being asked for."""
@@ -49,9 +50,7 @@ def held_out_figure(result: Result) -> spec.Figure | None:
     shown = {flight.name for flight in shown_flights(result)}
     errors = [position_rms(flight, "corrected") for flight in flights]
     unit = error_table.unit_beside_noise(result, *errors)
-    flown = [
-        m for m in error_table.COLUMNS if any(m in flight.flown for flight in flights)
-    ]
+    flown = [m for m in error_table.COLUMNS if any(m in f.flown for f in flights)]
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *flown)}
         | {"fitted": "launch state fitted"},
@@ -87,14 +86,9 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         return spec.Line(model, x, y, hover=hover, extra=time)
 
     poses = {"measured": measured, **flown}
-    paths = [
-        line(m, pose[:, 0], pose[:, 1], "x %{x:.3f} m, z %{y:.3f} m")
-        for m, pose in poses.items()
-    ]
-    pitches = [
-        line(m, time, np.degrees(pose[:, 2]), "pitch %{y:.2f}°")
-        for m, pose in poses.items()
-    ]
+    place, angle = "x %{x:.3f} m, z %{y:.3f} m", "pitch %{y:.2f}°"
+    paths = [line(m, *pose[:, :2].T, place) for m, pose in poses.items()]
+    pitches = [line(m, time, np.degrees(p[:, 2]), angle) for m, p in poses.items()]
     distances = [
         line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
         for m, d in apart.items()
@@ -148,6 +142,8 @@ def _distance_range(
     return 0.7 * low, 2.0 * max(high, low)
 
 
+_ENDS = np.array([0.0, 1.0])
+
 _FOLD_PANELS = {
     "position, free rollout": error_table.FREE,
     "position, along the measured pitch": error_table.ALONG,
@@ -172,20 +168,19 @@ def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
     pairs, unit = bounded(np.array(errors, dtype=float)), DEGREE
     if field != error_table.PITCH:
         unit = error_table.unit_beside_noise(result, *pairs.flat)
-    marks = []
-    for fold, pair in zip(result.folds, pairs / unit.size, strict=True):
+    pairs, marks = pairs / unit.size, []
+    for fold, pair in zip(result.folds, pairs, strict=True):
         names = ", ".join(map(_stem, fold.held_out[:6]))
         if (more := len(fold.held_out) - 6) > 0:
             names += f" and {more} more"
         hover = f"%{{y:.3r}} {unit.name}<br>{names}"
         key = "better" if pair[1] < pair[0] else "worse"
-        ends = np.array([0.0, 1.0])
-        marks.append(spec.Line(key, ends, pair, hover=hover, has_dots=True))
-    shown = pairs[np.isfinite(pairs) & (pairs > 0.0)] / unit.size
-    is_far = bool(shown.size) and shown.max() > 5.0 * shown.min()
-    span = None
+        marks.append(spec.Line(key, _ENDS, pair, hover=hover, has_dots=True))
+    shown = pairs[np.isfinite(pairs) & (pairs > 0.0)]
+    span, is_far = None, False
     if shown.size:
         low, high = float(shown.min()), float(shown.max())
+        is_far = high > 5.0 * low
         span = (0.6 * low, 1.6 * high) if is_far else (0.0, 1.12 * high)
     ticks = {0.0: LABELS["refitted"], 1.0: LABELS["corrected"]}
     return spec.Panel(
@@ -198,25 +193,20 @@ def _fold_panel(result: Result, title: str, field: str) -> spec.Panel:
 
 def spreads_figure(result: Result) -> spec.Figure | None:
     """Per-flight values of what varies from flight to flight."""
-    panels = [
-        _spread_panel(name.replace("_", " "), spread.std, spread.unit, spread.values)
-        for name, spread in result.spreads.items()
-        if spread.values
-    ]
+    spreads = {name_of(n): s for n, s in result.spreads.items() if s.values}
+    panels = [_spread_panel(name, spread) for name, spread in spreads.items()]
     if not panels:
         return None
     keys = {"own": "value of one flight; the band is one standard deviation"}
     return spec.Figure(keys=keys, panels=panels, columns=1, least_width=24.0)
 
 
-def _spread_panel(
-    title: str, std: float, unit_name: str, values: dict[str, float]
-) -> spec.Panel:
-    unit = DEGREE if unit_name == "rad" else Unit(name=unit_name.replace("-", ""))
-    own = np.array(list(values.values()), dtype=float) / unit.size
+def _spread_panel(title: str, spread: Spread) -> spec.Panel:
+    unit = DEGREE if spread.unit == "rad" else Unit(name=spread.unit.replace("-", ""))
+    own = np.array(list(spread.values.values()), dtype=float) / unit.size
     size = np.where(np.isfinite(own), np.abs(own), -1.0)
     named = [i for i in np.argsort(-size)[:_MOST_NAMES] if size[i] >= 0.0]
-    names = [_stem(name) for name in values]
+    names = [_stem(name) for name in spread.values]
     points = spec.Points(
         "own",
         np.arange(1.0, len(own) + 1.0),
@@ -225,7 +215,7 @@ def _spread_panel(
         names=names,
         labels=[name if i in named else "" for i, name in enumerate(names)],
     )
-    half = np.nan_to_num(std / unit.size, posinf=0.0)
+    half = np.nan_to_num(spread.std / unit.size, posinf=0.0)
     return spec.Panel(
         f"{title} [{unit.name}]" if unit.name else title,
         [spec.Level(), spec.Ground(-half, half, along="y", key="own"), points],

@@ -1,6 +1,7 @@
 """Figures of what models are: errors, evidence, curves, coefficients, residuals."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -10,14 +11,9 @@ from glider.physics.effects.field import FieldData, gaussians, make_field
 from glider.report import error_table
 from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
+from glider.report.plots import binning
 from glider.report.plots import figure as spec
-from glider.report.plots.binning import (
-    binned_quantiles,
-    bounds,
-    symlog,
-    symlog_ticks,
-    thin,
-)
+from glider.report.plots.binning import symlog, symlog_ticks
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import Curve, ResidualTable, Result
 
@@ -86,18 +82,14 @@ def _error_panel(
     every = np.concatenate([floor, *values.values()])
     every = every[np.isfinite(every) & (every > 0.0)]
     low, high = (every.min(), every.max()) if every.size else (1.0, 10.0)
-    noise = spec.Line(
-        "noise",
-        np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan]),
-        np.repeat(floor, 4),
-        hover=f"noise: %{{y:.3r}} {unit.name}",
-    )
+    dashes = np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan])
+    hover = f"noise: %{{y:.3r}} {unit.name}"
+    noise = spec.Line("noise", dashes, np.repeat(floor, 4), hover=hover)
+    names = dict(enumerate(fields.values()))
     return spec.Panel(
         f"{title} [{unit.name}]",
-        [*grouped_bars(values, {m: LABELS[m] for m in models}, unit), noise],
-        x=spec.Axis(
-            range=(-0.6, len(fields) - 0.4), ticks=dict(enumerate(fields.values()))
-        ),
+        [*grouped_bars(values, LABELS, unit), noise],
+        x=spec.Axis(range=(-0.6, len(fields) - 0.4), ticks=names),
         y=spec.Axis(is_log=True, range=(0.4 * low, 4.0 * high)),
         share=len(fields) + 0.6,
     )
@@ -142,34 +134,34 @@ def evidence_figure(result: Result) -> spec.Figure | None:
         values, key=lambda k: values[k] if math.isfinite(values[k]) else -math.inf
     )
     names = [k.replace("_", " ") for k in ranked]
+    lengths = [symlog(values[k]) if math.isfinite(values[k]) else 0.0 for k in ranked]
     keys = {
         "chosen": "in the corrected model",
         "confused": "indistinguishable from it",
         "other": "not taken",
     }
-    groups: dict[str, list[int]] = {key: [] for key in keys}
+    groups: dict[str, list[int]] = {}
     for place, kind in enumerate(ranked):
         key = "confused" if kind in confused else "other"
-        groups["chosen" if kind in kinds else key].append(place)
-    bars = []
-    for key, places in groups.items():
-        mine = np.array([values[ranked[p]] for p in places])
-        texts = [_nats(v) for v in mine]
-        bars.append(
-            spec.Bars(
-                key=key,
-                places=np.array(places, dtype=float),
-                values=np.array([symlog(v) if math.isfinite(v) else 0.0 for v in mine]),
-                texts=texts,
-                hover="%{hovertext} nats",
-                names=[f"{names[p]}: {t}" for p, t in zip(places, texts, strict=True)],
-                width=0.72,
-                is_across=True,
-            )
+        groups.setdefault("chosen" if kind in kinds else key, []).append(place)
+    texts = [_nats(values[kind]) for kind in ranked]
+    bars = [
+        spec.Bars(
+            key=key,
+            places=np.array(places, dtype=float),
+            values=np.array(lengths)[places],
+            texts=[texts[p] for p in places],
+            hover="%{hovertext} nats",
+            names=[f"{names[p]}: {texts[p]}" for p in places],
+            width=0.72,
+            is_across=True,
         )
+        for key in keys
+        if (places := groups.get(key))
+    ]
     panel = spec.Panel(
         title="",
-        marks=[bar for bar in bars if bar.texts],
+        marks=bars,
         x=spec.Axis(
             label="evidence when tried alone [nats], linear below 10",
             range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
@@ -178,7 +170,7 @@ def evidence_figure(result: Result) -> spec.Figure | None:
         y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
         height=80 + 21 * len(names),
     )
-    shown = {key: label for key, label in keys.items() if groups[key]}
+    shown = {key: label for key, label in keys.items() if key in groups}
     return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
 
 
@@ -232,25 +224,15 @@ def lack_marks(key: str, curve: Curve) -> list[spec.Line | spec.Band]:
 
 
 def carried_figure(result: Result) -> spec.Figure | None:
-    """The residual field of a corrected model, term by term, as curves.
-
-    A part over two variables or more has no curve: it is in model.yaml only.
-    """
+    """The residual field of a corrected model over one variable, term by term."""
     field = result.model.field
     parts = [] if field is None else [field, *field.more]
-    panels = [
-        panel
-        for part in parts
-        if len(part.variables) == 1 and part.centers
-        for panel in _carried_panels(part)
-    ]
+    parts = [p for p in parts if len(p.variables) == 1 and p.centers]
+    panels = [panel for part in parts for panel in _carried_panels(part)]
     if not panels:
         return None
-    return spec.Figure(
-        keys={"rest": "unidentified, carried by the model"},
-        panels=panels,
-        columns=min(2, len(panels)),
-    )
+    keys = {"rest": "unidentified, carried by the model"}
+    return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
 
 
 def _carried_panels(part: FieldData) -> list[spec.Panel]:
@@ -280,27 +262,24 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
 def coefficients_figure(result: Result) -> spec.Figure | None:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = residual_tables(result)
-    if not all(
-        "alpha" in t.variables and COEFFICIENTS.keys() <= t.coefficients.keys()
-        for t in tables.values()
-    ):
-        return None
+    needed = COEFFICIENTS.keys()
+    for table in tables.values():
+        if "alpha" not in table.variables or not needed <= table.coefficients.keys():
+            return None
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
         for name, symbol in COEFFICIENTS.items():
-            both = [
-                t[name] for o in tables.values() for t in (o.coefficients, o.modelled)
-            ]
-            panels.append(
-                spec.Panel(
-                    f"{symbol}, {LABELS[model]}",
-                    _coefficient_marks(table, lines, name, model),
-                    spec.Axis(VARIABLES["alpha"][0], link="alpha"),
-                    spec.Axis(range=bounds(np.concatenate(both)), link=name),
-                    height=250,
-                )
+            both = [(t.coefficients[name], t.modelled[name]) for t in tables.values()]
+            span = binning.bounds(np.concatenate(sum(both, ())))
+            panel = spec.Panel(
+                f"{symbol}, {LABELS[model]}",
+                _coefficient_marks(table, lines, name, model),
+                spec.Axis(VARIABLES["alpha"][0], link="alpha"),
+                spec.Axis(range=span, link=name),
+                height=250,
             )
+            panels.append(panel)
     return spec.Figure(
         keys={m: LABELS[m] for m in ("measured", *tables)},
         panels=panels,
@@ -315,7 +294,7 @@ def _flight_lines(table: ResidualTable) -> dict[str, np.ndarray]:
     for number in np.unique(table.flight):
         rows, gap = table.flight == number, [math.nan]
         for name in COEFFICIENTS:
-            place, middle = binned_quantiles(
+            place, middle = binning.binned_quantiles(
                 degrees[rows], table.coefficients[name][rows], bins=12, fewest=2
             )
             lines.setdefault(name, []).append(np.append(middle[0], gap))
@@ -328,8 +307,8 @@ def _coefficient_marks(
     table: ResidualTable, lines: dict[str, np.ndarray], name: str, model: str
 ) -> list[spec.Line | spec.Band]:
     degrees, measured = np.degrees(table.variables["alpha"]), table.coefficients[name]
-    place, rows = binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
-    over, modelled = binned_quantiles(degrees, table.modelled[name])
+    place, rows = binning.binned_quantiles(degrees, measured, (1 / 6, 0.5, 5 / 6))
+    over, modelled = binning.binned_quantiles(degrees, table.modelled[name])
     hover = f"{LABELS[model]}, median<br>{_AT}"
     return [
         spec.Line(
@@ -354,13 +333,10 @@ def residual_figure(result: Result) -> spec.Figure | None:
     if not variables:
         return None
     tables = residual_tables(result)
+    pairs = itertools.product(range(len(RESIDUALS)), variables)
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
-        panels=[
-            residual_panel(tables, variable, column)
-            for column in range(len(RESIDUALS))
-            for variable in variables
-        ],
+        panels=[residual_panel(tables, name, column) for column, name in pairs],
         columns=len(variables),
         flights=result.residual_after.names,
     )
@@ -392,7 +368,7 @@ def residual_panel(
     for model, table in tables.items():
         x, y = table.variables[variable] * factor, table.residual[:, column]
         # The same rows in all panels: a page holds each column once.
-        rows = thin(np.sum(table.residual, axis=1), table.flight)
+        rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
         time = table.variables.get("t", np.full(table.flight.shape, math.nan))
         said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
         clouds.append(
@@ -407,7 +383,7 @@ def residual_panel(
                 time=time[rows],
             )
         )
-        place, median = binned_quantiles(x, y)
+        place, median = binning.binned_quantiles(x, y)
         hover = f"median, {LABELS[model]}<br>{said}"
         medians.append(
             spec.Line(model, place, median[0], hover=hover, width=2.4, is_solid=True)
@@ -417,7 +393,7 @@ def residual_panel(
     return spec.Panel(
         f"{name} [{unit.name}]",
         [spec.Level(), *clouds, *medians],
-        spec.Axis(label, bounds(over), link=variable),
-        spec.Axis(range=bounds(everything, around=0.0), link=name),
+        spec.Axis(label, binning.bounds(over), link=variable),
+        spec.Axis(range=binning.bounds(everything, around=0.0), link=name),
         height=240,
     )

@@ -11,7 +11,6 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
@@ -230,70 +229,49 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     """
     p = proposal
     several = len(p.explanations) > 1
+    labels = [
+        ("x, along the throw [m]", "z, up [m]"),
+        ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
+        ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
+    ][: 3 if several else 2]
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(3 if several else 2, 1)
-        _draw_paths(axes[0], p)
-        _draw_tapes(axes[1], p)
-        if several:
-            _draw_differences(axes[2], p)
-        for ax in axes:
+        axes = figure.subplots(len(labels))
+        if p.place.funnel:
+            outline = tube_outline(p.place.funnel.funnel).T
+            style = {"color": "#DDE8F4", "lw": 0.0, "zorder": 0}
+            axes[0].fill(*outline, label="funnel, projected", **style)
+        for k, path in enumerate(p.flown):
+            label = "flown" if k == 0 else None
+            axes[0].plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
+        for k in range(len(p.throws)):
+            _draw_throw(axes, p, k)
+        axes[0].axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+        for stop in p.place.limits.elevator:
+            axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
+        for ax, (xlabel, ylabel) in zip(axes, labels, strict=True):
             ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
-        labels = axes[0].get_legend_handles_labels()[1]
-        figure.legend(loc="outside upper center", ncols=len(labels))
+            ax.set(xlabel=xlabel, ylabel=ylabel)
+        entries = axes[0].get_legend_handles_labels()[1]
+        figure.legend(loc="outside upper center", ncols=len(entries))
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
 
 
-def _draw_paths(ax: Axes, p: Proposal) -> None:
-    """Draws flown and predicted paths in the vertical plane, and the funnel."""
-    if p.place.funnel:
-        outline = tube_outline(p.place.funnel.funnel)
-        ax.fill(
-            *outline.T, color="#DDE8F4", lw=0.0, label="funnel, projected", zorder=0
-        )
-    for k, path in enumerate(p.flown):
-        label = "flown" if k == 0 else None
-        ax.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
-    for k, paths in enumerate(p.paths):
-        label = f"throw {k + 1}"
-        _draw_by_explanation(ax, k, [q[:, :2].T for q in paths], label)
-        ax.plot(*paths[0, 0, :2], "o", color=_COLORS[k % len(_COLORS)], ms=4)
-    ax.axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
-    ax.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
-
-
-def _draw_tapes(ax: Axes, p: Proposal) -> None:
-    """Draws the commanded angle of the elevator."""
-    low, high = p.place.limits.elevator
-    for k, throw in enumerate(p.throws):
-        times = np.append(throw.times, throw.end)
-        turned = np.append(0.0, np.cumsum(throw.commands * np.diff(times)))
-        angles = np.degrees(np.clip(p.place.rest + turned, low, high))
-        ax.plot(times, angles, color=_COLORS[k % len(_COLORS)], lw=1.6)
-    for stop in (low, high):
-        ax.axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
-    ax.set(xlabel="time since release [s]", ylabel="commanded elevator,\nup > 0 [°]")
-
-
-def _draw_differences(ax: Axes, p: Proposal) -> None:
-    """Draws the distance of each throw's path from that of the first explanation."""
-    for k, paths in enumerate(p.paths):
-        times = np.arange(paths.shape[1]) / p.place.pose_rate
-        apart = 1e3 * np.linalg.norm(paths[:, :, :2] - paths[0, :, :2], axis=2)
-        _draw_by_explanation(ax, k, [(times, far) for far in apart])
-    ax.set(
-        xlabel="time since release [s]",
-        ylabel="difference of explanations,\nas fitted now [mm]",
-    )
-
-
-def _draw_by_explanation(
-    ax: Axes, throw: int, lines: Sequence[Any], label: str | None = None
-) -> None:
-    for e, (x, y) in enumerate(lines):
-        color, dashes = _COLORS[throw % len(_COLORS)], _LINES[e % len(_LINES)]
-        shown = label if e == 0 else None
-        ax.plot(x, y, lw=1.7, color=color, ls=dashes, label=shown)
+def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
+    """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
+    throw, paths = p.throws[number], p.paths[number]
+    color = _COLORS[number % len(_COLORS)]
+    for e, path in enumerate(paths):
+        style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
+        label = f"throw {number + 1}" if e == 0 else None
+        axes[0].plot(*path[:, :2].T, label=label, **style)
+        if len(axes) > 2:
+            apart = 1e3 * np.linalg.norm(path[:, :2] - paths[0, :, :2], axis=1)
+            axes[2].plot(np.arange(len(path)) / p.place.pose_rate, apart, **style)
+    axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
+    times = np.append(throw.times, throw.end)
+    turned = np.append(0.0, np.cumsum(throw.commands * np.diff(times)))
+    angles = np.clip(p.place.rest + turned, *p.place.limits.elevator)
+    axes[1].plot(times, np.degrees(angles), color=color, lw=1.6)
