@@ -13,7 +13,7 @@ import tempfile
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from glider.commands.parsing import Commands, add_command
 
@@ -47,7 +47,7 @@ class Finding(NamedTuple):
     def __str__(self) -> str:
         """As lines within 80 columns, the advice under what was found."""
         texts = [self.found, f"-> {self.advice}"] if self.advice else [self.found]
-        whole = {"break_on_hyphens": False, "break_long_words": False}
+        whole: Any = {"break_on_hyphens": False, "break_long_words": False}
         lines = [line for text in texts for line in textwrap.wrap(text, 57, **whole)]
         return f"{self.state:6}{self.name:15}  " + f"\n{' ' * 23}".join(lines)
 

@@ -43,12 +43,7 @@ _WORDS = {
 
 
 def read_text(path: Path | str, what: str) -> str:
-    """Returns the text of a file; InputError where it cannot be read as UTF-8.
-
-    Args:
-        path: of the file.
-        what: the file is, with its article, for the message.
-    """
+    """Reads a text file; InputError "not {what}" where it cannot be read as UTF-8."""
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -76,23 +71,19 @@ def parse_json(text: str, source: str) -> object:
 
 
 def load_yaml(schema: type[T], path: Path | str, what: str) -> T:
-    """Returns a schema filled from a YAML file.
-
-    Raises:
-        InputError: the file cannot be read, or its fields are not the schema's.
-    """
+    """Fills a schema from a YAML file; see `read_text` and `convert`."""
     return convert(parse_yaml(read_text(path, what), str(path)), schema, str(path))
 
 
 def load_json(schema: type[T], path: Path | str, what: str) -> T:
-    """Returns a schema filled from a JSON file; see `load_yaml`."""
+    """Fills a schema from a JSON file; see `load_yaml`."""
     return convert(parse_json(read_text(path, what), str(path)), schema, str(path))
 
 
 def convert(data: object, schema: type[T], source: str) -> T:
-    """Returns a schema filled from lists, dicts, strings and numbers.
+    """Fills a schema from lists, dicts, strings and numbers.
 
-    A whole number does for a float, null in an array of numbers is NaN. InputErrors of
+    An integer does for a float, null in an array of numbers is NaN. InputErrors of
     a schema's own __post_init__ pass as they are, with the source before them.
 
     Args:
@@ -196,18 +187,15 @@ def _unknown_fields(
     """Yields place, name and the known names of each field that a schema lacks."""
     if isinstance(info, inspect.UnionType):
         # At most one of a union's types has fields: a dataclass, or a list of them.
-        inside = (inspect.DataclassType, inspect.StructType, inspect.CollectionType)
         for option in info.types:
-            if isinstance(option, (*inside, inspect.DictType)):
-                yield from _unknown_fields(data, option, place)
-    elif isinstance(info, (inspect.DataclassType, inspect.StructType)):
-        if isinstance(data, dict):
-            fields = {field.encode_name: field.type for field in info.fields}
-            for name, value in data.items():
-                if name not in fields:
-                    yield place, name, list(fields)
-                else:
-                    yield from _unknown_fields(value, fields[name], _join(place, name))
+            yield from _unknown_fields(data, option, place)
+    elif isinstance(info, inspect.DataclassType) and isinstance(data, dict):
+        fields = {field.encode_name: field.type for field in info.fields}
+        for name, value in data.items():
+            if name not in fields:
+                yield place, name, list(fields)
+            else:
+                yield from _unknown_fields(value, fields[name], _join(place, name))
     elif isinstance(info, inspect.CollectionType) and isinstance(data, list):
         for i, value in enumerate(data):
             yield from _unknown_fields(value, info.item_type, f"{place}[{i}]")

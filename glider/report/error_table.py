@@ -6,14 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.report.numbers import (
-    DEGREE,
-    DIVERGED,
-    Unit,
-    format_factor,
-    format_gain,
-    length_unit,
-)
+from glider.report import numbers
+from glider.report.numbers import DEGREE, DIVERGED, Unit
 from glider.sysid.result import CALIBRATED, HeldOutFlight, Report, Result
 
 COLUMNS = ("nominal", "refitted", CALIBRATED, "corrected")
@@ -67,7 +61,7 @@ def error_rows(result: Result) -> list[ErrorRow]:
                 unit=of_row.name,
                 cells={m: of_row.digits(v) for m, v in values.items()},
                 noise=of_row.digits(noise),
-                gain=format_gain(before, values.get("corrected", math.nan)),
+                gain=numbers.format_gain(before, values.get("corrected", math.nan)),
             )
         )
     return rows
@@ -81,7 +75,7 @@ def error_of(report: Report, model: str, field: str) -> float:
 
 def unit_beside_noise(result: Result, *lengths: float) -> Unit:
     """The one unit in which lengths [m] and the noise beside them read best."""
-    return length_unit(*lengths, noise_floor(result, FREE))
+    return numbers.length_unit(*lengths, noise_floor(result, FREE))
 
 
 def columns_of(*reports: Report) -> list[str]:
@@ -160,7 +154,7 @@ def worst_flights(result: Result) -> list[FlightRow]:
             before=unit.digits(old),
             after=unit.digits(new),
             unit=unit.name,
-            times=format_factor(new / median if median > 0.0 else math.nan),
+            times=numbers.format_factor(new / median if median > 0.0 else math.nan),
             stands_out=new > STANDS_OUT * median,
             planarity=result.planarity.get(flight.name, ""),
         )

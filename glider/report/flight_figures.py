@@ -87,7 +87,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
 
     poses = {"measured": measured, **flown}
     place, angle = "x %{x:.3f} m, z %{y:.3f} m", "pitch %{y:.2f}°"
-    paths = [line(m, *pose[:, :2].T, place) for m, pose in poses.items()]
+    paths = [line(m, p[:, 0], p[:, 1], place) for m, p in poses.items()]
     pitches = [line(m, time, np.degrees(p[:, 2]), angle) for m, p in poses.items()]
     distances = [
         line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")

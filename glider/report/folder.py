@@ -11,14 +11,7 @@ from glider.files.schema import json_text
 from glider.files.writing import replace_files
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import Origin, model_text
-from glider.report import (
-    error_table,
-    flight_figures,
-    model_figures,
-    numbers,
-    tables,
-    wording,
-)
+from glider.report import error_table, flight_figures, model_figures, numbers, wording
 from glider.report.as_page import render_page
 from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
@@ -86,7 +79,6 @@ def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
         labels=LABELS,
         error_table=error_table,
         numbers=numbers,
-        tables=tables,
         wording=wording,
         in_page=len(flight_figures.flights_in_page(result)),
         has_signs=any(e.kind == ANGLE_SIGN.kind for e in result.effects),

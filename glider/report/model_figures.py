@@ -85,7 +85,7 @@ def _error_panel(
     dashes = np.ravel(places[:, None] + [-0.45, 0.0, 0.45, math.nan])
     hover = f"noise: %{{y:.3r}} {unit.name}"
     noise = spec.Line("noise", dashes, np.repeat(floor, 4), hover=hover)
-    names = dict(enumerate(fields.values()))
+    names = {float(i): name for i, name in enumerate(fields.values())}
     return spec.Panel(
         f"{title} [{unit.name}]",
         [*grouped_bars(values, LABELS, unit), noise],

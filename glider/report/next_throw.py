@@ -273,5 +273,6 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     axes[0].plot(*paths[0, 0, :2], "o", color=color, ms=4)
     times = np.append(throw.times, throw.end)
     turned = np.append(0.0, np.cumsum(throw.commands * np.diff(times)))
-    angles = np.clip(p.place.rest + turned, *p.place.limits.elevator)
+    low, high = p.place.limits.elevator
+    angles = np.clip(p.place.rest + turned, low, high)
     axes[1].plot(times, np.degrees(angles), color=color, lw=1.6)

@@ -9,20 +9,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from glider.report import wording
 from glider.report.error_table import columns_of, error_rows
 from glider.report.numbers import MISSING, format_angle, format_length
 from glider.report.plots.style import LABELS
-from glider.report.tables import vehicle_rows
-from glider.report.wording import (
-    counted,
-    differences,
-    effect_views,
-    excluded_words,
-    headline,
-    notes_of,
-    remarks,
-    say,
-)
 from glider.sysid.result import Result
 
 _MOST_EXCLUDED = 5
@@ -45,15 +35,15 @@ def writer(console: Console) -> Writer:
 def print_summary(result: Result, console: Console) -> None:
     """Prints the verdict, the effects, the errors before and after, the warnings."""
     write = writer(console)
-    write(headline(result), "bold")
-    for sentence in (result.reason, *remarks(result)):
+    write(wording.headline(result), "bold")
+    for sentence in (result.reason, *wording.remarks(result)):
         write(sentence)
     write()
-    for effect in effect_views(result):
+    for effect in wording.effect_views(result):
         _write_effect(effect, write)
-    for sentence in (*differences(result), *say("air", result)):
+    for sentence in (*wording.differences(result), *wording.say("air", result)):
         write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
-    for name, value in vehicle_rows(result):
+    for name, value in wording.vehicle_rows(result):
         write(f"Vehicle: {name} = {value}")
     write()
     console.print(_errors_table(result, console))
@@ -63,11 +53,11 @@ def print_summary(result: Result, console: Console) -> None:
     for warning in result.warnings:
         write(f"Warning: {warning}")
     for rows in result.set_aside[:_MOST_EXCLUDED]:
-        write(f"Excluded: {excluded_words(rows)}")
+        write(f"Excluded: {wording.excluded_words(rows)}")
     more = len(result.set_aside) - _MOST_EXCLUDED
     if more > 0:
         write(f"Excluded: {more} more, see report.html.")
-    for note in notes_of(result):
+    for note in wording.notes_of(result):
         write(f"Note: {note}")
 
 
@@ -112,10 +102,11 @@ def make_table(console: Console, *headings: str, **style: Any) -> Table:
 
 def _errors_table(result: Result, console: Console) -> Table:
     models = columns_of(result)
+    flights = wording.counted(result.flights.held_out, "held-out flight")
     table = make_table(
         console,
         *("", *(LABELS[m] for m in models), "noise", "gain"),
-        title=f"Errors on {counted(result.flights.held_out, 'held-out flight')}",
+        title=f"Errors on {flights}",
         title_justify="left",
         title_style="bold",
     )

@@ -22,14 +22,17 @@ from glider.report.error_table import (
 from glider.report.folder import to_html
 from glider.report.numbers import length_unit
 from glider.report.plots.style import COLORS, LABELS
-from glider.report.tables import (
+from glider.report.wording import (
     combination_rows,
     correlation_rows,
+    differences,
+    headline,
+    remarks,
+    say,
     spread_rows,
     spread_values,
     vehicle_rows,
 )
-from glider.report.wording import differences, headline, remarks, say
 from glider.sysid.result import (
     CALIBRATED,
     MODELS,
