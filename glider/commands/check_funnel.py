@@ -233,7 +233,8 @@ def _confidence(funnel, model, level, shape):
         covariance = funnel.gliders.confidence.covariance
     if covariance is None:
         raise InputError(
-            f"{model or '--confidence'}: the accuracy of the glider's parameters is "
-            "unknown; expected a --model with the covariance of close-the-loop."
+            f"{model or '--confidence'}: the accuracy of the glider's parameters "
+            "is unknown; expected a --model with a covariance, as close-the-loop "
+            "writes it."
         )
     return make_confidence(funnel.nominal.model, covariance, level, shape)

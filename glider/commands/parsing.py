@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from glider.errors import expect
+from glider.errors import InputError, expect
 from glider.files.writing import check_writable
 
 Commands = argparse._SubParsersAction
@@ -63,5 +63,7 @@ def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
     """The folder to write to, --out or out/CAMPAIGN/parts, checked to be writable."""
     name = campaign.resolve().name.removesuffix(".zip")
     folder = out or Path("out", name, *parts)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; expected a folder.")
     check_writable(folder)
     return folder

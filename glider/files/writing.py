@@ -21,19 +21,17 @@ _DAY = 86_400.0
 """Age at which half-written files are of a run that was killed, not of another [s]."""
 
 
-def make_folder(folder: Path) -> None:
-    """Makes a folder with its parents; raises InputError if a file is in its way."""
-    for target in (*reversed(folder.parents), folder):
-        if target.exists() and not target.is_dir():
-            raise InputError(f"{target}: is a file; expected a folder.")
-    folder.mkdir(parents=True, exist_ok=True)
+def _nearest_folder(folder: Path) -> Path:
+    """The folder, or the first of its parents that exists; InputError for a file."""
+    place = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not place.is_dir():
+        raise InputError(f"{place}: is a file; expected a folder.")
+    return place
 
 
 def check_writable(folder: Path) -> None:
     """Raises InputError where a folder cannot be made or written: before the work."""
-    place = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    if not place.is_dir():
-        raise InputError(f"{place}: is a file; expected a folder.")
+    place = _nearest_folder(folder)
     try:
         with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=place):
             pass
@@ -80,7 +78,8 @@ def replace_files(
         OSError: it cannot be written, or the disk is full.
     """
     was_there = folder.is_dir()
-    make_folder(folder)
+    _nearest_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     _remove_old_leftovers(folder)
     try:
         with (

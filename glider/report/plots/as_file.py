@@ -153,8 +153,8 @@ def draw(figure: spec.Figure, dpi: float = DPI, width: float = WIDTH) -> Picture
     legend = _legend_rows(figure, width)
     edge = sum(heights)
     picture = Picture(width, edge + 4.3 + 1.2 * _LINE * len(legend), dpi)
-    for k, keys in enumerate(legend):
-        _draw_legend(picture, figure, keys, picture.height - (0.9 + 1.2 * k) * _LINE)
+    for k, entries in enumerate(legend):
+        _draw_legend(picture, figure, entries, picture.height - (0.9 + 1.2 * k) * _LINE)
     for row, height in zip(rows, heights, strict=True):
         shares = [panel.share for panel in row] + [1.0] * (columns - len(row))
         starts = width * np.append(0.0, np.cumsum(shares)) / sum(shares)
@@ -177,32 +177,24 @@ def _margins(panel: spec.Panel) -> tuple[float, float, float]:
     return left, below, 1.7 * _LINE if panel.title else 5.8
 
 
-def _entry_width(label: str) -> float:
-    return 43.0 + font(9.0).getlength(label)
-
-
-def _legend_rows(figure: spec.Figure, width: float) -> list[list[str]]:
-    """Keys of the legend, row by row, as many as fit."""
-    rows: list[list[str]] = []
-    free = 0.0
+def _legend_rows(figure: spec.Figure, width: float) -> list[dict[str, float]]:
+    """Keys of the legend with the widths of their entries, row by row."""
+    rows: list[dict[str, float]] = []
     for key, label in figure.keys.items():
-        needed = _entry_width(label)
-        if needed > free or not rows:
-            rows.append([])
-            free = width
-        rows[-1].append(key)
-        free -= needed
+        needed = 43.0 + font(9.0).getlength(label)
+        if not rows or sum(rows[-1].values()) + needed > width:
+            rows.append({})
+        rows[-1][key] = needed
     return rows
 
 
 def _draw_legend(
-    picture: Picture, figure: spec.Figure, keys: list[str], y: float
+    picture: Picture, figure: spec.Figure, entries: dict[str, float], y: float
 ) -> None:
     """Draws a row of the legend: each key's line or area, and its label."""
-    widths = [_entry_width(figure.keys[key]) for key in keys]
-    x = 0.5 * (picture.width - sum(widths)) + 7.0
+    x = 0.5 * (picture.width - sum(entries.values())) + 7.0
     marks = [mark for panel in figure.shown for mark in panel.marks]
-    for key, width in zip(keys, widths, strict=True):
+    for key, width in entries.items():
         mine = [mark for mark in marks if getattr(mark, "key", "") == key]
         lines = [mark.line_width for mark in mine if isinstance(mark, spec.Line)]
         if lines or not mine:
