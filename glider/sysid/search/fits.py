@@ -20,7 +20,6 @@ SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
 THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
 SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
 
-
 Progress = Callable[[str], None]
 
 
