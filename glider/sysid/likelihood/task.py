@@ -66,7 +66,6 @@ class Task:
         spread = PRIOR_SCALES * self.layout.scale[slots]
         if vehicle.prior_spread is not None:
             is_nuisance = np.isin(slots, vehicle.nuisance)
-            mean = np.where(is_nuisance, vehicle.theta[slots], mean)
             spread = np.where(is_nuisance, vehicle.prior_spread[slots], spread)
         return mean, 1.0 / spread**2
 

@@ -113,7 +113,7 @@ def test_what_is_known_beforehand_pulls(windy):
         spreads = np.full(len(task.vehicle.theta), 1.0)
         spreads[slot] = spread
         vehicle = dataclasses.replace(
-            task.vehicle, nuisance=(slot,), prior=(task.vehicle.theta, spreads)
+            task.vehicle, nuisance=(slot,), prior_spread=spreads
         )
         held = dataclasses.replace(task, vehicle=vehicle)
         model = fit_model(held, begin(held, noise, ["wind"]))
