@@ -106,24 +106,30 @@ def _to_float(cell: str | float) -> float:
 def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
     """Adds the flights of tables to a campaign; finds its pose rate if not given."""
     for table in tables[1:]:
-        _check_same_columns(tables[0], table)
+        for name in sorted(tables[0].columns.keys() ^ table.columns.keys()):
+            has, lacks = tables[0].path.name, table.path
+            if name in table.columns:
+                has, lacks = table.path.name, tables[0].path
+            raise InputError(
+                f"{lacks}: column '{name}' is missing, which {has} has; "
+                "expected the same columns in all flights of a campaign."
+            )
     flights = tuple(_make_flight(table, campaign) for table in tables)
     rate = campaign.pose_rate
     if math.isnan(rate):
         steps = np.concatenate([np.diff(flight.time) for flight in flights])
         rate = float(1 / np.median(steps))
     for table, flight in zip(tables, flights, strict=True):
-        _check_step(table.path, flight.time, rate)
+        step = np.median(np.diff(flight.time))
+        if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
+            slow = step >= _MAX_STEP or step * rate > 20
+            hint = " (this looks like milliseconds or a count of rows)" if slow else ""
+            raise InputError(
+                f"{table.path}: column 'time' has a median step of {step:.4g}{hint}; "
+                f"expected seconds, about {1 / rate:.4g} for a pose_rate of "
+                f"{rate:.4g} Hz."
+            )
     return dataclasses.replace(campaign, pose_rate=rate, flights=flights)
-
-
-def _check_same_columns(first: Table, other: Table) -> None:
-    for name in sorted(first.columns.keys() ^ other.columns.keys()):
-        has, lacks = (first, other) if name in first.columns else (other, first)
-        raise InputError(
-            f"{lacks.path}: column '{name}' is missing, which {has.path.name} has; "
-            "expected the same columns in all flights of a campaign."
-        )
 
 
 def _make_flight(table: Table, campaign: Campaign) -> Flight:
@@ -210,16 +216,4 @@ def _check_units(
         raise InputError(
             f"{table.path}: columns 'x' and 'z' move at {speed:.4g} m/s (median); "
             f"expected at most {_MAX_SPEED:g} (this looks like millimeters)."
-        )
-
-
-def _check_step(file: Path, time: np.ndarray, rate: float) -> None:
-    """Raises InputError unless times (n,) [s] step about at a pose rate [Hz]."""
-    step = np.median(np.diff(time))
-    if step >= _MAX_STEP or not 1 / 3 < step * rate < 3:
-        slow = step >= _MAX_STEP or step * rate > 20
-        hint = " (this looks like milliseconds or a count of rows)" if slow else ""
-        raise InputError(
-            f"{file}: column 'time' has a median step of {step:.4g}{hint}; expected "
-            f"seconds, about {1 / rate:.4g} for a pose_rate of {rate:.4g} Hz."
         )

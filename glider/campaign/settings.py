@@ -32,7 +32,7 @@ QUANTITIES = {
 }
 """Quantities that `columns:` may name, and the kind of unit of each."""
 
-_AXES = tuple(sign + axis for axis in "xyz" for sign in ("", "-"))
+AXES = tuple(sign + axis for axis in "xyz" for sign in ("", "-"))
 _PRESETS: dict[str, dict[str, str]] = {
     "NED": {"up": "-z", "nose": "x", "top": "-z", "pitch": "nose_up"},
     "ENU": {"up": "z", "nose": "x", "top": "z", "pitch": "nose_down"},
@@ -40,10 +40,10 @@ _PRESETS: dict[str, dict[str, str]] = {
 _ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
 _ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
 _CHOICES = {
-    "up": (_AXES, "the axis of the log that points up"),
-    "forward": ((*_AXES, "throw"), "the axis of the log along the throw"),
-    "nose": (_AXES, "the axis of the body that points to the nose"),
-    "top": (_AXES, "the axis of the body that points up in level flight"),
+    "up": (AXES, "the axis of the log that points up"),
+    "forward": ((*AXES, "throw"), "the axis of the log along the throw"),
+    "nose": (AXES, "the axis of the body that points to the nose"),
+    "top": (AXES, "the axis of the body that points up in level flight"),
     "pitch": (("nose_down", "nose_up"), "where a positive pitch turns the nose"),
     "elevator": (_ELEVATOR, "where a positive elevator turns its trailing edge"),
     "command": (_ELEVATOR, "where a positive command turns the trailing edge"),
@@ -90,7 +90,9 @@ def _schema(name: str, fields: dict[str, Any], **methods: Any) -> type:
 if TYPE_CHECKING:
     Columns: TypeAlias = Any
     Units: TypeAlias = Any
+    KnownParameters: TypeAlias = Any
 else:
+    KnownParameters = _schema("KnownParameters", dict.fromkeys(PARAMETER_NAMES, float))
     Columns = _schema(
         "Columns",
         dict.fromkeys(QUANTITIES, str)
@@ -190,18 +192,9 @@ def given(fields: object) -> dict:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Vehicle:
+class Vehicle(KnownParameters):
     """What is known of a glider, in SI units; None: unknown."""
 
-    mass: float | None = None
-    pitch_inertia: float | None = None
-    wing_area: float | None = None
-    elevator_area: float | None = None
-    wing_offset: float | None = None
-    hinge_offset: float | None = None
-    elevator_offset: float | None = None
-    air_density: float | None = None
-    gravity: float | None = None
     elevator_limits: list[float] | None = None
     elevator_rate_limit: float | None = None
     elevator: str = "servo"
@@ -213,12 +206,12 @@ class Vehicle:
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
-        limits, unit = (
-            self.elevator_limits or [0.0],
+        limits, expected = (
+            self.elevator_limits or [],
             "radians (this looks like degrees)",
         )
-        small = max(map(abs, limits)) <= MAX_ANGLE
-        expect(small, "field 'elevator_limits'", limits, unit)
+        small = max(map(abs, limits), default=0.0) <= MAX_ANGLE
+        expect(small, "field 'elevator_limits'", limits, expected)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -30,15 +30,6 @@ def save_campaign(
             f"{path}: holds {min(others)}, which is not of this campaign; "
             "expected an empty folder."
         )
-    text = schema.yaml_text(_settings_of(campaign))
-    files = {flight.name: flight_csv(flight) for flight in campaign.flights}
-    files |= {name: words.encode() for name, words in (more or {}).items()}
-    files["campaign.yaml"] = text.encode()
-    replace_files(path, files, last="campaign.yaml")
-
-
-def _settings_of(campaign: Campaign) -> dict[str, object]:
-    """Fields of campaign.yaml, the unknown ones omitted."""
     limits = campaign.elevator_limits
     vehicle = campaign.vehicle | {
         "elevator_limits": list(limits) if limits else None,
@@ -47,7 +38,11 @@ def _settings_of(campaign: Campaign) -> dict[str, object]:
     }
     vehicle = {name: value for name, value in vehicle.items() if value is not None}
     rates = {"pose_rate": campaign.pose_rate, "command_rate": campaign.command_rate}
-    return {"vehicle": vehicle, **rates}
+    text = schema.yaml_text({"vehicle": vehicle, **rates})
+    files = {flight.name: flight_csv(flight) for flight in campaign.flights}
+    files |= {name: words.encode() for name, words in (more or {}).items()}
+    files["campaign.yaml"] = text.encode()
+    replace_files(path, files, last="campaign.yaml")
 
 
 def flight_csv(flight: Flight) -> bytes:

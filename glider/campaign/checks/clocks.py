@@ -23,8 +23,7 @@ _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
 _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes first [s].
 _LEADS = -0.015
 """Delay below which an elevator moves before its commands [s]: no servo does. Measured:
--0.005 to 0.025 in 20 campaigns, also of three flights each: half a row, as a command is
-held until the next."""
+-0.005 to 0.025 in 20 campaigns: half a row, as a command is held until the next."""
 _FOLLOWS = 0.4
 """Correlation of rates below which an elevator does not follow. Measured: 0.96 and more
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
@@ -99,7 +98,11 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
     )
     rate = campaign.command_rate
     if rate is not None and campaign.elevator == "servo":
-        commands = _pace(map(_switches, campaign.flights), rate)
+        # Rows with a new command.
+        new = (
+            f.time[1:][np.diff(np.asarray(f.command)) != 0] for f in campaign.flights
+        )
+        commands = _pace(new, rate)
         if commands is not None and abs(commands - rows) < _OFF:
             raise InputError(
                 f"{campaign.path}: {words}, and commands at {rate / commands:.4g} Hz "
@@ -225,12 +228,6 @@ def _known_angles(
 def _angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
     """All angles (k,) of the elevator that are not masked [rad]."""
     return np.concatenate([_known_angles(f, masks)[1] for f in campaign.flights])
-
-
-def _switches(flight: Flight) -> np.ndarray:
-    """Times of the rows with a new command [s]."""
-    assert flight.command is not None
-    return flight.time[1:][np.diff(flight.command) != 0.0]
 
 
 def _pace(clocks: Iterable[np.ndarray], rate: float) -> float | None:

@@ -109,13 +109,17 @@ def _pose_faults(
     track = Track(flight.time, flight.pose, own)
     sticks_out, displaced = find_one_motion(track, usable)
     usable &= ~(sticks_out | displaced)
+    cut_off = np.zeros(len(usable), dtype=bool)
+    if flight.command is not None:  # The longest piece has all its commands.
+        piece = pieces_with_commands(flight.time)
+        cut_off = usable & (piece != np.argmax(np.bincount(piece, weights=usable)))
     return {
         "is not a number": unknown,
         "does not change while the glider moves: frozen": frozen,
         "lies still, or is held": standing,
         "departs from the motion around it": sticks_out,
         "the track jumps and stays displaced": displaced,
-        "beyond a gap whose commands are not known": _cut_off(flight, usable),
+        "beyond a gap whose commands are not known": cut_off,
     }
 
 
@@ -188,15 +192,6 @@ def _elevator_faults(
         "departs from the motion around it": sticks_out,
         "does not change while commands move it: frozen": frozen & ~sticks_out,
     }
-
-
-def _cut_off(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Usable rows (n,) outside the longest piece that has all its commands."""
-    if flight.command is None:
-        return np.zeros(len(usable), dtype=bool)
-    piece = pieces_with_commands(flight.time)
-    longest = np.argmax(np.bincount(piece, weights=usable))
-    return usable & (piece != longest)
 
 
 def _describe_gaps(flight: Flight) -> list[str]:

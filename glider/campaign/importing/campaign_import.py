@@ -33,14 +33,10 @@ class CutFlight(NamedTuple):
     why: str  # It begins and ends there.
 
     @property
-    def begin(self) -> float:
-        """Time of its first row [s]."""
-        return float(self.table.columns["time"][0])
-
-    @property
-    def end(self) -> float:
-        """Time of its last row [s]."""
-        return float(self.table.columns["time"][-1])
+    def span(self) -> tuple[float, float]:
+        """Times of its first and last row [s]."""
+        time = self.table.columns["time"]
+        return float(time[0]), float(time[-1])
 
 
 class CutRecording(NamedTuple):
@@ -66,9 +62,9 @@ class ImportResult:
         for recording in self.recordings:
             lines.append(f"{recording.path}: {_count(recording.flights, 'flight')}")
             for cut_flight in recording.flights:
-                flight = next(flights)
-                span = f"{cut_flight.begin:.3f}-{cut_flight.end:.3f} s"
-                lines.append(f"  {flight.name}  {span}, {len(flight.time)} rows")
+                flight, (begin, end) = next(flights), cut_flight.span
+                rows = f"{begin:.3f}-{end:.3f} s, {len(flight.time)} rows"
+                lines.append(f"  {flight.name}  {rows}")
                 lines.append(f"    {cut_flight.why}")
             lines += [f"  {note}" for note in recording.notes]
         lines += [f"warning: {words}" for words in self.undecided]
@@ -143,7 +139,7 @@ def campaign_of_cuts(
     tables: list[Table] = []
     for flight in (f for recording in recordings for f in recording.flights):
         columns = dict(flight.table.columns)
-        columns["time"] = columns["time"] - flight.begin
+        columns["time"] = columns["time"] - flight.span[0]
         name = f"flight_{len(tables):03d}.csv"
         tables.append(Table(path=flight.table.path, name=name, columns=columns))
     return with_flights(settings, tables)
@@ -162,8 +158,8 @@ def _extract(
         flights, notes = [], of_cuts + of_clock
         for piece in cuts:
             flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
-            columns, of_servo = _columns(flight, settings, mapping.source)
-            notes += [note for note in of_servo if note not in notes]
+            columns, note = _columns(flight, settings, mapping.source)
+            notes += [note] if note and note not in notes else []
             table = Table(path=track.path, columns=columns)
             flights.append(CutFlight(table, piece.why))
         recordings.append(CutRecording(track.path, tuple(flights), tuple(notes)))
@@ -211,8 +207,8 @@ def _has_servo(track: Track) -> bool:
 
 def _columns(
     flight: Track, settings: Campaign, source: str
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Columns of a campaign's file, and notes on what was made of servo logs."""
+) -> tuple[dict[str, np.ndarray], str]:
+    """Columns of a campaign's file, and what was made of servo logs."""
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
     columns = {"time": flight.time, "x": x, "z": z, "pitch": _centered(pitch)}
@@ -222,7 +218,7 @@ def _columns(
     if sideways is not None:
         roll, yaw = map(_centered, sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
-    return columns, [f"servo: {servo.note}"] if servo and servo.note else []
+    return columns, f"servo: {servo.note}" if servo and servo.note else ""
 
 
 def _centered(angle: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ from glider.campaign.importing.sign_checks import (
 )
 from glider.campaign.importing.track import make_track
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
+from glider.campaign.settings import AXES, QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.physics.parameters import GliderParameters
@@ -68,7 +68,6 @@ _RANGES = (
     (_RATE, "rate", 50.0, "deg/s"),
 )
 """Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
-_AXES = [sign + axis for axis in "xyz" for sign in ("", "-")]
 _PITCH = ("nose_down", "nose_up")
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_TRIED = 4  # Files that frames are tried on.
@@ -272,14 +271,14 @@ def _frames(logs: _Logs) -> Iterator[Fields]:
             yield {"up": up, "forward": forward, "pitch": pitch}
         return
     if attitude is None:
-        yield from ({"up": u, "pitch": p} for u, p in itertools.product(_AXES, _PITCH))
+        yield from ({"up": u, "pitch": p} for u, p in itertools.product(AXES, _PITCH))
         return
     readings: tuple[Fields, ...] = ({},)
     if not first.find_all(attitude, "xyzw", "attitude") and first.rotation is None:
         three = any(first.find_all(attitude, a, "attitude") for a in ("xyz", "012"))
         orders = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
         readings = tuple({"rotation": order} for order in orders)
-    for up, reading in itertools.product(_AXES, readings):
+    for up, reading in itertools.product(AXES, readings):
         frame = {"up": up} | reading
         claim = logs.claim(frame)
         ahead, above = [], []

@@ -87,9 +87,22 @@ class Recording:
             if address in (full, full.removeprefix(f"{group.name}."))
         ]
         found = [entry for entry in found if entry[0]] or found
-        if len(found) != 1:
-            groups = [group.name for _, group, _ in found]
-            raise InputError(f"{self.path}: {field}: {self._not_one(address, groups)}")
+        source = f"{self.path}: {field}"
+        if len(found) > 1:
+            groups = ", ".join(repr(group.name) for _, group, _ in found)
+            raise InputError(
+                f"{source}: column '{address}' is in several groups, {groups}; "
+                "expected the group's name, a dot and the column's."
+            )
+        if not found:
+            names = self.names()
+            near = difflib.get_close_matches(address, names, n=1, cutoff=0.5)
+            hint = f" (did you mean '{near[0]}'?)" if near else ""
+            listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+            raise InputError(
+                f"{source}: there is no column '{address}'{hint}; "
+                f"found {listed or 'none'}."
+            )
         _, group, column = found[0]
         if column.fault:
             raise InputError(f"{self.path}: {column.fault}")
@@ -115,19 +128,6 @@ class Recording:
         for group in self.groups:
             for name, column in group.columns.items():
                 yield (f"{group.name}.{name}" if group.name else name), group, column
-
-    def _not_one(self, address: str, groups: list[str]) -> str:
-        if groups:
-            return (
-                f"column '{address}' is in several groups, "
-                f"{', '.join(map(repr, groups))}; "
-                "expected the group's name, a dot and the column's."
-            )
-        names = self.names()
-        near = difflib.get_close_matches(address, names, n=1, cutoff=0.5)
-        hint = f" (did you mean '{near[0]}'?)" if near else ""
-        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-        return f"there is no column '{address}'{hint}; found {listed or 'none'}."
 
 
 def need(module: str, path: Path) -> ModuleType:

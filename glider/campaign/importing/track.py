@@ -125,12 +125,9 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
         before = turns[int(over[k - 1]), :, k - 1]
         steps = np.abs(turns[:, :, k] - before).sum(axis=1)
         over[k] = steps[1] < steps[0]
-    pitch = np.where(over, np.pi - pitch, pitch)
-    roll = np.where(over, roll + np.pi, roll)
-    yaw = np.where(over, yaw + np.pi, yaw)
-    upright = [np.angle(np.exp(1j * angle)) for angle in (roll, yaw)]
-    pitch = np.unwrap(np.angle(np.exp(1j * pitch)))
-    return pitch, np.unwrap(np.column_stack(upright), axis=0)
+    chosen = np.angle(turns[over.astype(int), :, np.arange(len(over))])
+    roll, pitch, yaw = np.unwrap(chosen, axis=0).T
+    return pitch, np.column_stack([roll, yaw])
 
 
 def planar_pose(track: Track) -> np.ndarray:

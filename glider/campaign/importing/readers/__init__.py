@@ -8,13 +8,8 @@ ROS bags. tables: Parquet, .mat, .xlsx.
 from collections.abc import Callable
 from pathlib import Path
 
-from glider.campaign.importing.readers import (
-    c3d,
-    camera_exports,
-    delimited,
-    tables,
-    topics,
-)
+from glider.campaign.importing.readers import c3d, delimited, tables, topics
+from glider.campaign.importing.readers.camera_exports import parse_export
 from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
 
@@ -44,7 +39,7 @@ def read_recordings(path: Path) -> list[Recording]:
         what, reader = _READERS[".bag"]
     if reader is None:
         text = delimited.decode(path, list(_READERS))
-        return [camera_exports.parse(path, text) or delimited.parse(path, text)]
+        return [parse_export(path, text) or delimited.parse(path, text)]
     try:
         read = reader(path)
     except InputError:

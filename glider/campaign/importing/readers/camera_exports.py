@@ -25,7 +25,7 @@ _PARTS = {"R": "Rotation", "T": "Position"}
 Rows = list[list[str]]
 
 
-def parse(path: Path, text: str) -> Recording | None:
+def parse_export(path: Path, text: str) -> Recording | None:
     """Parses an export of either; None for a text that is none."""
     if text.startswith("Format Version"):
         return _parse_motive(path, text)

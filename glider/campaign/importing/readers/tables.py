@@ -1,5 +1,6 @@
 """Tables that a library reads: Parquet, MATLAB's .mat, sheets of .xlsx workbooks."""
 
+import contextlib
 import datetime
 from collections.abc import Iterator
 from pathlib import Path
@@ -87,9 +88,9 @@ def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 def read_workbook(path: Path) -> list[Recording]:
     """Reads the sheets of a workbook that have numbers, each a recording."""
     openpyxl = need("openpyxl", path)
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     recordings, reason = [], InputError(f"{path}: has no sheet of cells.")
-    try:
+    opened = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    with contextlib.closing(opened) as book:
         sheets = [sheet for sheet in book.worksheets if sheet.max_row != 0]
         for sheet in sheets:
             place = path / sheet.title if len(sheets) > 1 else path
@@ -100,8 +101,6 @@ def read_workbook(path: Path) -> list[Recording]:
                 recordings.append(delimited.parse_rows(place, rows))
             except InputError as error:
                 reason = error
-    finally:
-        book.close()
     if not recordings:
         raise reason
     return recordings
