@@ -33,8 +33,7 @@ class Table:
     path: Path  # The file that they come from.
     name: str = ""  # Of the flight; "": that of the file.
     columns: Mapping[str, Any]  # Cells as text, or numbers (n,).
-    lines: Sequence[int] | None = None
-    """Each row's line in the file; None: from line 2 on, as line 1 is the header."""
+    lines: Sequence[int] | None = None  # Of rows in the file; None: from line 2 on.
 
     def texts(self, name: str) -> Sequence[str]:
         """Cells of a column; InputError where it is missing."""

@@ -187,8 +187,7 @@ def unit_vector(axis: str) -> np.ndarray:
 
 def given(fields: object) -> dict:
     """Fields of a dataclass that are not None, by name."""
-    names = [field.name for field in dataclasses.fields(fields)]  # type: ignore[arg-type]
-    return {n: v for n in names if (v := getattr(fields, n)) is not None}
+    return {name: v for name, v in vars(fields).items() if v is not None}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -206,12 +205,9 @@ class Vehicle(KnownParameters):
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
         check_parameters(known)
-        limits, expected = (
-            self.elevator_limits or [],
-            "radians (this looks like degrees)",
-        )
-        small = max(map(abs, limits), default=0.0) <= MAX_ANGLE
-        expect(small, "field 'elevator_limits'", limits, expected)
+        limits = self.elevator_limits or [0.0]
+        expected, small = "radians (this looks like degrees)", max(map(abs, limits))
+        expect(small <= MAX_ANGLE, "field 'elevator_limits'", limits, expected)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
-"""Delays of the elevator after its commands that are tried [s]: effects of the library
-(command_delay, servo_lag) stay below 0.3."""
+"""Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""
 _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
 _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes first [s].
 _LEADS = -0.015
@@ -39,8 +38,7 @@ _WIDE = 0.15  # Travel above which one flight alone can be judged [rad].
 _BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
 _NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-].
 _OFF = 0.02
-"""Share by which a rate may differ from the one given: times are rounded to
-milliseconds, and a command shows in the first row after it."""
+"""Share by which a rate may be off: times are rounded, commands show a row later."""
 _FEWEST = 30  # Intervals that a rate is taken from, at least.
 _MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost count.
 

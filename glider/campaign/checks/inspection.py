@@ -112,25 +112,21 @@ class _Kept:
 
 def _find_copies(campaign: Campaign) -> dict[str, str]:
     """Flights whose poses are those of an earlier one, row by row, with the reason."""
-    seen: dict[bytes, str] = {}
-    reasons = {}
-    for flight in campaign.flights:
-        earlier = seen.setdefault(flight.pose.tobytes(), flight.name)
-        if earlier != flight.name:
-            reasons[flight.name] = f"the same rows as {earlier}"
-    return reasons
+    first: dict[bytes, str] = {}
+    flights = campaign.flights
+    pairs = [(f.name, first.setdefault(f.pose.tobytes(), f.name)) for f in flights]
+    return {name: f"the same rows as {other}" for name, other in pairs if other != name}
 
 
 def _find_servoless(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, str]:
     """Flights whose elevator is faulty in most rows, with the reason."""
-    reasons = {}
-    for flight in campaign.flights:
-        mask = masks[flight.name]
-        share = np.mean(mask.elevator[mask.usable]) if mask.usable.any() else 0.0
-        if share > _MAX_FAULTY:
-            why = f"{100 * share:.0f} % of the rows of its elevator are faulty"
-            reasons[flight.name] = why
-    return reasons
+    usable = [(f.name, masks[f.name], masks[f.name].usable) for f in campaign.flights]
+    shares = {n: np.mean(m.elevator[rows]) for n, m, rows in usable if rows.any()}
+    return {
+        name: f"{100 * share:.0f} % of the rows of its elevator are faulty"
+        for name, share in shares.items()
+        if share > _MAX_FAULTY
+    }
 
 
 def _find_tail_first(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, str]:

@@ -23,7 +23,7 @@ _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
 _PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 _AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
-BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
+_BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
@@ -98,10 +98,13 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     end, stop = free.time[-1], "the body is seen, and moves, until here"
     contact = _find_contact(free)
     if contact is None and is_lost:
-        end -= BEFORE_CONTACT
+        end -= _BEFORE_CONTACT
         stop = f"the body is lost at {free.time[-1]:.3f} s"
     elif contact is not None:
-        end, stop = contact - BEFORE_CONTACT, f"it touches something at {contact:.3f} s"
+        end, stop = (
+            contact - _BEFORE_CONTACT,
+            f"it touches something at {contact:.3f} s",
+        )
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or flight.time[-1] - flight.time[0] < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"

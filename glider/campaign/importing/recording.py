@@ -71,9 +71,7 @@ class Recording:
 
     path: Path  # Of the file; of a sheet in a workbook: file/sheet.
     groups: tuple[Group, ...]
-    rotation: str | None = None
-    """Meaning of the file's rotations, as in `frame: rotation:` of a mapping; None
-    where the format leaves it open."""
+    rotation: str | None = None  # As in `frame: rotation:`; None: the format is open.
 
     def names(self) -> list[str]:
         """Addresses of all columns: the group's name, a dot, the column's."""
@@ -81,15 +79,12 @@ class Recording:
 
     def find(self, address: str, field: str) -> tuple[Group, Column]:
         """Finds a column by its address or unique name; `field` is for messages."""
-        found = [
-            (full == address, group, column)
-            for full, group, column in self._all()
-            if address in (full, full.removeprefix(f"{group.name}."))
-        ]
-        found = [entry for entry in found if entry[0]] or found
+        known = list(self._all())
+        found = [(group, column) for full, group, column in known if full == address]
+        found = found or [(g, c) for n, g, c in known if f"{g.name}.{address}" == n]
         source = f"{self.path}: {field}"
         if len(found) > 1:
-            groups = ", ".join(repr(group.name) for _, group, _ in found)
+            groups = ", ".join(repr(group.name) for group, _ in found)
             raise InputError(
                 f"{source}: column '{address}' is in several groups, {groups}; "
                 "expected the group's name, a dot and the column's."
@@ -103,7 +98,7 @@ class Recording:
                 f"{source}: there is no column '{address}'{hint}; "
                 f"found {listed or 'none'}."
             )
-        _, group, column = found[0]
+        group, column = found[0]
         if column.fault:
             raise InputError(f"{self.path}: {column.fault}")
         return group, column
