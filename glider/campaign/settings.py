@@ -187,7 +187,8 @@ def unit_vector(axis: str) -> np.ndarray:
 
 def given(fields: object) -> dict:
     """Fields of a dataclass that are not None, by name."""
-    return {name: v for name, v in vars(fields).items() if v is not None}
+    names = [field.name for field in dataclasses.fields(fields)]  # type: ignore[arg-type]
+    return {n: v for n in names if (v := getattr(fields, n)) is not None}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
