@@ -29,11 +29,8 @@ FEWEST = 5
 LAST = 0.04
 """Rest of a plan that is not planned again but flown to its end [s]."""
 
-ITERATIONS = 25
-"""Iterations of a plan at most: they bound its time."""
-
-TOLERANCE = 1e-4
-"""Tolerance of a plan that is flown for one command."""
+ITERATIONS, TOLERANCE = 25, 1e-4
+"""Of a plan that is flown for one command; iterations bound its time."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

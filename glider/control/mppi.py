@@ -12,11 +12,8 @@ from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 
-COMMAND_RATE = 50.0
-"""Rate of the updates [Hz]."""
-
-HORIZON = 40
-"""Number of commands in a sequence: 0.8 s."""
+COMMAND_RATE, HORIZON = 50.0, 40
+"""Rate of the updates [Hz], and commands in a sequence: 0.8 s."""
 
 SETTINGS = MppiSettings(
     samples=1024, temperature=0.1, deviation=4.0, likelihood_ratio=True
@@ -80,10 +77,9 @@ class MppiController(LeafSystem):
         """Makes a controller that starts from the commands of a plan.
 
         Args:
-            model: of the glider, that flights are predicted with.
+            model: that flights are predicted with.
             plan: to start from.
-            problem: whose goal and weights to use, such as replanning.yaml of the
-                models.
+            problem: whose goal and weights to use, such as `replanning` of the models.
             command_rate: of updates [Hz].
             seed: of the random numbers.
         """
@@ -108,16 +104,10 @@ def replanning_cost(
     command_rate: float = COMMAND_RATE,
     steps: int = HORIZON,
 ) -> SequenceCost:
-    """Returns the cost that a controller plans with.
+    """Returns the cost, of so many commands, that a controller plans with.
 
     The servo's limits hold, and the end is free: a glider that a model predicts
     wrongly comes early or late.
-
-    Args:
-        model: the glider that is planned with.
-        problem: whose goal and weights to use.
-        command_rate: of updates [Hz].
-        steps: commands in a sequence.
     """
     return SequenceCost(
         model,

@@ -68,13 +68,10 @@ class Forecast:
     def _filters(self) -> list[tuple[np.ndarray, Field, list[Direction]]]:
         """Parameters, field and directions of each explanation."""
         task = self.task
+        models = [e.model for e in self.explanations]
         return [
-            (
-                e.model.theta,
-                field_of(task, e.model),
-                slopes(task.layout, e.model.theta, e.model.free),
-            )
-            for e in self.explanations
+            (m.theta, field_of(task, m), slopes(task.layout, m.theta, m.free))
+            for m in models
         ]
 
     @property

@@ -23,7 +23,6 @@ from glider.experiments.throws import (
     USED,
     Range,
     Throw,
-    draw_genes,
     launch_state,
     launches,
     tape_towards,
@@ -63,11 +62,10 @@ class Kept:
     level: float
 
 
-def draw_genes_in_funnel(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Draws genes, (count, FUNNEL_GENES), of departures from none to large ones."""
-    genes = draw_genes(rng, count)
+def draw_sizes(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Draws the last genes of throws, from no departures to large ones."""
     sizes = rng.random((count, FUNNEL_GENES - GENES))
-    return np.hstack([genes, sizes * np.linspace(0.0, 1.0, count)[:, None]])
+    return sizes * np.linspace(0.0, 1.0, count)[:, None]
 
 
 def throw_in_funnel(genes: np.ndarray, place: Range) -> Throw:

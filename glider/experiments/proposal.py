@@ -35,11 +35,9 @@ from glider.sysid.replay.theta import layout_of
 from glider.sysid.replay.vehicle import make_vehicle
 from glider.verification.funnel.funnel import Funnel
 
-_TRIED = 64
-"""Gliders with drawn parameters that the proposed throws are tried on."""
-
-_LIKE_FLOWN = 12
-"""Flown flights that represent the present kind of throw."""
+_TRIED, _LIKE_FLOWN = 64, 12
+"""Gliders with drawn parameters that proposed throws are tried on, and flown flights
+that represent the present kind of throw."""
 
 MOST_THROWS = 1000
 """Throws of the present kind that are counted up to."""
@@ -65,14 +63,14 @@ class Proposal:
             above MOST_THROWS.
         distances: (e, e) expected log-evidence of the throws against each explanation
             (column), where another (row) is true [nats].
-        ending_air: scatter of the ends of flights like the flown ones by moving air and
+        ending_air: scatter of the ends of flights like those flown by moving air and
             flight-to-flight variation [m].
         ending_now: the same by the standard errors of the coefficients [m].
         ending_then: the same after the throws.
         ending_same_kind: the same after as many throws of the present kind.
         stds: "kind.coefficient" of the most probable explanation to its standard error
             now and then, and its unit.
-        seconds: that the proposal took, once the explanations were fitted.
+        seconds: that it took, once the explanations were fitted.
     """
 
     campaign: str
@@ -265,14 +263,11 @@ def _stds(
     task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
 ) -> dict[str, tuple[float, float, str]]:
     found = {}
-    for k, slot in enumerate(explanation.model.free):
+    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
+    for slot, (now, then) in zip(explanation.model.free, stds, strict=True):
         coefficient = task.coefficient(slot)
         unit = "" if coefficient is None else coefficient.unit
-        found[".".join(task.layout.slots[slot])] = (
-            float(np.sqrt(before[k, k])),
-            float(np.sqrt(after[k, k])),
-            unit,
-        )
+        found[".".join(task.layout.slots[slot])] = now, then, unit
     return found
 
 

@@ -17,11 +17,11 @@ from glider.experiments.explanations import Explanation, with_probabilities
 from glider.experiments.forecast import Forecast, Grams, added
 from glider.experiments.funnel_throws import (
     check_frame,
-    draw_genes_in_funnel,
+    draw_sizes,
     shortest,
     throw_in_funnel,
 )
-from glider.experiments.throws import Throw, draw_genes, throw_of
+from glider.experiments.throws import GENES, Throw, throw_of
 from glider.sysid.likelihood.linear_flight import linearize, slopes
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import start_variances, whiten
@@ -30,20 +30,12 @@ from glider.sysid.replay.record import Record
 
 Progress = Callable[[str], None]
 
-DRAWN = 48
-"""Throws of a round."""
+_FIRST, DRAWN, ELITES = 144, 48, 8
+"""Throws of a round that is drawn uniformly, of which many leave the limits; of the
+others; and those that the next round is drawn about."""
 
-_FIRST = 144
-"""Throws of a round that is drawn uniformly: many leave the limits."""
-
-ROUNDS = 4
-"""The first is drawn uniformly, the others about the best so far."""
-
-ROUNDS_IN_FUNNEL = 8
-"""Rounds inside a funnel, where few draws keep inside for long."""
-
-ELITES = 8
-"""Throws that the next round is drawn about."""
+ROUNDS, ROUNDS_IN_FUNNEL = 4, 8
+"""Rounds; few draws keep inside a funnel for long."""
 
 SEARCHED = 3
 """Explanations that the search distinguishes; the proposal weighs all."""
@@ -127,9 +119,9 @@ def search(
     few = with_probabilities(everything.explanations[:SEARCHED])
     searched = dataclasses.replace(everything, explanations=few)
     place, known = everything.place, everything.place.funnel
-    rounds, draw, make = ROUNDS, draw_genes, throw_of
+    rounds, make = ROUNDS, throw_of
     if known:
-        rounds, draw, make = ROUNDS_IN_FUNNEL, draw_genes_in_funnel, throw_in_funnel
+        rounds, make = ROUNDS_IN_FUNNEL, throw_in_funnel
     nearest, is_any_kept = np.inf, False
     genes: list[np.ndarray] = []
     throws: list[Throw] = []
@@ -145,7 +137,9 @@ def search(
             drawn = parents + spread * rng.normal(size=parents.shape)
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
-            drawn = draw(rng, _FIRST)
+            drawn = rng.random((_FIRST, GENES))
+            if known:
+                drawn = np.hstack([drawn, draw_sizes(rng, _FIRST)])
         kept = everything.kept([make(g, place) for g in drawn])
         nearest = min(nearest, *(k.level for k in kept))
         drawn = drawn[[k.throw is not None for k in kept]]

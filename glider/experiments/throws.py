@@ -23,11 +23,9 @@ MOVES = 9
 GENES = 4 + 2 * MOVES + 1
 """Numbers that a throw is made of: launch, targets, times, how fast it moves."""
 
-USED = 0.95
-"""Largest commanded rate, as a share of the servo's."""
-
-MARGIN = 0.03
-"""Distance of the elevator's targets from its stops [rad]."""
+USED, MARGIN = 0.95, 0.03
+"""Largest commanded rate, as a share of the servo's, and distance of the elevator's
+targets from its stops [rad]."""
 
 USUAL_COMMAND_RATE = 50.0
 """Rate of commands where a campaign does not report it [Hz]."""
@@ -114,11 +112,6 @@ def range_of(
         command_rate=campaign.command_rate or USUAL_COMMAND_RATE,
         funnel=funnel,
     )
-
-
-def draw_genes(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Draws genes of throws uniformly, (count, GENES)."""
-    return rng.random((count, GENES))
 
 
 def throw_of(genes: np.ndarray, place: Range) -> Throw:
@@ -218,11 +211,8 @@ def fly_throw(
 ) -> Flight:
     """Simulates a throw by a glider and logs it.
 
-    Args:
-        model: the glider that flies.
-        throw: launch and commands as proposed; the launch misses at random.
-        place: of the proposal, see `glider.experiments.proposal.Proposal`.
-        rng: draws the launch error and the noise of motion capture.
+    `place` is that of the proposal; `rng` draws the launch error and the noise of
+    motion capture.
     """
     thrown = missed(throw, place.limits, rng)
     flight = log_of(

@@ -45,11 +45,9 @@ from glider.planning.transcription import (
     violated,
 )
 
-TOLERANCE = 1e-6
-"""Tolerance of constraints and optimality, as the solvers scale them."""
-
-LOOSE = 1e-3
-"""Tolerance of an attempt whose result is only a better guess."""
+TOLERANCE, LOOSE = 1e-6, 1e-3
+"""Tolerances of constraints and optimality, as the solvers scale them: of a plan, and
+of an attempt whose result is only a better guess."""
 
 ELASTIC_WEIGHT = 100.0
 """Weight of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
@@ -68,8 +66,8 @@ class PlanningError(RuntimeError):
     """No attempt found a plan.
 
     Attributes:
-        violations: the constraints at the wire that the closest flight found
-            violates, and by how much [m, rad or m/s]; empty where there is none.
+        violations: constraint at the wire to the amount by which the closest flight
+            violates it [m, rad or m/s]; empty where no flight was found.
         attempts: what was tried.
         closest: result of a search from many guesses, None where there was none.
     """
@@ -289,7 +287,7 @@ class _Ladder:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silences Drake's warnings of failed attempts, which the ladder handles."""
+    """Silences Drake's warnings of failed attempts."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -351,14 +349,8 @@ def path_defects(
 ) -> np.ndarray:
     """|ẋ - f(x, u)| at POINTS places in each segment of a path, (POINTS, N - 1, n).
 
-    States are cubics between the knots, inputs straight lines.
-
-    Args:
-        dynamics: of the glider.
-        times: (N,) of the knots [s].
-        states: (N, n) at the knots.
-        slopes: (N, n) of the cubics at the knots.
-        inputs: (N,) at the knots.
+    The path is given at its knots: times (N,) [s], states and their slopes (N, n), with
+    cubics between, and inputs (N,), with straight lines between.
     """
     s = np.linspace(0.0, 1.0, POINTS + 1)[:-1, None, None]
     h = np.diff(times)[:, None]

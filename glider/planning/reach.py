@@ -25,11 +25,8 @@ from glider.planning.structured import (
     solve_structured,
 )
 
-KNOTS = 25
-"""Number of knots of each plan."""
-
-TRIES = 2
-"""Number of searches for the closest flight where there is no plan at once."""
+KNOTS, TRIES = 25, 2
+"""Knots of each plan, and searches for the closest flight where there is none."""
 
 CHUNK = 100
 """Number of launches that a worker gets at a time."""
@@ -87,13 +84,9 @@ class Closest:
 def find_closest(
     model: GliderModel, problem: PerchingProblem, knots: int, tries: int = CLOSEST_TRIES
 ) -> Closest:
-    """Searches from many guesses for the flight that ends nearest to the wire.
+    """Searches from `tries` guesses for the flight that ends nearest to the wire.
 
-    Args:
-        model: the glider.
-        problem: all of whose limits hold but the place at the end.
-        knots: at least 3.
-        tries: number of guesses; always the same ones.
+    All limits of the problem hold but the place at the end; guesses do not vary.
 
     Raises:
         UncompilableError: a formula is not of what numba compiles.
@@ -153,11 +146,11 @@ class Reach:
             f"{np.sum(self.planned):,} of {count:,} launches have a plan to the wire "
             f"({self.seconds:.0f} s, {1e3 * self.seconds / count:.1f} ms each)."
         )
-        if len(short):
-            text += (
-                f" Of the others the median can come within {np.median(short):.2f} m."
-            )
-        return text
+        if not len(short):
+            return text
+        return (
+            f"{text} Of the others the median can come within {np.median(short):.2f} m."
+        )
 
     def key_figures(self) -> dict[str, object]:
         """Returns launches and answers, for a file; a miss that is NaN as None."""
@@ -175,13 +168,9 @@ def find_reach(
     launches: np.ndarray,
     progress: Callable[[str], None] | None = None,
 ) -> Reach:
-    """Plans from many launches, by the joblib workers that the caller has chosen.
+    """Plans from launches (B, 7), by the joblib workers that the caller has chosen.
 
-    Args:
-        model: the glider.
-        problem: whose launch is replaced.
-        launches: (B, 7).
-        progress: called with how many are done.
+    `progress` is called with how many are done.
 
     Raises:
         InputError: the launches are no states.
@@ -208,10 +197,8 @@ def find_reach(
 def _reach_of(
     model: GliderModel, problem: PerchingProblem, launches: np.ndarray
 ) -> list[tuple[bool, float]]:
-    return [
-        find_one(model, dataclasses.replace(problem, launch=launch.tolist()))
-        for launch in launches
-    ]
+    each = (dataclasses.replace(problem, launch=own) for own in launches.tolist())
+    return [find_one(model, own) for own in each]
 
 
 def find_one(model: GliderModel, problem: PerchingProblem) -> tuple[bool, float]:

@@ -76,13 +76,11 @@ class SequenceCost:
 
         Args:
             model: the glider.
-            problem: whose goal, goal_weights and rate_cost are used; its limits
-                on the path are not.
+            problem: whose goal, goal_weights and rate_cost are used, not its limits.
             step: [s].
             steps: their number.
             order: 1 for explicit Euler, 4 for classical Runge-Kutta.
-            within_limits: whether the servo keeps its rate and its stops, as the
-                real one does; the article's does not.
+            within_limits: whether the servo keeps its limits; the article's does not.
             free_end: whether the final cost is taken where that is cheapest, at
                 step N or before: a glider may come early or late.
 
@@ -111,13 +109,10 @@ class SequenceCost:
         nominal: np.ndarray | None = None,
         penalty: float = 0.0,
     ) -> np.ndarray:
-        """Returns the costs-to-go S_k of sequences, shape (B, N + 1).
+        """Returns the costs-to-go S_k of commands (B, N) [rad/s], shape (B, N + 1).
 
-        Args:
-            start: (n,) state at launch.
-            commands: (B, N) [rad/s].
-            nominal: (N,) that the likelihood ratio is taken about [rad/s].
-            penalty: its weight, see `glider.compiled.sequence_costs`.
+        The likelihood ratio is taken about `nominal` (N,) [rad/s] with the weight
+        `penalty`, see `glider.compiled.sequence_costs`.
         """
         return self._fly(start, commands, nominal, penalty, False)[0]
 
@@ -166,11 +161,8 @@ def mppi_update(
 
     u_k + Σ_r w_k^r ε_k^r,  w_k^r = exp(-S_k^r / λ) / Σ_s exp(-S_k^s / λ)
 
-    Args:
-        mean: (N,) u [rad/s].
-        noise: (B, N) ε [rad/s].
-        to_go: (B, N) costs-to-go S; what is not a number weighs nothing.
-        temperature: λ.
+    u is the mean (N,), ε the noise (B, N) [rad/s], S the costs-to-go (B, N), of which
+    what is not a number weighs nothing, and λ the temperature.
     """
     to_go = np.nan_to_num(to_go, nan=WORST, posinf=WORST)
     # The least cost cancels in the quotient; without it all may underflow.

@@ -169,8 +169,7 @@ def solve_structured(
         problem: what to fly; its launch may differ from that of the guess.
         knots: at least 3.
         guess: to start from.
-        launch: (n,) all states to start from; None for the problem's launch, the
-            effects' own states at rest.
+        launch: (n,) all states at the launch; None for the problem's.
         arrive: see `make_program`.
         program: to solve instead of that of the problem.
         elapsed: time since the launch of a plan to start from [s].

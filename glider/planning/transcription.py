@@ -37,7 +37,6 @@ class Dynamics:
     """
 
     def __init__(self, model: GliderModel, fast: bool = True) -> None:
-        """Takes what `Dynamics` holds."""
         self.model, self.num_states, self.fast = model, model.num_states, fast
         self._theta, self._derivatives = model.numbers, model.chain.derivatives
         self._z = stacked(self.num_states, self._theta)
@@ -87,14 +86,8 @@ def hermite_simpson(linearize, h, x0, x1, u0, u1):
     u_c = (u₀ + u₁)/2, the cubic through the ends has at its middle the slope
     3 (x₁ - x₀)/(2 h) - (f₀ + f₁)/4, and the defect is this minus f(x_c, u_c).
 
-    Args:
-        linearize: (x, u) to f (n,) and its slopes (n, n + 1).
-        h: length of the segment [s].
-        x0, x1: (n,) states at its ends.
-        u0, u1: inputs at its ends.
-
-    Returns:
-        (n,) and (n, 1 + n + n + 1 + 1), by h, x0, x1, u0, u1.
+    `linearize` gives f (n,) and its slopes (n, n + 1) at (x, u); h is the segment's
+    length [s]. The Jacobian is by h, x0, x1, u0, u1: (n, 1 + n + n + 1 + 1).
     """
     n = len(x0)
     f0, slopes0 = linearize(x0, u0)
@@ -144,16 +137,11 @@ def transcribe(
 ) -> DirectCollocation:
     """Builds the program of a problem with equal steps between so many knots.
 
-    Every constraint has a name, which `violated` reports.
-
-    Args:
-        dynamics: of the glider. Where they are not fast, Drake's own defects stay.
-        problem: what to fly.
-        knots: at least 2.
+    Every constraint has a name, which `violated` reports. Where the dynamics are not
+    fast, Drake's own defects stay.
 
     Raises:
-        InputError: where the glider varies in time, or the launch is outside the
-            problem's own limits.
+        InputError: see `check_plannable`.
     """
     model = dynamics.model
     check_plannable(model, problem)
@@ -194,7 +182,7 @@ def violated(
 def to_guess(
     dc: DirectCollocation, result: MathematicalProgramResult, name: str
 ) -> Guess:
-    """Returns a solver's result as a guess, for another number of knots too."""
+    """A solver's result as a guess, for another number of knots too."""
     return Guess(
         name=name,
         states=dc.ReconstructStateTrajectory(result),
