@@ -211,7 +211,8 @@ class GliderModel:
             path: of the file.
             own_effects: custom kinds that the file may name.
         """
-        return _load(path, own_effects)[0]
+        text = schema.read_text(path, "a glider model")
+        return parse_model(text, str(path), own_effects)[0]
 
     def save(
         self,
@@ -285,15 +286,8 @@ def load_covariance(
 
     Arguments and errors are those of `GliderModel.load`.
     """
-    return _load(path, own_effects)[1]
-
-
-def _load(
-    path: Path | str, own_effects: Sequence[EffectKind]
-) -> tuple[GliderModel, Covariance | None]:
-    """Returns the model in a file and its covariance, or None."""
     text = schema.read_text(path, "a glider model")
-    return parse_model(text, str(path), own_effects)
+    return parse_model(text, str(path), own_effects)[1]
 
 
 def parse_model(

@@ -14,6 +14,7 @@ from glider.compiled.replay import log_path, roll_out
 from glider.physics.actuator_replay import latest_command
 from glider.physics.effects import NO_FIELD, Field
 from glider.physics.model import GliderModel
+from glider.physics.servo import Servo
 from glider.sysid.replay.record import signs_of, turn
 from glider.sysid.replay.replayed import replayed_path, sensed
 from glider.sysid.replay.theta import OFFSET, Layout, layout_for, theta_of
@@ -56,14 +57,10 @@ class CampaignPlan:
 
 
 def random_commands(
-    count: int,
-    period: float,
-    limits: tuple[float, float],
-    rate_limit: float,
-    rng: np.random.Generator,
+    count: int, period: float, servo: Servo, rng: np.random.Generator
 ) -> np.ndarray:
     """Returns a wandering tape of elevator rates that keeps inside the travel."""
-    low, high = limits
+    low, high, rate_limit = servo
     middle, half = 0.5 * (low + high), 0.4 * (high - low)
     tape = np.empty(count)
     rate, angle = rng.normal(0.0, 4.0), 0.0
@@ -83,13 +80,11 @@ def random_commands(
 def _fly(
     model: GliderModel, plan: CampaignPlan, rng: np.random.Generator, name: str
 ) -> Flight:
-    low, high, rate_limit = model.parameters.servo
+    servo = model.parameters.servo
     rows = round(plan.duration * plan.capture.rate) + 1
     time = np.arange(rows) / plan.capture.rate
     switches = np.arange(int(plan.duration * plan.command_rate) + 1) / plan.command_rate
-    commands = random_commands(
-        len(switches), 1.0 / plan.command_rate, (low, high), rate_limit, rng
-    )
+    commands = random_commands(len(switches), 1.0 / plan.command_rate, servo, rng)
     launch = np.asarray(plan.launch) + rng.normal(size=7) * plan.launch_spread
     flight = fly_commands(
         layout_for(model),
@@ -98,7 +93,7 @@ def _fly(
         switches,
         commands,
         time,
-        limits=(low, high),
+        limits=(servo.low, servo.high),
         field=model.residual_field,
         name=name,
     )
