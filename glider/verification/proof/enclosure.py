@@ -115,9 +115,9 @@ class TaylorRemainder:
             theta = theta_at(self.model, self.allowed.names, deviations)
         rates = open_loop_rates(self.model, states, command, theta)
         time = on_boxes(unit[d])
-        within = np.all(
-            [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls], axis=0
-        )
+        inside = [np.sum(center[ball] ** 2, axis=0) <= 1.0 for ball in self.balls]
+        within = np.all(inside, axis=0)
+        boxes = center, half, table.exponents, self.balls
         most, least, blame = [], [], []
         for i, row in enumerate(self.rows):
             rate = rates[row]
@@ -126,11 +126,7 @@ class TaylorRemainder:
             difference.remainder = (difference.remainder + self.rounding[i]) * WIDER
             ratio = difference / on_boxes(self.limits[i])
             sizes, unknown = ratio.coefficients, ratio.remainder
-            most.append(
-                bound_in_balls(
-                    sizes, unknown, center, half, table.exponents, self.balls
-                )
-            )
+            most.append(bound_in_balls(sizes, unknown, *boxes))
             least.append(np.where(within, np.abs(sizes[0]) - unknown, 0.0))
             blame.append(blame_of(ratio, rate))
         return np.array(most), np.array(least), np.array(blame)

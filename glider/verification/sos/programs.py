@@ -117,11 +117,8 @@ def largest_margin(
     return success, -float(found[0]), gram
 
 
-_ONE_THREAD = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "RAYON_NUM_THREADS": "1",
-}
+_LIBRARIES = ("OMP", "OPENBLAS", "RAYON")
+_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in _LIBRARIES}
 
 
 def solve_apart(function: Callable, *arguments: Any) -> Any:
