@@ -2,5 +2,5 @@
 
 pipeline: `close_the_loop`, which checks its input. analysis: the stages in order.
 replay: a log flown again. fit: coefficients from many flights. search: which effects?
-outcome, result: what is handed back. refly: a logged flight, to look at.
+evaluation, verdict: do they hold? outcome, result: what is handed back.
 """
