@@ -60,9 +60,7 @@ class MotionCapture:
         rng: np.random.Generator,
         name: str,
     ) -> Flight:
-        """Logs a flight, noise included.
-
-        As in a real log, a new command appears in the first row after it was given.
+        """Logs a flight, noise included; a new command shows in the first row after it.
 
         Args:
             model: whose sensors show the pose.

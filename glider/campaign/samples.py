@@ -44,7 +44,7 @@ def list_samples() -> tuple[Sample, ...]:
     """Lists the samples; nothing is unpacked."""
     found = []
     for name, holds in _read_list().items():
-        with zipfile.ZipFile(_archive(name)) as archive:
+        with zipfile.ZipFile(models_path(_FOLDER, f"{name}.zip")) as archive:
             flights = sum(file.endswith(".csv") for file in archive.namelist())
         found.append(Sample(name, holds, flights))
     return tuple(found)
@@ -63,7 +63,7 @@ def campaign_folder(campaign: Path | str) -> Path:
         if archive.suffix == ".zip" and archive.is_file():
             return _unpacked(archive)
     if str(path) in sample_names():
-        return _unpacked(_archive(str(path)))
+        return _unpacked(models_path(_FOLDER, f"{path}.zip"))
     found = "is not a folder" if path.exists() else "does not exist"
     raise InputError(
         f"{path}: {found}; expected a campaign folder, or the name of a sample "
@@ -79,10 +79,6 @@ def copy_sample(name: str, out: Path) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as part:
         shutil.copytree(source, Path(part, out.name)).rename(out)
-
-
-def _archive(name: str) -> Path:
-    return models_path(_FOLDER, f"{name}.zip")
 
 
 def _unpacked(archive: Path) -> Path:

@@ -111,11 +111,7 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
 
 def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
-    """Refuses limits of the elevator that have the other sign.
-
-    It then goes far beyond them, and much less beyond the turned ones: that alone is no
-    servo that slides past its stop.
-    """
+    """Refuses limits that an elevator passes by far, and turned ones by much less."""
     if campaign.elevator != "servo" or campaign.elevator_limits is None:
         return
     lowest, highest = np.percentile(_angles(campaign, masks), [1.0, 99.0])
@@ -138,8 +134,7 @@ def find_stops(
 ) -> tuple[float, float] | None:
     """Where the elevator stops [rad]: at its limits, or beyond if it went there.
 
-    A servo that lags slides past the limits that its commands keep to; a model of it
-    that stops there flies another glider. None where no limits are given.
+    A servo that lags slides past the limits of its commands. None without limits.
     """
     if campaign.elevator_limits is None:
         return None

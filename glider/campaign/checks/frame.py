@@ -128,8 +128,7 @@ def _check_down(
 def _check_time(campaign: Campaign, motion: Motion, fit: ForceFit) -> None:
     """Refuses flights that gain energy from still air: time runs backwards.
 
-    A few glides alone do not determine forces and gravity together: it must hold with
-    the given gravity as well.
+    A few glides do not determine gravity too: it must hold with the given one as well.
     """
     down = np.array([0.0, np.copysign(campaign.gravity, fit.constant[1])])
 

@@ -43,8 +43,7 @@ class Planarity:
 def planarity(flight: Flight) -> Planarity | None:
     """How planar a throw is; None where y, roll and yaw are not logged.
 
-    The plane is that of the log's x and z: a throw that is straight but not along x
-    shows as both yaw and sideways speed.
+    A straight throw that is not along the log's x shows as yaw and sideways speed.
     """
     if flight.attitude is None:
         return None
@@ -67,10 +66,9 @@ def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
 
 
 def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Rows (n,) from the first on in which a throw leaves the plane: True where so.
+    """Rows (n,) from the first on in which the wing is mostly out of the plane.
 
-    Once its wing has been turned more than half out of the plane, a glider has turned
-    off its course, and no planar model predicts what follows.
+    The glider has turned off its course: no planar model predicts what follows.
     """
     if flight.attitude is None:
         return np.zeros(len(flight.time), dtype=bool)

@@ -84,7 +84,13 @@ def find_faults(campaign: Campaign) -> Faults:
                 for why, flags in faults.items()
                 if flags.any()
             ]
-        warnings += _describe_gaps(flight)
+        steps = np.diff(flight.time)
+        usual = float(np.median(steps))
+        warnings += [
+            f"{flight.name}: a gap of {round(steps[i] / usual) - 1} rows "
+            f"({steps[i]:.3g} s) after row {i + 2}"
+            for i in np.flatnonzero(steps > _LONG_STEP * usual)
+        ]
     return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
@@ -192,16 +198,6 @@ def _elevator_faults(
         "departs from the motion around it": sticks_out,
         "does not change while commands move it: frozen": frozen & ~sticks_out,
     }
-
-
-def _describe_gaps(flight: Flight) -> list[str]:
-    steps = np.diff(flight.time)
-    usual = float(np.median(steps))
-    return [
-        f"{flight.name}: a gap of {round(steps[i] / usual) - 1} rows "
-        f"({steps[i]:.3g} s) after row {i + 2}"
-        for i in np.flatnonzero(steps > _LONG_STEP * usual)
-    ]
 
 
 def find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:

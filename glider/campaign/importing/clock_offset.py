@@ -79,16 +79,13 @@ class _Turning(NamedTuple):
 
 
 def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Offset]:
-    """Finds the offset of the elevator's clock in each recording.
+    """Finds the offset of the elevator's clock in recordings, whole and cut to flights.
 
     If one offset fits all recordings it is taken: two clocks that ran on between them.
     Otherwise the elevator's effect is still the same in all: estimated from one
     recording it determines the offsets of the others, and all together refine it.
     Measured on seven simulated campaigns of 4 and 10 flights of 0.85 s: one offset is
     right to 15 ms. Refused where no offset fits, or several do.
-
-    Args:
-        recordings: each whole, and the flights cut out of it, at least one.
     """
     if all(is_measured(track) for track, _ in recordings):
         return [_follow_commands(track) for track, _ in recordings]

@@ -120,8 +120,7 @@ def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float
     pushed = np.flatnonzero(push[: peak + 1] > _PUSH)
     if not len(pushed):
         return None
-    last = int(pushed[-1])
-    free = last + int(np.argmax(push[last:] < _FREE))
+    free = pushed[-1] + np.argmax(push[pushed[-1] :] < _FREE)
     return float(motion.time[free])
 
 
@@ -133,7 +132,6 @@ def _find_contact(flight: Track) -> float | None:
         return None
     rows = Rows(flight.time, pose, robust_std(differences))
     _, displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool))
-    last = stretches(displaced)
-    if last and last[-1][1] == len(displaced) - 1 and last[-1][0] > 0:
-        return float(flight.time[last[-1][0]])
-    return None
+    first, last = (stretches(displaced) or [(0, 0)])[-1]
+    at_end = first > 0 and last == len(displaced) - 1
+    return float(flight.time[first]) if at_end else None

@@ -20,7 +20,7 @@ from glider.errors import InputError
 
 _TIME = "Time"
 _SECTIONS = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
-_PARTS = {"R": "Rotation", "T": "Position"}
+_PARTS = {"R": "Rotation", "T": "Position"}  # Nexus writes TX for Position.X.
 
 Rows = list[list[str]]
 
@@ -70,11 +70,7 @@ def _parse_motive(path: Path, text: str) -> Recording:
 
 
 def _parse_vicon(path: Path, text: str) -> Recording:
-    """Sections with a rate, names and units; Nexus writes TX for Position.X.
-
-    The meaning of a rotation's three angles depends on the settings of the export: a
-    mapping must specify it.
-    """
+    """Sections; a rotation's meaning, a setting of the export, is up to the mapping."""
     lines = text.splitlines()
     delimiter = max(",;\t", key=lambda d: sum(line.count(d) for line in lines[:10]))
     rows = split_rows(lines, delimiter)

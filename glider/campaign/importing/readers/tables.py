@@ -41,10 +41,9 @@ def read_parquet(path: Path) -> Recording:
 
 
 def read_mat(path: Path) -> Recording:
-    """Reads arrays and structs of them, named as in MATLAB: log.x, matrix[0].
+    """Reads arrays, named as in MATLAB: log.x, matrix[0]; a struct's are a group.
 
-    Those of one struct and length are a group. SciPy, which is there anyway, reads all
-    versions but 7.3.
+    SciPy, which is there anyway, reads all versions but 7.3.
     """
     try:
         content = scipy.io.loadmat(path, simplify_cells=True)
