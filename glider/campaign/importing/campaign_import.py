@@ -88,8 +88,7 @@ def import_campaign(
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
     imported = read_flights(files, mapping)
-    record = {"import.txt": imported.describe() + "\n"}
-    save_campaign(out, imported.campaign, record)
+    save_campaign(out, imported.campaign, {"import.txt": imported.describe() + "\n"})
     return imported
 
 
