@@ -83,16 +83,11 @@ class KnownFunnel:
         Where the certificate holds does not depend on how flights were launched.
         """
         given = given or ThrowLimits()
-        own = np.stack(
-            [self.launch - self.launch_widths, self.launch + self.launch_widths], axis=1
-        )
-        return dataclasses.replace(
-            given,
-            **{
-                name: getattr(given, name) or pair.tolist()
-                for name, pair in zip(LAUNCH, own, strict=True)
-            },
-        )
+        launch, widths = self.launch, self.launch_widths
+        pairs = np.column_stack([launch - widths, launch + widths]).tolist()
+        own = dict(zip(LAUNCH, pairs, strict=True))
+        kept = {name: getattr(given, name) or pair for name, pair in own.items()}
+        return dataclasses.replace(given, **kept)
 
 
 _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
