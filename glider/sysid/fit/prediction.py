@@ -115,7 +115,7 @@ def predict(model: RolloutModel, record: Record, whole: bool = False) -> Predict
     turned[:, 0] -= pitch_zero
     middle = 0.5 * (turned[1:] + turned[:-1])
     pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
-    guided = path._replace(pitch=pitch)
+    guided = path._replace(pitch=np.ascontiguousarray(pitch))
     start = nodes[0].copy()
     start[OFFSET] = launch[OFFSET]
 
