@@ -114,6 +114,15 @@ def test_a_symbol_has_a_subscript():
     assert width_of("C") < width_of("$C_n$") < width_of("Cn") < width_of("$C_n")
 
 
+def test_the_legend_is_dashed_where_lines_are():
+    def share(is_solid):
+        line = Line(key="rest", x=X, y=np.full(3, np.nan), is_solid=is_solid)
+        figure = Figure(keys={"rest": ""}, panels=[Panel(title="", marks=[line])])
+        return seen(np.asarray(Image.open(io.BytesIO(to_png(figure)))) / 255, "rest")
+
+    assert 0.0 < share(is_solid=False) < 0.9 * share(is_solid=True)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize(
     "result",

@@ -23,7 +23,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
-from glider.report.plots.style import COLORS, DASHES, FRAME, GRID
+from glider.report.plots.style import COLORS, FRAME, GRID
 
 WIDTH, DPI = 720.0, 110.0
 """Of a picture, and its dots per inch."""
@@ -196,10 +196,12 @@ def _draw_legend(
     marks = [mark for panel in figure.shown for mark in panel.marks]
     for key, width in entries.items():
         mine = [mark for mark in marks if getattr(mark, "key", "") == key]
-        lines = [mark.line_width for mark in mine if isinstance(mark, spec.Line)]
+        lines = [mark for mark in mine if isinstance(mark, spec.Line)]
         if lines or not mine:
-            ends, dashes = np.array([(x, y), (x + 22.0, y)]), DASHES.get(key, ())
-            picture.draw(ends, COLORS[key], max(lines, default=4.0), dashes=dashes)
+            width_drawn = max((line.line_width for line in lines), default=4.0)
+            dashes = next((line.dashes for line in lines if line.dashes), ())
+            ends = np.array([(x, y), (x + 22.0, y)])
+            picture.draw(ends, COLORS[key], width_drawn, dashes=dashes)
         else:
             is_pale = any(isinstance(mark, spec.Ground) for mark in mine)
             opacity = min(getattr(mark, "opacity", 1.0) for mark in mine)
