@@ -37,7 +37,7 @@ endif
 	distclean FORCE
 
 demo: $(or $(wildcard $(READY)),$(RUNS))
-	$(BIN)/python -m glider close-the-loop attached_lift --out out/demo
+	$(BIN)/glider close-the-loop attached_lift --out out/demo
 
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n auto --maxprocesses 4 --dist worksteal
@@ -71,9 +71,9 @@ tables: setup
 
 proofs: setup
 	for funnel in models/funnels/proven/*.npz models/funnels/head_wind_95.npz; do \
-		$(BIN)/python -m glider check-funnel $$funnel --prove || exit 1; done
+		$(BIN)/glider check-funnel $$funnel --prove || exit 1; done
 	for funnel in models/funnels/*_hook.npz; do \
-		$(BIN)/python -m glider check-funnel $$funnel --hook --prove || exit 1; done
+		$(BIN)/glider check-funnel $$funnel --hook --prove || exit 1; done
 
 benchmark: setup
 	@for script in tests/benchmarks/bench_*.py; do \

@@ -1,4 +1,4 @@
-"""The command line: ``python -m glider close-the-loop CAMPAIGN``."""
+"""The command line `glider`, which is also `python -m glider`."""
 
 import argparse
 import importlib.metadata
@@ -31,8 +31,7 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    parser = _parser()
-    args = parser.parse_args(arguments)
+    args = make_parser().parse_args(arguments)
     try:
         code = args.run(args)
         sys.stdout.flush()
@@ -61,8 +60,8 @@ def _not_installed(module: str) -> str:
     return (
         f"{module} is not installed for {sys.executable}; use the Python of the "
         "environment that drake-glider is installed in (.venv/bin/python after make "
-        "setup), or install it here with pip install . (python -m glider doctor lists "
-        "what is missing)."
+        "setup), or install it here with pip install . "
+        "(python -m glider doctor lists what is missing)."
     )
 
 
@@ -77,10 +76,9 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m glider",
-        description="A toolkit for a perching glider, built on Drake.",
+        prog="glider", description="A toolkit for a perching glider, built on Drake."
     )
     parser.add_argument("--version", action=_Version, nargs=0)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -14,7 +14,7 @@
 # Everything on this page was computed when the page was built. Download it as a
 # {nb-download}`notebook <first_campaign.ipynb>`, or run the same command in a shell:
 #
-#     python -m glider close-the-loop attached_lift
+#     glider close-the-loop attached_lift
 
 # %%
 from pathlib import Path

@@ -97,7 +97,7 @@ for flight in campaign.flights:
 print(*lines[:4], sep="\n")
 
 # %% [markdown]
-# One MAP file describes the format. `python -m glider import takes/*.csv --guess --map
+# One MAP file describes the format. `glider import takes/*.csv --guess --map
 # MAP.yaml` would propose one, with a reason for each line; here is ours. [Your own
 # logs](../import.md) has examples for Motive, PX4, MATLAB and ROS.
 
@@ -142,7 +142,7 @@ else:
 # ## Is it found?
 #
 # The result is a campaign like any other. We trace it with the whole library plus the
-# new effect; `python -m glider close-the-loop throws` would do the same with the
+# new effect; `glider close-the-loop throws` would do the same with the
 # library alone.
 
 # %%

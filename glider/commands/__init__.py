@@ -1,1 +1,1 @@
-"""The commands of `python -m glider`: what each takes, and what it does."""
+"""The commands of `glider`: what each takes, and what it does."""

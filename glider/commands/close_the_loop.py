@@ -26,12 +26,12 @@ _EPILOG = """\
 A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
 and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
 positive pitch is nose down), or that folder as .zip, or the name of a sample:
-python -m glider samples lists these.
+glider samples lists these.
 
 examples:
-  python -m glider close-the-loop attached_lift
-  python -m glider close-the-loop throws --grade A,B --out out/throws
-  python -m glider close-the-loop throws --effects wind,servo_lag --json
+  glider close-the-loop attached_lift
+  glider close-the-loop throws --grade A,B --out out/throws
+  glider close-the-loop throws --effects wind,servo_lag --json
 
 exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be written,
 130 when it was interrupted.

@@ -18,9 +18,9 @@ in the direction of their elevator.
 
 _EPILOG = """\
 examples:
-  python -m glider import takes/*.csv --guess --map MAP.yaml   # proposes a map
-  python -m glider import takes/*.csv --map MAP.yaml --out throws
-  python -m glider close-the-loop throws
+  glider import takes/*.csv --guess --map MAP.yaml   # proposes a map
+  glider import takes/*.csv --map MAP.yaml --out throws
+  glider close-the-loop throws
 
 Formats other than text need pip install 'drake-glider[import]'; docs/import.md has six
 maps by example.

@@ -37,9 +37,9 @@ by check-funnel; that no flight leaves it is not proven here: check-funnel FILE.
 --prove does that (minutes).
 
 examples:
-  python -m glider close-the-loop throws --out out/throws
-  python -m glider next-throw throws --report out/throws --launches 3
-  python -m glider next-throw throws --report out/throws --limits launcher.yaml \\
+  glider close-the-loop throws --out out/throws
+  glider next-throw throws --report out/throws --launches 3
+  glider next-throw throws --report out/throws --limits launcher.yaml \\
       --funnel models/funnels/drawn_hook.npz
 
 exit code: 0 when it ran, 2 when the input cannot be used.

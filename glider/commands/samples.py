@@ -57,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
     for sample in list_samples():
         if sample.name in names:
             print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
-    print(f"\nTo run one:        python -m glider close-the-loop {names[0]}")
-    print(f"To see its files:  python -m glider samples {names[0]} --out mine")
+    print(f"\nTo run one:        glider close-the-loop {names[0]}")
+    print(f"To see its files:  glider samples {names[0]} --out mine")
     return 0
 
 

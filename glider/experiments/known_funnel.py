@@ -40,7 +40,7 @@ class KnownFunnel:
     @property
     def proof(self) -> str:
         """The command that proves it."""
-        return f"python -m glider check-funnel {self.file or 'FILE'} --prove"
+        return f"glider check-funnel {self.file or 'FILE'} --prove"
 
     @property
     def duration(self) -> float:

@@ -123,7 +123,7 @@ def test_the_command_lists_and_copies(tmp_path, capsys, fresh_cache):
     assert main(["samples"]) == 0
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= 80
-    assert "python -m glider close-the-loop" in text
+    assert "glider close-the-loop" in text
     for sample in list_samples():
         assert f"{sample.name:14s} {sample.flights:7d}  {sample.holds}" in text
     assert not fresh_cache.exists()

@@ -61,7 +61,7 @@ def test_a_funnel_is_reported_recorded_and_drawn():
         "file": known.file,
         "sha256": known.funnel.sha256,
         "certificate_checked": False,
-        "proof_by": f"python -m glider check-funnel {known.file} --prove",
+        "proof_by": f"glider check-funnel {known.file} --prove",
     }
     assert [t["funnel_level"] for t in data["throws"]] == [0.8312, 0.4]
     durations = [t.duration for t in proposal.throws]
@@ -88,7 +88,7 @@ def test_what_was_checked_of_a_funnel_is_reported():
 
     (_, said), data = told(checked)
     assert "was checked, exactly at all its 201 times" in said
-    assert f"not proven here: `python -m glider check-funnel {known.file} --p" in said
+    assert f"not proven here: `glider check-funnel {known.file} --p" in said
     assert data["funnel"]["certificate_checked"] is True
     (inside, said), data = told(given)
     assert "inside the given funnel by" in inside
