@@ -11,7 +11,7 @@ from pathlib import Path
 
 from glider.campaign.flight_table import read_table, with_flights
 from glider.campaign.logs import Campaign
-from glider.campaign.samples import campaign_folder
+from glider.campaign.samples import HOW_TO_IMPORT, campaign_folder
 from glider.campaign.settings import read_settings
 from glider.errors import InputError, show
 
@@ -41,7 +41,7 @@ def load_campaign(
     if not file.is_file():
         raise InputError(
             f"{path}: no campaign.yaml in it; "
-            "expected a folder with campaign.yaml and flight_*.csv."
+            f"expected a folder with campaign.yaml and flight_*.csv ({HOW_TO_IMPORT})."
         )
     campaign, mapping = read_settings(file)
     files = [path / name for name in _choose(path, flights, grades)]

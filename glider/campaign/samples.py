@@ -16,6 +16,9 @@ from glider.files import schema
 from glider.paths import cache_folder, models_path
 
 _FOLDER = "campaigns"
+HOW_TO_IMPORT = "'python -m glider import' makes one of other logs"
+"""Where a campaign is expected and something else is given."""
+
 _MOST_FILES = 10_000
 _MOST_BYTES = 500_000_000  # Of an unpacked campaign: 10,000 flights of 1 s take 57 MB.
 _MOST_RATIO = 100  # Of a file's size to that in the archive; the samples have 2.6.
@@ -64,10 +67,15 @@ def campaign_folder(campaign: Path | str) -> Path:
             return _unpacked(archive)
     if str(path) in sample_names():
         return _unpacked(models_path(_FOLDER, f"{path}.zip"))
-    found = "is not a folder" if path.exists() else "does not exist"
+    names = ", ".join(sample_names())
+    if path.exists():
+        raise InputError(
+            f"{path}: is not a folder; expected a campaign folder ({HOW_TO_IMPORT}) "
+            f"or the name of a sample ({names})."
+        )
     raise InputError(
-        f"{path}: {found}; expected a campaign folder, or the name of a sample "
-        f"({', '.join(sample_names())})."
+        f"{path}: does not exist; expected a campaign folder, or the name of a sample "
+        f"({names})."
     )
 
 

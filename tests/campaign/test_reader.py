@@ -281,9 +281,12 @@ def test_folder_without_flights_is_refused(folder, tmp_path):
     for path, words in (
         (tmp_path / "absent", "does not exist"),
         (folder / "campaign.yaml", "is not a folder"),
+        (folder / NAMES[0], "is not a folder"),
         (tmp_path / "nothing", "no campaign.yaml"),
     ):
-        assert f"{path}: {words}" in refusal(path)
+        message = refusal(path)
+        assert f"{path}: {words}" in message
+        assert not path.exists() or "python -m glider import" in message
     for name in NAMES:
         (folder / name).unlink()
     assert f"{folder}: no flight_*.csv" in refusal(folder)

@@ -106,7 +106,7 @@ REVIEWED = {
     "a slower clock": (_times("times", 1.003), "The nominal is not a flight"),
     "a servo of any rate": (
         _model("elevator_rate_limit: 13.0", "elevator_rate_limit: 1300.0"),
-        "'elevator_rate_limit: 1300.0'; expected",
+        "'parameters.elevator_rate_limit' of its model is 1300",
     ),
     "heavier weights": (
         _heavier_weights,
@@ -248,7 +248,7 @@ INVENTED = {
     "slopes as of a saw": (_sawtooth, "Between the times"),
     "a servo of wider travel": (
         _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
-        "'elevator_limits: [-1.5, 1.5]'; expected",
+        "'parameters.elevator_limits.0' of its model is -1.5",
     ),
     "a wind nobody asked for": (
         _model(

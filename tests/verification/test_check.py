@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.physics.effects.geometry import WIND
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.nominal import evaluate
@@ -14,6 +15,7 @@ from glider.verification.proof.check import check_funnel, largest_between
 from glider.verification.proof.exact_check import BALL_BITS, check_time, exact_faults
 from glider.verification.proof.interval import at_time
 from glider.verification.proof.interval_growth import growth_forms
+from glider.verification.proof.purpose import model_faults
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
@@ -142,6 +144,24 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
     assert np.isnan(largest_between(funnel, unknown, 20))
+
+
+def test_a_funnel_of_another_glider_names_what_differs(funnel):
+    wind, model = WIND(x=-0.6, z=0.1), funnel.nominal.model
+    slight = dataclasses.replace(model.parameters, mass=0.08000000001)
+    for other, words in (
+        (model, []),
+        (
+            dataclasses.replace(model, effects=(wind,)),
+            ["'effects'", "is []", "kind: 'wind'", "x: -0.6"],
+        ),
+        (
+            dataclasses.replace(model, parameters=slight),
+            ["parameters.mass", "0.08000000001"],
+        ),
+    ):
+        message = " ".join(model_faults(funnel, other))
+        assert all(word in message for word in words) and bool(message) == bool(words)
 
 
 def test_the_nominals_defect_is_counted_exactly(funnel):

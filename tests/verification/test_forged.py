@@ -102,6 +102,6 @@ def test_another_problem_and_glider_are_refused(source, tmp_path, capsys):
     assert "0.15 m from the wire" in capsys.readouterr().out
     model = str(models_path("truths", "head_wind.yaml"))
     assert main([*command, "--model", model]) == 1
-    assert "'effects: []'; expected" in capsys.readouterr().out
+    assert "'effects' of its model is []; expected" in capsys.readouterr().out
     assert main([*command, "--model", str(problem)]) == 2
     assert "unknown field 'wire'" in capsys.readouterr().err

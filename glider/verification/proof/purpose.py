@@ -7,10 +7,11 @@ lies in the goal (`exact_check`): no flight ends farther off than the goal reach
 
 import dataclasses
 import hashlib
-from itertools import zip_longest
 
 import numpy as np
 
+from glider.errors import show
+from glider.files.schema import parse_yaml
 from glider.physics.model import GliderModel, model_text
 from glider.physics.state import STATE_NAMES, VELOCITY
 from glider.planning.problem import PerchingProblem
@@ -63,14 +64,28 @@ def model_hash(model: GliderModel) -> str:
 
 def model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
-    texts = (model_text(m).splitlines() for m in (funnel.nominal.model, model))
-    for own, expected in zip_longest(*texts, fillvalue="nothing more"):
-        if own != expected:
-            return [
-                "The funnel is of another glider: its model has "
-                f"'{own.strip()}'; expected '{expected.strip()}'."
-            ]
-    return []
+    own, other = (
+        parse_yaml(model_text(m), "model") for m in (funnel.nominal.model, model)
+    )
+    place = ""
+    while own != other:
+        if isinstance(own, list) and isinstance(other, list) and len(own) == len(other):
+            own, other = dict(enumerate(own)), dict(enumerate(other))
+        if not (isinstance(own, dict) and isinstance(other, dict)):
+            break
+        key = next(k for k in {**own, **other} if own.get(k) != other.get(k))
+        place += f".{key}" if place else key
+        own, other = own.get(key), other.get(key)
+    if own == other:
+        return []
+    # Digits that a message omits may be all that differs.
+    found, expected = show(own), show(other)
+    if found == expected:
+        found, expected = repr(own), repr(other)
+    return [
+        f"The funnel is of another glider: '{place}' of its model is {found}; "
+        f"expected {expected}."
+    ]
 
 
 def problem_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:

@@ -145,3 +145,18 @@ def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, suffix, m
     monkeypatch.setattr("importlib.import_module", refuse)
     with pytest.raises(InputError, match=rf"needs {module}.*drake-glider\[import\]"):
         read_recording(path)
+
+
+def test_a_mat_file_has_its_columns_in_one_order(tmp_path, monkeypatch):
+    """Pymatreader's order of names changes from run to run; a guess must not."""
+    pymatreader = pytest.importorskip("pymatreader")
+    path = foreign.write_mat(tmp_path, foreign.flights(count=2))[1]  # Of version 7.3.
+    read, names = pymatreader.read_mat, []
+    for step in (1, -1):
+
+        def shuffled(path, step=step):
+            return {"log": dict(list(read(path)["log"].items())[::step])}
+
+        monkeypatch.setattr(pymatreader, "read_mat", shuffled)
+        names.append(read_recording(path).names())
+    assert names[0] == names[1] and len(names[0]) == 9

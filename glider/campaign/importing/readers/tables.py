@@ -64,7 +64,8 @@ def read_mat(path: Path) -> Recording:
 
 def _arrays(prefix: str, content: object) -> Iterator[tuple[str, np.ndarray]]:
     if isinstance(content, dict):
-        for name, value in content.items():
+        # pymatreader's order of names changes from run to run.
+        for name, value in sorted(content.items()):
             if not name.startswith(("__", "#")):
                 yield from _arrays(f"{prefix}.{name}" if prefix else name, value)
     elif isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
