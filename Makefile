@@ -2,7 +2,7 @@
 # make test        sets up .venv and runs the tests, in about five minutes
 # make browser     the tests of pages, in a browser
 # make docs        builds the docs into out/docs, every warning an error; tests them
-# make nightly     the tests that take longest: more campaigns and more effects
+# make nightly     the tests that take longest: campaigns, effects, the article
 # make quick       the quick tests of what has changed, in under a minute
 # make lint        ruff and mypy
 # make tables      measures the tables of README and docs again; half an hour

@@ -9,6 +9,8 @@ import basis_model
 from diagrams.program import run
 from tests.helpers.examples import run_main
 
+pytestmark = pytest.mark.nightly
+
 PUBLISHED = [113727, 183944, 120629, 104607, 192647, 63831, 157343, 96418]
 PUBLISHED += [129489, 174510]
 CONSISTENT = [116008, 197861, 114153, 93612, 210773, 4013, 131394, 28827]

@@ -15,6 +15,8 @@ from glider.systems.plant import GliderPlant
 from powered_cruise import cruise_gain, level_flight
 from tests.helpers.flights import policy
 
+pytestmark = pytest.mark.nightly
+
 BEHIND = load_parameters(models_path("vehicles", "heavy_ekf.yaml"))
 
 

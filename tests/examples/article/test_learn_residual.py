@@ -7,7 +7,7 @@ from diagrams.program import load_truth
 from learn_residual import weight_changes
 from tests.helpers.examples import run_main
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 OPTIONS = ("--truth=head_wind", "--weights=2", "--traced=2", "--launches=3")
 
