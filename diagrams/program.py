@@ -36,15 +36,12 @@ from glider.files.writing import write_text
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.planning.dircol import PlanningError, Progress
+from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
 from glider.planning.problem import Hook
+from glider.progress import Progress as Progress
+from glider.progress import silent as silent
 from glider.simulation.flown_flights import FlownFlight
-
-
-def silent(text: str) -> None:
-    """Takes word of progress and drops it."""
-
 
 # ------------------------------------------------------------------------ options
 

@@ -12,6 +12,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
+from glider.progress import Progress
 from glider.simulation.flown_flights import FlownFlight, Perches, closest_pass, hooked
 
 _CONFIG = {"integration_scheme": "runge_kutta5", "max_step_size": 0.02}
@@ -26,7 +27,7 @@ def simulate_flights(
     feedback_noise: np.ndarray | None = None,
     capture_noise: np.ndarray | np.random.Generator | None = None,
     accuracy: float = 1e-6,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Perches:
     """Flies launches through one diagram of `diagrams.loops`.
 

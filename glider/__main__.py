@@ -31,11 +31,17 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    args = make_parser().parse_args(arguments)
+    parser = make_parser()
+    if "_ARGCOMPLETE" in os.environ:  # The TAB key was pressed.
+        import argcomplete
+
+        argcomplete.autocomplete(parser, always_complete_options=False)
     try:
-        code = args.run(args)
-        sys.stdout.flush()
-        return code
+        try:
+            args = parser.parse_args(arguments)
+            return args.run(args)
+        finally:
+            sys.stdout.flush()
     except BrokenPipeError:  # The reader of our output has enough of it: `| head -1`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -76,11 +82,28 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _PrintCompletion(argparse.Action):
+    """Prints a shell's commands that set up completion."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        import argcomplete
+
+        print(argcomplete.shellcode([parser.prog], shell=values))
+        parser.exit()
+
+
 def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="glider", description="A toolkit for a perching glider, built on Drake."
     )
     parser.add_argument("--version", action=_Version, nargs=0)
+    parser.add_argument(
+        "--print-completion",
+        action=_PrintCompletion,
+        choices=("bash", "zsh", "fish"),
+        help="print what makes the TAB key complete commands, samples and effects: "
+        'put eval "$(glider --print-completion bash)" into ~/.bashrc',
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         command.add(commands)

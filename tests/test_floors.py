@@ -13,6 +13,7 @@ FLOORS = [
     "glider.lazy",
     "glider.errors",
     "glider.paths",
+    "glider.progress",
     "glider.files",
     "glider.physics",
     "glider.compiled",

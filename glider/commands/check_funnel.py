@@ -4,8 +4,10 @@ import argparse
 import math
 from pathlib import Path
 
+from glider.commands.output import working
 from glider.commands.parsing import Commands, add_command, add_json, check_seed
 from glider.errors import InputError, expect
+from glider.progress import Step
 
 LEVEL = 0.95
 """Default probability with which the true glider is among those that are flown: that of
@@ -127,8 +129,6 @@ def run(args: argparse.Namespace) -> int:
 
     # These take a second to import: not before it is known that there is a funnel.
     import numpy as np
-    from rich.console import Console
-    from rich.progress import Progress
 
     from glider.files.schema import json_text
     from glider.physics.model import GliderModel
@@ -152,11 +152,10 @@ def run(args: argparse.Namespace) -> int:
         shape = "box" if args.box else "ellipsoid"
         confidence = _confidence(funnel, args.model, level, shape)
     proof = trial = None
-    with Progress(transient=True, console=Console(stderr=True)) as bar:
+    with working(is_even=True) as progress:
 
-        def follow(words):
-            task = bar.add_task(words, total=1.0)
-            return lambda share: bar.update(task, completed=share)
+        def follow(what):
+            return lambda share: progress(Step(f"checking the {what}", share))
 
         verdict = check_funnel(
             funnel,
@@ -168,7 +167,7 @@ def run(args: argparse.Namespace) -> int:
         )
         if args.prove and verdict.holds:
             proof = prove_flights(
-                funnel, args.every, resume=args.resume, progress=follow("flights")
+                funnel, args.every, resume=args.resume, progress=follow("proof")
             )
         if confidence and verdict.holds:
             rng = np.random.default_rng(seed)

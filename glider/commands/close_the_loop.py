@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from glider.commands.output import output, working
 from glider.commands.parsing import (
     Commands,
     add_command,
@@ -10,6 +11,9 @@ from glider.commands.parsing import (
     add_out,
     add_seed,
     check_seed,
+    complete,
+    complete_campaign,
+    complete_effects,
     names,
     output_folder,
 )
@@ -48,9 +52,10 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )
-    parser.add_argument(
+    campaign = parser.add_argument(
         "campaign", type=Path, help="folder of flight logs, its .zip, or a sample"
     )
+    complete(campaign, complete_campaign)
     files = "report.json, report.html, model.yaml and figures/"
     add_out(parser, files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
@@ -71,24 +76,22 @@ def add(commands: Commands) -> None:
         help="share of the flights that are held out to measure errors (default: 0.3)",
     )
     add_seed(parser, "of the split into fitted and held-out flights")
-    parser.add_argument(
+    effects = parser.add_argument(
         "--effects",
         metavar="NAME,...",
         type=names,
         help="try only these effects; others cannot be found then "
         "(default: the whole library)",
     )
+    complete(effects, complete_effects)
     add_json(parser, "report.json instead of the summary")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    from rich.console import Console
-
     check_seed(args.seed)
     folder = output_folder(args.out, args.campaign)
-    progress_console = Console(stderr=True)
-    with progress_console.status("starting") as status:
+    with working() as progress:
         from glider.sysid.pipeline import close_the_loop
 
         result = close_the_loop(
@@ -98,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
             held_out=args.held_out,
             seed=args.seed,
             effects=args.effects,
-            progress=lambda text: status.update(f"{text} ..."),
+            progress=progress,
         )
     # Matplotlib takes half a second to import: not before the input is read.
     from glider.files.schema import json_text
@@ -106,13 +109,15 @@ def run(args: argparse.Namespace) -> int:
     from glider.report.terminal import print_summary
 
     try:
-        with progress_console.status("writing the report ..."):
+        with working() as progress:
+            progress("writing the report")
             write_report(result, folder)
     finally:  # The result is printed even where it cannot be saved.
         if args.json:
             print(json_text(result.report), flush=True)
         else:
-            print_summary(result, Console())
+            with output() as console:
+                print_summary(result, console)
     if not args.json:
         print(f"Report: {folder / 'report.html'}")
     return 0

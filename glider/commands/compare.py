@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from glider.commands.output import output
 from glider.commands.parsing import Commands, add_command, add_json, add_out
 
 _DESCRIPTION = """\
@@ -43,8 +44,6 @@ def run(args: argparse.Namespace) -> int:
     folder = args.out or Path("out") / f"{first.campaign}_{second.campaign}"
     check_writable(folder)
 
-    from rich.console import Console
-
     from glider.comparison.as_text import print_comparison, to_json
     from glider.comparison.comparison_page import to_html
 
@@ -58,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(text)
     else:
-        print_comparison(comparison, Console())
+        with output() as console:
+            print_comparison(comparison, console)
         print(f"Page: {folder / 'comparison.html'}")
     return 0

@@ -5,6 +5,7 @@ It runs where the rest does not: only the standard library is imported at the to
 
 import argparse
 import importlib.metadata
+import json
 import os
 import re
 import shutil
@@ -15,7 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from glider.commands.parsing import Commands, add_command
+from glider.commands.output import line_width
+from glider.commands.parsing import Commands, add_command, add_json
 
 _DESCRIPTION = """\
 Checks this installation and says how to fix what does not work: Python, libraries and
@@ -45,10 +47,11 @@ class Finding(NamedTuple):
         return ("fails" if self.required else "look") if self.advice else "works"
 
     def __str__(self) -> str:
-        """As lines within 80 columns, the advice under what was found."""
+        """As lines as wide as the terminal, the advice under what was found."""
         texts = [self.found, f"-> {self.advice}"] if self.advice else [self.found]
         whole: Any = {"break_on_hyphens": False, "break_long_words": False}
-        lines = [line for text in texts for line in textwrap.wrap(text, 57, **whole)]
+        width = max(line_width() - 23, 20)
+        lines = [line for text in texts for line in textwrap.wrap(text, width, **whole)]
         return f"{self.state:6}{self.name:15}  " + f"\n{' ' * 23}".join(lines)
 
 
@@ -185,27 +188,37 @@ CHECKS = {
 def add(commands: Commands) -> None:
     """Adds the command to a parser's."""
     words = "check this installation"
-    add_command(commands, "doctor", run, help=words, description=_DESCRIPTION)
+    parser = add_command(commands, "doctor", run, help=words, description=_DESCRIPTION)
+    add_json(parser, "JSON instead of sentences")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    del args
-    states = []
-    for name, check in CHECKS.items():
-        try:
-            for finding in check():
-                print(finding, flush=True)
-                states.append(finding.state)
-        except Exception as error:  # Whatever is wrong with a library.
-            text = " ".join(str(error).split()) or type(error).__name__
-            print(Finding(name, text[:200], _REINSTALL, True), flush=True)
-            states.append("fails")
+    findings = []
+    for finding in _check_all():
+        findings.append(finding)
+        if not args.json:
+            print(finding, flush=True)
+    states = [finding.state for finding in findings]
     if failing := states.count("fails"):
         summary = f"{failing} of {len(states)} fail: see the advice after the arrows."
     elif looking := states.count("look"):
         summary = f"Everything required works; {looking} of {len(states)} need a look."
     else:
         summary = "Everything works."
-    print(f"\n{summary}")
+    if args.json:
+        checks = [{**f._asdict(), "state": f.state} for f in findings]
+        print(json.dumps({"summary": summary, "checks": checks}, indent=2))
+    else:
+        print(f"\n{summary}")
     return 1 if failing else 0
+
+
+def _check_all() -> Iterator[Finding]:
+    """Runs all checks; one that cannot even run fails."""
+    for name, check in CHECKS.items():
+        try:
+            yield from check()
+        except Exception as error:  # Whatever is wrong with a library.
+            text = " ".join(str(error).split()) or type(error).__name__
+            yield Finding(name, text[:200], _REINSTALL, True)

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from glider.commands.output import output, working
 from glider.commands.parsing import (
     Commands,
     add_command,
@@ -10,6 +11,8 @@ from glider.commands.parsing import (
     add_out,
     add_seed,
     check_seed,
+    complete,
+    complete_campaign,
     output_folder,
 )
 from glider.errors import expect
@@ -56,7 +59,8 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )
-    parser.add_argument("campaign", type=Path, help="folder of flight logs")
+    campaign = parser.add_argument("campaign", type=Path, help="folder of flight logs")
+    complete(campaign, complete_campaign)
     parser.add_argument(
         "--report",
         type=Path,
@@ -91,13 +95,7 @@ def run(args: argparse.Namespace) -> int:
     expect(args.launches >= 1, "--launches", args.launches, "at least 1")
     folder = output_folder(args.out, args.campaign, "next_throw")
 
-    from rich.console import Console
-
-    with Console(stderr=True).status("starting") as status:
-
-        def follow(text: str) -> None:
-            status.update(f"{text} ...")
-
+    with working() as progress:
         from glider.experiments.explanations import findings_of, load_findings
         from glider.experiments.known_funnel import checked, known_funnel
         from glider.experiments.proposal import check_servo, next_throw
@@ -106,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         limits = load_limits(args.limits) if args.limits else None
         funnel = None
         if args.funnel:
-            follow("checking the funnel")
+            progress("checking the funnel")
             funnel = checked(known_funnel(args.funnel))
         campaign = args.campaign
         if args.report:
@@ -117,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
 
             campaign = load_campaign(campaign)
             check_servo(campaign)  # Before it is traced: that takes its time.
-            findings = findings_of(close_the_loop(campaign, progress=follow))
+            findings = findings_of(close_the_loop(campaign, progress=progress))
         proposal = next_throw(
             campaign,
             findings,
@@ -125,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
             limits=limits,
             funnel=funnel,
             seed=args.seed,
-            progress=follow,
+            progress=progress,
         )
         from glider.files.schema import json_text
         from glider.report.next_throw import print_proposal, to_json, write_proposal
@@ -134,6 +132,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json_text(to_json(proposal)))
     else:
-        print_proposal(proposal, folder, Console())
+        with output() as console:
+            print_proposal(proposal, folder, console)
         print(f"Picture: {folder / 'next_throw.png'}")
     return 0

@@ -1,7 +1,7 @@
 """What the commands share: how one is added, and arguments that several have."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from glider.errors import InputError, expect
@@ -32,6 +32,37 @@ def add_command(
     return parser
 
 
+Completer = Callable[..., Iterable[str]]
+"""Proposes words for the TAB key; the keyword `prefix` is what is typed already."""
+
+
+def complete(argument: argparse.Action, completer: Completer) -> None:
+    """Sets what the TAB key proposes for an argument, which is files otherwise."""
+    argument.completer = completer  # type: ignore[attr-defined]
+
+
+def complete_sample(**typed: object) -> Iterable[str]:
+    """Proposes the samples."""
+    from glider.campaign.samples import sample_names
+
+    return sample_names()
+
+
+def complete_campaign(prefix: str, **typed: object) -> Iterable[str]:
+    """Proposes the samples, folders and .zip files."""
+    from argcomplete.completers import FilesCompleter
+
+    return [*complete_sample(), *FilesCompleter("zip")(prefix)]
+
+
+def complete_effects(prefix: str, **typed: object) -> Iterable[str]:
+    """Proposes effects that the list has not."""
+    from glider.physics.effects import KINDS
+
+    before, comma, _ = prefix.rpartition(",")
+    return [before + comma + kind for kind in KINDS if kind not in before.split(",")]
+
+
 def names(text: str) -> list[str]:
     """Splits names at commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
@@ -43,7 +74,7 @@ def add_out(parser: argparse.ArgumentParser, files: str, default: str) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help=words)
 
 
-def add_json(parser: argparse.ArgumentParser, words: str) -> None:
+def add_json(parser: argparse._ActionsContainer, words: str) -> None:
     """Adds --json, which prints that instead of text for people."""
     parser.add_argument("--json", action="store_true", help=f"print {words}")
 

@@ -4,7 +4,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command
+from glider.commands.parsing import (
+    Commands,
+    add_command,
+    add_json,
+    complete,
+    complete_sample,
+)
 from glider.errors import InputError
 
 _DESCRIPTION = """\
@@ -23,7 +29,8 @@ def add(commands: Commands) -> None:
         help="list the campaigns that ship with this package",
         description=_DESCRIPTION,
     )
-    parser.add_argument("name", nargs="?", help="a sample (default: all)")
+    name = parser.add_argument("name", nargs="?", help="a sample (default: all)")
+    complete(name, complete_sample)
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--out", type=Path, metavar="DIR", help="write the named sample there, as CSV"
@@ -33,11 +40,13 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="close the loop on each, or on the named one; takes minutes",
     )
+    add_json(what, "the list as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     from glider.campaign.samples import copy_sample, list_samples, sample_names
+    from glider.files.schema import json_text
 
     if args.name is not None and args.name not in sample_names():
         raise InputError(
@@ -53,10 +62,13 @@ def run(args: argparse.Namespace) -> int:
     if args.tables:
         _print_results(names)
         return 0
+    samples = [sample for sample in list_samples() if sample.name in names]
+    if args.json:
+        print(json_text([sample._asdict() for sample in samples]))
+        return 0
     print("sample         flights  what a flat plate in still air lacks")
-    for sample in list_samples():
-        if sample.name in names:
-            print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
+    for sample in samples:
+        print(f"{sample.name:14s} {sample.flights:7d}  {sample.holds}")
     print(f"\nTo run one:        glider close-the-loop {names[0]}")
     print(f"To see its files:  glider samples {names[0]} --out mine")
     return 0

@@ -26,8 +26,9 @@ from glider.experiments.known_funnel import (
     known_funnel,
 )
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
-from glider.experiments.throw_search import Progress, end_scatter, search
+from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
+from glider.progress import Progress, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare, signs_of
 from glider.sysid.replay.smoothing import Noise, measure_noise
@@ -106,7 +107,7 @@ def next_throw(
     limits: ThrowLimits | None = None,
     funnel: Path | str | Funnel | KnownFunnel | None = None,
     seed: int = 0,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> Proposal:
     """Proposes throws after an analysis of a campaign.
 
@@ -197,7 +198,7 @@ def propose(
     limits: ThrowLimits | None = None,
     funnel: KnownFunnel | None = None,
     seed: int = 0,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> Proposal:
     """Proposes throws, given the explanations of a campaign; see `next_throw`.
 

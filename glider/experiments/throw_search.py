@@ -7,7 +7,7 @@ explanation is right and, to first order, where flights like those flown end.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,13 +22,12 @@ from glider.experiments.funnel_throws import (
     throw_in_funnel,
 )
 from glider.experiments.throws import GENES, Throw, throw_of
+from glider.progress import Progress, Step
 from glider.sysid.likelihood.linear_flight import linearize, slopes
 from glider.sysid.likelihood.model_fit import field_of
 from glider.sysid.likelihood.scales import start_variances, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record
-
-Progress = Callable[[str], None]
 
 _FIRST, DRAWN, ELITES = 144, 48, 8
 """Throws of a round that is drawn uniformly, of which many leave the limits; of the
@@ -129,7 +128,8 @@ def search(
     alone: list[float] = []
     chosen: list[int] = []
     for round_ in range(rounds):
-        progress(f"searching for throws, round {round_ + 1} of {rounds}")
+        words = f"searching for throws, round {round_ + 1} of {rounds}"
+        progress(Step(words, round_ / rounds))
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:ELITES]]

@@ -9,7 +9,7 @@ what was tried, and by how much the path that is found differs from a flight.
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,7 @@ from glider.planning.transcription import (
     transcribe,
     violated,
 )
+from glider.progress import Progress, silent
 
 TOLERANCE, LOOSE = 1e-6, 1e-3
 """Tolerances of constraints and optimality, as the solvers scale them: of a plan, and
@@ -57,7 +58,6 @@ POINTS = 20
 """Points in each segment at which the path is compared with the dynamics; even, so that
 the collocation point is one of them."""
 
-Progress = Callable[[str], None]
 Solution = tuple[DirectCollocation, MathematicalProgramResult]
 Found = Solution | CollocatedFlight
 
@@ -164,7 +164,7 @@ class _Ladder:
         progress: Progress | None,
     ):
         self._dynamics, self._problem, self._finest = dynamics, problem, finest
-        self._progress = progress or (lambda text: None)
+        self._progress = progress or silent
         self._near: CollocatedFlight | None = None
         self.attempts: list[Attempt] = []
 

@@ -9,7 +9,6 @@ most probably no plan. That is evidence, not a proof.
 
 import dataclasses
 import time
-from collections.abc import Callable
 
 import joblib
 import numpy as np
@@ -24,6 +23,7 @@ from glider.planning.structured import (
     slow_line,
     solve_structured,
 )
+from glider.progress import Progress
 
 KNOTS, TRIES = 25, 2
 """Knots of each plan, and searches for the closest flight where there is none."""
@@ -166,7 +166,7 @@ def find_reach(
     model: GliderModel,
     problem: PerchingProblem,
     launches: np.ndarray,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Reach:
     """Plans from launches (B, 7), by the joblib workers that the caller has chosen.
 

@@ -7,7 +7,7 @@ import dataclasses
 import importlib.metadata
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,6 +19,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
+from glider.progress import Stages
 from glider.sysid import outcome, result
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
@@ -54,7 +55,7 @@ _UNLIKE = (
 class Analysis:
     """The stages in order, timed."""
 
-    progress: Callable[[str], None]  # Called with a line of text as the work goes on.
+    progress: Stages  # Announces the stages, and the steps within them.
     seconds: dict[str, float]  # Stage to wall-clock time; each stage adds its own.
     inspection: Inspection  # The campaign as it was read and checked.
     vehicle: Vehicle  # Of the campaign.
@@ -65,7 +66,7 @@ class Analysis:
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
         """Times a stage and announces it."""
-        self.progress(words or name)
+        self.progress.enter(name, words)
         begin = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - begin

@@ -1,6 +1,7 @@
 """The doctor reports what works and what to do, and works where the rest does not."""
 
 import importlib.metadata
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +15,9 @@ from glider.commands.doctor import Finding
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_healthy_installation(capsys):
+def test_a_healthy_installation(capsys, monkeypatch):
     """All checks of the machine on which the tests run."""
+    monkeypatch.setenv("COLUMNS", "80")
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
@@ -24,6 +26,19 @@ def test_a_healthy_installation(capsys):
     for name in ("cache", "output", "SNOPT", "IPOPT", "CLARABEL", "extra [import]"):
         assert any(line[6:].startswith(name) for line in lines), name
     assert lines[-1].startswith("Everything")
+
+
+def test_findings_as_json(monkeypatch, capsys):
+    def check():
+        yield Finding("f", "g", "h", required=True)
+
+    monkeypatch.setattr(doctor, "CHECKS", {"abc": check})
+    assert main(["doctor", "--json"]) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["summary"].startswith("1 of 1 fail")
+    [found] = said["checks"]
+    assert found["state"] == "fails"
+    assert [found[key] for key in ("name", "found", "advice")] == ["f", "g", "h"]
 
 
 def test_a_missing_library_fails_and_a_missing_extra_needs_a_look(monkeypatch):
@@ -79,7 +94,10 @@ def test_what_fails_is_the_exit_code_and_advice_stands_under_it(monkeypatch, cap
     out = capsys.readouterr().out
     assert "fails lib              no such symbol" in out
     assert "2 of 4 fail" in out
-    assert max(map(len, out.splitlines())) <= 80
+    assert f"-> {'h ' * 49}h\n" in out  # In a pipe, advice is one line.
+    monkeypatch.setenv("COLUMNS", "60")
+    assert main(["doctor"]) == 1
+    assert max(map(len, capsys.readouterr().out.splitlines())) == 60
     assert "-> e" in out
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from glider.progress import Progress
 from glider.sysid.likelihood.candidates import Candidates, gather, saturated_scales
 from glider.sysid.likelihood.model_fit import FitResult, fit_model, fit_strength
 from glider.sysid.likelihood.scales import Scales
@@ -19,8 +20,6 @@ EVIDENCE_THRESHOLD, COEFFICIENT_THRESHOLD = 10.0, 4.0
 SIMPLE_THRESHOLD, SIMPLE_COEFFICIENT_THRESHOLD = 6.6, 1.6
 THRESHOLD_FLIGHTS = 40  # Flights above which the thresholds grow with them.
 SIMPLE_MOMENT = 0.3  # Pitch acceleration above which formulas have errors [rad/s²].
-
-Progress = Callable[[str], None]
 
 
 def without(task: Task, model: FitResult, *gone: str) -> FitResult:

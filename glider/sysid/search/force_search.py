@@ -7,10 +7,11 @@ effects are compared by how well they predict held-out flights.
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from glider.progress import Stages
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import (
@@ -117,7 +118,7 @@ def held_out_threshold(task: Task, kind: str) -> float:
 
 
 def search_forces(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Callable[[str], None]
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Stages
 ) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show."""
     start = start_of(task, noise, with_curves=False)
@@ -137,13 +138,13 @@ def search_forces(
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
-    progress("weighing the effects")
+    progress.enter("support", "weighing the effects")
     weighed = weigh(task, model, held_out_scorer, rng)
     bare = model
     if model.kinds:
-        progress("fitting the flat plate alone")
+        progress.enter("bare", "fitting the flat plate alone")
         bare = fit_model(task, bare_of(task, model), free_scales=())
-    progress("fitting the moment")
+    progress.enter("moment", "fitting the moment")
     return SearchResult(
         model=with_moment(task, model, noise),
         bare=with_moment(task, bare, noise),

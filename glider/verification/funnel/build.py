@@ -9,7 +9,6 @@ then certified, with a margin.
 
 import dataclasses
 import time
-from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,6 +18,7 @@ from glider.control.tvlqr import TrackingPolicy
 from glider.errors import InputError
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.progress import Progress, silent
 from glider.verification.dynamics.confidence import ConfidenceSet
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
@@ -50,8 +50,6 @@ from glider.verification.sos.sphere import (
     represent,
     sphere,
 )
-
-Progress = Callable[[str], None]
 
 ROUNDS = 10
 """Rounds of scaling and looking again; it converges in four or five."""
@@ -97,7 +95,7 @@ def make_funnel(
         InputError: there can be no funnel about this flight.
         SolverError: the sets could not be certified.
     """
-    say = progress or (lambda text: None)
+    say = progress or silent
     settings = settings or FunnelSettings()
     began = time.perf_counter()
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ random, and no escape in 300 flights still allows one in a hundred.
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from glider.estimation.running import Belief, run_ekf
 from glider.physics.servo import limited_rates
 from glider.physics.state import ELEVATOR
 from glider.planning.problem import Hook
+from glider.progress import Progress
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER
 from glider.verification.funnel.funnel import Funnel, funnel_policy
@@ -86,7 +87,7 @@ def study_estimates(
     *,
     noises: Sequence[float] = NOISES,
     unknown: Sequence[float] = UNKNOWN,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[EstimatedFlights]:
     """Flies the same launches with the same noise, scaled, at each level of noise.
 

@@ -1,0 +1,71 @@
+"""What the commands print: results on standard output, progress on a terminal.
+
+The doctor prints where rich is not installed: it is imported by what uses it.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from glider.progress import Progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+UNLIMITED = 100_000
+"""Width of what a program reads: each sentence is one line."""
+
+
+def line_width() -> int:
+    """Width by COLUMNS or of the terminal [columns]; unlimited without either."""
+    return shutil.get_terminal_size((UNLIMITED, 24)).columns
+
+
+@contextmanager
+def output() -> Iterator["Console"]:
+    """A console whose lines go to standard output, without blanks at their ends."""
+    from rich.console import Console
+
+    console = Console(width=line_width(), height=24)
+    with console.capture() as printed:
+        yield console
+    for line in printed.get().splitlines():
+        print(line.rstrip())
+
+
+@contextmanager
+def working(*, is_even: bool = False) -> Iterator[Progress]:
+    """Shows on a terminal what is being done, the share that is done, and the time.
+
+    Args:
+        is_even: equal shares take equal times, so that the rest can be estimated.
+    """
+    from rich import progress
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with progress.Progress(
+        progress.SpinnerColumn(),
+        progress.BarColumn(20),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn() if is_even else progress.TimeElapsedColumn(),
+        progress.TextColumn("{task.description}", markup=False),
+        console=console,
+        disable=not console.is_interactive,
+        transient=True,
+    ) as bar:
+        task = bar.add_task("starting ...", total=None)
+
+        def follow(text: str) -> None:
+            share = getattr(text, "share", None)
+            if share is not None and share < bar.tasks[0].completed:
+                bar.reset(task)
+            bar.update(
+                task,
+                description=f"{text} ...",
+                completed=share,
+                total=None if share is None else 1.0,
+            )
+
+        yield follow
