@@ -29,6 +29,11 @@ QUANTITIES = {
     "elevator": "angle",
     "elevator_rate_command": "rate",
     "elevator_angle_command": "angle",
+    "throttle": "throttle",
+    "airspeed": "speed",
+    "angular_velocity": "rate",
+    "acceleration": "acceleration",
+    "air_density": "density",
 }
 """Quantities that `columns:` may name, and the kind of unit of each."""
 
@@ -96,11 +101,12 @@ else:
     Columns = _schema(
         "Columns",
         dict.fromkeys(QUANTITIES, str)
-        | {"time": Names, "position": Names, "attitude": Names | Markers},
+        | dict.fromkeys(("time", "position", "angular_velocity", "acceleration"), Names)
+        | {"attitude": Names | Markers},
     )
     Units = _schema(
         "Units",
-        dict.fromkeys(("time", "length", "angle", "rate", *QUANTITIES), Unit),
+        dict.fromkeys((*QUANTITIES.values(), *QUANTITIES), Unit),
         __post_init__=_check_units,
     )
 

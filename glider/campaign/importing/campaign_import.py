@@ -10,7 +10,7 @@ import numpy as np
 
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
-from glider.campaign.importing.cutting import Cut, cut
+from glider.campaign.importing.cutting import MOTOR, Cut, cut
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import make_servo
@@ -103,6 +103,12 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
     recordings = _read_all([Path(file) for file in files], claim)
     cuts = cut_recordings(recordings, claim, settings)
     if not any(cut.flights for cut in cuts):
+        if all(any(MOTOR in note for note in cut.notes) for cut in cuts):
+            raise InputError(
+                f"{mapping}: {MOTOR} wherever the aircraft flies in "
+                f"{_count(cuts, 'recording')}; expected flights, or phases of them, "
+                "with the motor off: only gliding flight can be traced."
+            )
         reasons = "; ".join(f"{c.path.name}: {note}" for c in cuts for note in c.notes)
         raise InputError(
             f"{mapping}: no flight was found in {_count(cuts, 'recording')} "

@@ -16,12 +16,28 @@ from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take
 
+MOTOR = "the motor runs"
+"""How the note on rows that are cut off for it begins."""
+_MOTOR_OFF = 0.05
+"""Throttle up to which a motor is off: thrust grows with its square, so that a quarter
+of a percent of the full thrust is left."""
+_SPIN_DOWN = 0.5  # Also cut after the motor is off, while the propeller stops [s].
+_BEST_GLIDE = 60.0
+"""Ratio of path to height that no glider exceeds in still air: what loses less energy
+has a motor, or rises with the air."""
+_LONG = 3.0
+"""Duration above which that is asked [s]: at 10 m/s the air then takes 5 J/kg at least,
+and a speed that is 0.1 m/s wrong at an end makes an error of 1."""
+_SLOWEST_LOG = 0.06
+"""Time between rows above which they are too few [s]: seven make a cubic, and a pitch
+oscillation lasts half a second."""
 _MAX_GAP = 0.1  # Time without the body that splits a recording [s].
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
 _PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
+_THROW = 0.5  # Time before its release in which a hand has accelerated the body [s].
 _AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
 _BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
@@ -39,12 +55,20 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
     flights, notes = [], []
     seen = ~find_repeats(track.position, _EQUAL_ROWS)
-    for first, last in _parts(track, seen):
+    if len(seen) > 1 and (step := float(np.median(np.diff(track.time)))) > _SLOWEST_LOG:
+        expected = f"expected {_SLOWEST_LOG:g} s or less"
+        return [], [f"the poses were logged every {step:.3g} s; {expected}"]
+    powered = _is_powered(track)
+    if powered.any():
+        share = f"{100.0 * np.mean(powered):.0f} % of the rows"
+        notes.append(f"{MOTOR} in {share}: they are cut off")
+    for first, last in _parts(track, seen & ~powered):
         part = take(track, slice(first, last + 1))
         is_lost = last + 1 < len(seen) and (
             not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
         )
-        found = _find_flight(part, gravity, is_lost=is_lost)
+        stopped = first > 0 and bool(powered[first - 1])
+        found = _find_flight(part, gravity, is_lost=is_lost, motor_stopped=stopped)
         span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
         if isinstance(found, Cut):
             flights.append(found)
@@ -77,7 +101,21 @@ def _parts(track: Track, seen: np.ndarray) -> list[tuple[int, int]]:
     return [p for p in parts if track.time[p[1]] - track.time[p[0]] > 0.5 * _SHORTEST]
 
 
-def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
+def _is_powered(track: Track) -> np.ndarray:
+    """Rows (n,) in which a motor runs, or its propeller has yet to stop."""
+    throttle = track.onboard.throttle
+    if throttle is None:
+        return np.zeros(len(track.time), dtype=bool)
+    runs = throttle.values[:, 0] > _MOTOR_OFF
+    ran = np.maximum.accumulate(np.where(runs, throttle.time, -np.inf))
+    latest = np.searchsorted(throttle.time, track.time, side="right") - 1
+    latest = np.maximum(latest, 0)
+    return runs[latest] | (track.time - ran[latest] < _SPIN_DOWN)
+
+
+def _find_flight(
+    part: Track, gravity: float, *, is_lost: bool, motor_stopped: bool
+) -> Cut | str:
     """The flight in a part in which the body moves throughout, or why there is none."""
     motion = calc_motion(part.time, part.position)
     if len(motion.time) < 8:
@@ -87,8 +125,11 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
         return f"never faster than {np.max(speed):.2g} m/s: carried, or rolling"
     force = motion.acceleration + np.array([0.0, 0.0, gravity])
     push = np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3)
+    energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
     begin, start = part.time[0], "the body is seen from here on"
-    release = _find_release(motion, gravity * motion.pose[:, 2] + 0.5 * speed**2, push)
+    if motor_stopped:
+        start = "the motor is off from here on"
+    release = None if motor_stopped else _find_release(motion, energy, push)
     if release is not None:
         begin, start = release + _AFTER_RELEASE, f"a hand lets go at {release:.3f} s"
     after = part.time >= begin
@@ -111,17 +152,32 @@ def _find_flight(part: Track, gravity: float, *, is_lost: bool) -> Cut | str:
     inside = (motion.time >= begin) & (motion.time <= end)
     if not inside.any() or np.median(push[inside]) > _FREE:
         return "something pushes it throughout"
+    lost = energy[inside][0] - energy[inside][-1]
+    way = np.trapezoid(speed[inside], motion.time[inside])
+    long = flight.time[-1] - flight.time[0] > _LONG
+    if part.onboard.throttle is None and long and lost * _BEST_GLIDE < gravity * way:
+        return (
+            f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
+            f"{MOTOR}, or it rises with the air (map 'throttle' if it is logged)"
+        )
     return Cut(flight, f"{start}; {stop}")
 
 
 def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:
-    """Time at which the hand lets go [s]; None where no hand is seen."""
+    """Time at which the hand lets go [s]; None where no hand is seen.
+
+    A hand has given the body energy until then. A force that noise or a gust shows for
+    a moment has not.
+    """
     peak = int(np.argmax(energy))
-    pushed = np.flatnonzero(push[: peak + 1] > _PUSH)
-    if not len(pushed):
-        return None
-    free = pushed[-1] + np.argmax(push[pushed[-1] :] < _FREE)
-    return float(motion.time[free])
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    way = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(motion.time))])
+    for last in np.flatnonzero(push[: peak + 1] > _PUSH)[::-1]:
+        free = last + int(np.argmax(push[last:] < _FREE))
+        first = int(np.searchsorted(motion.time, motion.time[free] - _THROW))
+        if energy[free] - energy[first] > 0.5 * _PUSH * (way[free] - way[first]):
+            return float(motion.time[free])
+    return None
 
 
 def _find_contact(flight: Track) -> float | None:

@@ -46,11 +46,6 @@ _NAMES = {
     "elevator_angle_command": r"(elev|de|servo|delta).*(cmd|command|set)|control\[1\]",
     "elevator": r"elev|(^|[._])de$|delta_?e|servo|flap|angle",
 }
-_ULOG = {
-    "position": "vehicle_local_position",
-    "attitude": "vehicle_attitude.q",
-    "elevator_angle_command": "actuator_controls_0.control[1]",
-}
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
 _RATE = "elevator_rate_command"
 _SCALARS = (_RATE, "elevator_angle_command", "time", "x", "z", "pitch", "elevator")
@@ -113,14 +108,19 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if not logs:
         raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
     columns, reason = _guess_columns(logs[0])
-    reasons = _guess_units(logs[0], columns)
+    # PX4's topics are in SI, and north, east, down.
+    reasons = {} if logs[0].known else _guess_units(logs[0], columns)
     units = {kind: unit for kind, (unit, _) in reasons.items()}
     best, why = _best_frame(_Logs(logs[:_MAX_TRIED], columns, units))
     frame, servo = dict(best.frame), best.campaign.elevator == "servo"
     servo_why = _guess_elevator(best.campaign, frame) if servo else ""
     lines = ["# Proposed by --guess: check each line before you use it.", "columns:"]
     lines += [f"  {k}: {_quoted(v)}  # {reason}" for k, v in columns.items()]
-    if units:
+    command = "elevator_angle_command"
+    if command in logs[0].known:
+        lines.append("units:  # ? gain: the elevator's angle at a command of 1 in rad")
+        lines.append(f"  {command}: {{gain: 1.0}}")
+    elif units:
         lines.append("units:")
         lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
     lines.append(f"frame:  # {why}")
@@ -165,8 +165,8 @@ def _quoted(value: str) -> str:
 def _guess_columns(log: Recording) -> tuple[Fields, str]:
     """Finds columns by quantity, and how."""
     names = log.names()
-    if all(any(n.startswith(name) for n in names) for name in _ULOG.values()):
-        return dict(_ULOG), "PX4's topic"
+    if {"position", "attitude"} <= log.known.keys():
+        return dict(log.known), "PX4's topic"
     columns: Fields = {}
     first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
     stems = list(dict.fromkeys(match[1] for match in first if match))
@@ -266,6 +266,9 @@ def _frames(logs: _Logs) -> Iterator[Fields]:
     points up then.
     """
     first, attitude = logs.recordings[0], logs.columns.get("attitude")
+    if first.known:
+        yield {"axes": "NED"}
+        return
     if "position" not in logs.columns:
         for up, forward, pitch in itertools.product(("z", "-z"), ("x", "-x"), _PITCH):
             yield {"up": up, "forward": forward, "pitch": pitch}

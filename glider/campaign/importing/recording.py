@@ -7,7 +7,7 @@ import dataclasses
 import difflib
 import importlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 
@@ -23,6 +23,10 @@ _FACTORS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048},
     "angle": {"rad": 1.0, "deg": _DEGREE},
     "rate": {"rad/s": 1.0, "deg/s": _DEGREE},
+    "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 0.514444},
+    "acceleration": {"m/s2": 1.0, "g": 9.80665},
+    "throttle": {"1": 1.0, "%": 0.01},
+    "density": {"kg/m3": 1.0},
 }
 _SPELLINGS = {
     "s": "sec second",
@@ -37,6 +41,9 @@ _SPELLINGS = {
     "rad": "radian",
     "deg": "° degree",
     "deg/s": "°/s dps",
+    "kn": "kt knot",
+    "m/s2": "m/s² m/s^2",
+    "kg/m3": "kg/m³ kg/m^3",
 }
 _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 _UNITS |= {unit: unit for units in _FACTORS.values() for unit in units}
@@ -72,6 +79,8 @@ class Recording:
     path: Path  # Of the file; of a sheet in a workbook: file/sheet.
     groups: tuple[Group, ...]
     rotation: str | None = None  # As in `frame: rotation:`; None: the format is open.
+    known: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Addresses of the quantities whose columns the format itself fixes."""
 
     def names(self) -> list[str]:
         """Addresses of all columns: the group's name, a dot, the column's."""

@@ -50,6 +50,16 @@ class ServoLogs(NamedTuple):
         return [stream for stream in self if stream is not None]
 
 
+class Onboard(NamedTuple):
+    """What the sensors on board logged beside the poses."""
+
+    throttle: Stream | None = None  # (n, 1) 0 with the motor off.
+    airspeed: Stream | None = None  # (n, 1) true airspeed [m/s].
+    angular_velocity: Stream | None = None  # (n, 3) along the body's axes [rad/s].
+    acceleration: Stream | None = None  # (n, 3) gravity not taken out [m/s²].
+    air_density: Stream | None = None  # (n, 1) [kg/m³]
+
+
 class Picker:
     """Picks the quantities of a recording; refuses those that are not complete."""
 
@@ -87,6 +97,14 @@ class Picker:
         """What is mapped of the servo."""
         return ServoLogs(*map(self._optional, _SERVO))
 
+    def onboard(self) -> Onboard:
+        """What is mapped of other sensors; also a throttle that the format fixes."""
+        known = self._recording.known
+        names = {q: known[q] for q in ("throttle",) if q in known}
+        names |= self._mapping.columns
+        sensors = {q: names[q] for q in Onboard._fields if q in names}
+        return Onboard(**{q: self._sensor(q, name) for q, name in sensors.items()})
+
     def scalars(self, quantities: tuple[str, ...]) -> Stream:
         """Quantities of one group side by side."""
         pairs = []
@@ -115,6 +133,19 @@ class Picker:
         if len(stream.time) < 2:
             raise self._error(quantity, "fewer than two rows of it have a number")
         return stream
+
+    def _sensor(self, quantity: str, name: Names | Markers) -> Stream | None:
+        """A sensor's rows; a throttle without a number is a motor that is stopped."""
+        if quantity in ("angular_velocity", "acceleration"):
+            _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
+        else:
+            group, column = self._recording.find(str(name), self._field(quantity))
+            found = group, [column]
+        stream = self._stream((quantity,) * len(found[1]), found)
+        if quantity == "throttle":
+            stream = stream._replace(values=np.nan_to_num(stream.values))
+        known = stream.known()
+        return known if len(known.time) > 1 else None
 
     def _quaternions(self, stream: Stream, axes: str, rotation: str | None) -> Stream:
         if axes == "0123":

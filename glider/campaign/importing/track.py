@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import Picker, ServoLogs, Stream
+from glider.campaign.importing.selection import Onboard, Picker, ServoLogs, Stream
 from glider.campaign.settings import Frame, Mapping, unit_vector
 from glider.errors import InputError
 
@@ -32,6 +32,7 @@ class Track:
     along_throw: bool  # Whether x has yet to be turned along each flight.
     clock: str
     servo: ServoLogs  # Positive trailing edge up.
+    onboard: Onboard = Onboard()  # Vectors along nose, left and top.
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
@@ -47,9 +48,9 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     if planar:
         position = np.insert(position, 1, 0.0, axis=1)
     rotation = pitch = None
+    nose, top = unit_vector(frame.nose), unit_vector(frame.top)
+    body = np.stack([nose, np.cross(top, nose), top])
     if attitude.values.shape[1] == 4:
-        nose, top = unit_vector(frame.nose), unit_vector(frame.top)
-        body = np.stack([nose, np.cross(top, nose), top])
         rotation = world @ _rotations(attitude, time) @ body.T
         seen = np.isfinite(rotation).all(axis=(1, 2))
     else:
@@ -74,6 +75,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         along_throw=along_throw,
         clock=logged.clock,
         servo=servo,
+        onboard=_in_body(pick.onboard(), body),
     )
 
 
@@ -180,6 +182,16 @@ def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
     exact = np.isclose(time, known[index]) | np.isclose(time, known[index - 1])
     near = exact | (known[index] - known[index - 1] < _MAX_GAP)
     return near & (time >= known[0]) & (time <= known[-1])
+
+
+def _in_body(onboard: Onboard, body: np.ndarray) -> Onboard:
+    """The vectors of the sensors along nose, left and top, the rows of body (3, 3)."""
+    turned = {
+        name: stream._replace(values=stream.values @ body.T)
+        for name in ("angular_velocity", "acceleration")
+        if (stream := getattr(onboard, name)) is not None
+    }
+    return onboard._replace(**turned)
 
 
 def _signed(stream: Stream | None, positive: str) -> Stream | None:

@@ -162,7 +162,11 @@ def write_ulog(folder: Path, campaign: Campaign) -> list[Path]:
     return files
 
 
-def ulog_bytes(topics: dict[tuple[str, str], np.ndarray], stamp: np.ndarray) -> bytes:
+def ulog_bytes(
+    topics: dict[tuple[str, str], np.ndarray],
+    stamp: np.ndarray,
+    parameters: dict[str, int] | None = None,
+) -> bytes:
     """Returns a ULog file as PX4's logger writes it (dev guide, "ULog File Format")."""
 
     def message(kind: bytes, body: bytes) -> bytes:
@@ -171,6 +175,9 @@ def ulog_bytes(topics: dict[tuple[str, str], np.ndarray], stamp: np.ndarray) -> 
     parts = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", int(stamp[0]))]
     for name, fields in topics:
         parts.append(message(b"F", f"{name}:uint64_t timestamp;{fields}".encode()))
+    for name, value in (parameters or {}).items():
+        key = f"int32_t {name}".encode()
+        parts.append(message(b"P", bytes([len(key)]) + key + struct.pack("<i", value)))
     for i, (name, _) in enumerate(topics):
         parts.append(message(b"A", struct.pack("<BH", 0, i) + name.encode()))
     for row, time in enumerate(stamp):

@@ -25,6 +25,27 @@ _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
 _LONGEST = 16  # Numbers of an array that become columns.
 
+_PX4 = {
+    "position": ("vehicle_local_position",),
+    "attitude": ("vehicle_attitude.q",),
+    "elevator_angle_command": (
+        "actuator_controls_0.control[1]",
+        "vehicle_torque_setpoint.xyz[1]",
+    ),
+    "throttle": (
+        "actuator_motors.control[0]",
+        "actuator_controls_0.control[3]",
+        "vehicle_thrust_setpoint.xyz[0]",
+    ),
+    "airspeed": ("airspeed_validated.true_airspeed_m_s",),
+    "angular_velocity": ("vehicle_angular_velocity.xyz",),
+    "acceleration": ("vehicle_acceleration.xyz",),
+    "air_density": ("vehicle_air_data.rho",),
+}
+"""Topics of PX4 by quantity, the first that a log has; a pitch torque is what turns the
+elevator where no servo is known to be it."""
+_ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
+
 Decoder = Callable[[bytes], object]
 
 
@@ -44,7 +65,20 @@ def read_ulog(path: Path) -> Recording:
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
-    return Recording(path, tuple(groups), rotation="wxyz")
+    surfaces = [log.initial_parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
+    topics = dict(_PX4)
+    if _ELEVATOR in surfaces:
+        servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
+        topics["elevator_angle_command"] = (servo, *_PX4["elevator_angle_command"])
+    names = [f"{group.name}.{name}" for group in groups for name in group.columns]
+    known = {}
+    for quantity, fits in topics.items():
+        there = [
+            t for t in fits for n in names if n == t or n.startswith((f"{t}.", f"{t}["))
+        ]
+        if there:
+            known[quantity] = there[0]
+    return Recording(path, tuple(groups), rotation="wxyz", known=known)
 
 
 def read_bag(path: Path) -> Recording:

@@ -1,0 +1,136 @@
+"""A simulated fixed-wing aircraft with a motor, as PX4 logs it."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from glider.physics.effects import Effect
+from glider.physics.effects.wrench import THRUST
+from glider.physics.model import GliderModel
+from glider.physics.parameters import GliderParameters
+from glider.simulation.campaigns import fly_path
+from glider.sysid.replay.theta import layout_for, theta_of
+from tests.campaign.importing.foreign import NED, ulog_bytes
+
+RATE = 50.0  # Of all topics [Hz].
+FINE = 10  # Integration steps between two rows.
+AIRPLANE = GliderParameters(
+    mass=1.2,
+    pitch_inertia=0.06,
+    wing_area=0.35,
+    elevator_area=0.05,
+    wing_offset=0.0,
+    hinge_offset=0.55,
+    elevator_offset=0.03,
+    elevator_limits=[-0.4, 0.4],
+    elevator_rate_limit=6.0,
+)
+TRAVEL = 0.4  # Of the elevator at a command of 1 [rad].
+TRIM = 0.155  # Angle of the elevator that holds 13 m/s [rad].
+MAP = """\
+columns: {position: vehicle_local_position, attitude: vehicle_attitude.q,
+          elevator_angle_command: "actuator_servos.control[2]",
+          throttle: "actuator_motors.control[0]",
+          airspeed: airspeed_validated.true_airspeed_m_s,
+          angular_velocity: vehicle_angular_velocity.xyz,
+          acceleration: vehicle_acceleration.xyz,
+          air_density: vehicle_air_data.rho}
+units: {elevator_angle_command: {gain: 0.4}}
+frame: NED
+vehicle: {mass: 1.2, wing_area: 0.35, elevator_rate_limit: 6.0,
+          elevator_limits: [-0.4, 0.4]}
+"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Motored:
+    """A flight: motor on, then off, with doublets of the elevator."""
+
+    time: np.ndarray  # (n,) [s]
+    states: np.ndarray  # (n, 7)
+    force: np.ndarray  # (n, 2) per mass, gravity not included, x and z [m/s²].
+    elevator: np.ndarray  # (n,) as commanded [rad].
+    throttle: np.ndarray  # (n,)
+
+
+def fly(
+    rng: np.random.Generator, motor: float, glide: float, thrust: float = 2.2
+) -> Motored:
+    """Flies some seconds with the motor on, then some with it off."""
+    layout = layout_for(GliderModel(effects=(Effect(kind=THRUST, values=(1.0,)),)))
+    rows = round((motor + glide) * RATE) + 1
+    time = np.arange(rows) / RATE
+    command = np.full(rows, TRIM)
+    for begin in np.arange(1.0, motor + glide - 2.0, 3.0) + rng.uniform(0.0, 0.5):
+        size, half = rng.uniform(0.03, 0.06), rng.uniform(0.3, 0.5)
+        command += size * ((time >= begin) & (time < begin + half))
+        command -= size * ((time >= begin + half) & (time < begin + 2 * half))
+    # In small steps, as an autopilot commands: 0.04 rad a row at most.
+    for k in range(1, rows):
+        command[k] = command[k - 1] + np.clip(command[k] - command[k - 1], -0.04, 0.04)
+    fine = np.arange((rows - 1) * FINE + 1) / (RATE * FINE)
+    path = np.interp(fine, time, command)
+    start = np.array([0.0, 60.0, -0.15, 0.0, 13.0, 0.0, 0.0])
+    start += rng.normal(size=7) * [0, 0, 0.02, 0, 0.3, 0.2, 0.05]
+    parts, since = [], 0
+    for until, force in ((motor, thrust), (motor + glide, 0.0)):
+        last = round(until * RATE) * FINE
+        if last <= since:
+            continue
+        span = slice(since, last + 1)
+        middle = 0.5 * (path[since:last] + path[since + 1 : last + 1])
+        elevator = np.stack([path[since:last], middle, path[since + 1 : last + 1]], 1)
+        model = GliderModel(
+            parameters=AIRPLANE, effects=(Effect(kind=THRUST, values=(force,)),)
+        )
+        rate = np.diff(path[span]) * RATE * FINE
+        states = fly_path(layout, theta_of(model), start, fine[span], elevator, rate)
+        parts.append(states[bool(parts) :, :7])
+        start, since = states[-1, :7], last
+    states = np.concatenate(parts)
+    force = np.gradient(states[:, 4:6], fine, axis=0) + np.array([0.0, 9.81])
+    throttle = np.where(time < motor, 0.6, 0.0)
+    return Motored(
+        time=time,
+        states=states[::FINE],
+        force=force[::FINE],
+        elevator=command,
+        throttle=throttle,
+    )
+
+
+def write(path: Path, flight: Motored, rng: np.random.Generator, wind: float = 0.0):
+    """Writes PX4's topics; the air moves along x with the wind [m/s]."""
+    x, z, pitch, _, vx, vz, rate = flight.states.T
+    rows = len(flight.time)
+    x = x + wind * flight.time
+    place = np.column_stack([x, np.zeros(rows), z])
+    place += rng.normal(size=place.shape) * 0.003
+    angle = pitch + rng.normal(size=rows) * 0.001
+    turn = NED @ Rotation.from_euler("y", angle[:, None]).as_matrix() @ NED.T
+    x, y, z, w = Rotation.from_matrix(turn).as_quat().T
+    body = Rotation.from_euler("y", pitch[:, None])
+    force = np.insert(flight.force, 1, 0.0, axis=1)
+    felt = body.inv().apply(force) @ NED.T + rng.normal(size=(rows, 3)) * 0.1
+    gyro = np.outer(rate, [0.0, 1.0, 0.0]) @ NED.T + rng.normal(size=(rows, 3)) * 0.01
+    servos = np.zeros((rows, 8))
+    servos[:, 2] = flight.elevator / TRAVEL
+    motors = np.full((rows, 12), np.nan)
+    motors[:, 0] = np.where(flight.throttle > 0.0, flight.throttle, np.nan)
+    airspeed = np.hypot(vx, vz) + rng.normal(size=rows) * 0.2
+    topics = {
+        ("vehicle_local_position", "float x;float y;float z;"): place @ NED.T,
+        ("vehicle_attitude", "float[4] q;"): np.column_stack([w, x, y, z]),
+        ("actuator_servos", "float[8] control;"): servos,
+        ("actuator_motors", "float[12] control;"): motors,
+        ("vehicle_angular_velocity", "float[3] xyz;"): gyro,
+        ("vehicle_acceleration", "float[3] xyz;"): felt,
+        ("airspeed_validated", "float true_airspeed_m_s;"): airspeed[:, None],
+        ("vehicle_air_data", "float rho;"): np.full((rows, 1), 1.15),
+    }
+    stamp = np.round(1e6 * (flight.time + 9)).astype(np.uint64)
+    surfaces = {"CA_SV_CS0_TYPE": 1, "CA_SV_CS1_TYPE": 2, "CA_SV_CS2_TYPE": 3}
+    path.write_bytes(ulog_bytes(topics, stamp, surfaces))
+    return path

@@ -1,0 +1,102 @@
+"""Logs of powered aircraft: gliding phases are flights, the rest is refused at once."""
+
+import numpy as np
+import pytest
+
+from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.importing.guess import guess_mapping
+from glider.errors import InputError
+from tests.campaign.importing import fixed_wing
+
+COUNT = 3
+MOTOR = 5.0  # Seconds with the motor on, then off.
+GLIDE = 8.0
+
+
+@pytest.fixture(scope="module")
+def flown():
+    rng = np.random.default_rng(5)
+    return [fixed_wing.fly(rng, MOTOR, GLIDE) for _ in range(COUNT)]
+
+
+def write(folder, flights, text=fixed_wing.MAP, **options):
+    rng = np.random.default_rng(6)
+    files = [
+        fixed_wing.write(folder / f"log_{k}.ulg", flight, rng, **options)
+        for k, flight in enumerate(flights)
+    ]
+    path = folder / "MAP.yaml"
+    path.write_text(text)
+    return files, path
+
+
+def write_csv(folder, flight):
+    """Position and pitch alone, as of a log without a throttle."""
+    rng = np.random.default_rng(7)
+    x, z, pitch = flight.states.T[:3]
+    table = np.column_stack([flight.time, x, z, pitch])
+    table[:, 1:] += rng.normal(size=(len(x), 3)) * [0.003, 0.003, 0.001]
+    file, path = folder / "flight.csv", folder / "MAP.yaml"
+    np.savetxt(file, table, "%.7g", ",", header="time,x,z,pitch", comments="")
+    path.write_text("columns: {x: x, z: z, pitch: pitch}\nvehicle: {elevator: fixed}\n")
+    return file, path
+
+
+def test_phases_with_the_motor_off_are_flights(tmp_path, flown):
+    """No noise is taken for a hand, and nothing of the glide is lost but the start."""
+    imported = read_flights(*write(tmp_path, flown))
+    assert len(imported.campaign.flights) == COUNT
+    for recording in imported.recordings:
+        [flight] = recording.flights
+        assert flight.span[0] == pytest.approx(9.0 + MOTOR + 0.5, abs=0.03)
+        assert flight.span[1] == pytest.approx(9.0 + MOTOR + GLIDE, abs=0.03)
+        assert "the motor is off" in flight.why
+
+
+def test_a_throttle_that_no_map_names_is_heeded(tmp_path, flown):
+    lines = fixed_wing.MAP.splitlines()
+    text = "\n".join(line for line in lines if "throttle" not in line)
+    imported = read_flights(*write(tmp_path, flown, text))
+    assert all("motor is off" in r.flights[0].why for r in imported.recordings)
+
+
+def test_a_powered_log_is_refused_in_one_sentence(tmp_path):
+    powered = fixed_wing.fly(np.random.default_rng(5), 8.0, 0.0)
+    with pytest.raises(InputError, match="motor runs wherever the aircraft flies"):
+        read_flights(*write(tmp_path, [powered]))
+
+
+def test_a_powered_log_without_throttle_is_refused(tmp_path):
+    """It loses less energy than any glider."""
+    powered = fixed_wing.fly(np.random.default_rng(5), 8.0, 0.0)
+    file, path = write_csv(tmp_path, powered)
+    with pytest.raises(InputError, match="motor runs"):
+        read_flights([file], path)
+
+
+def test_a_glide_without_throttle_is_a_flight_from_its_first_row(tmp_path):
+    """The noise of its accelerations is no hand that lets go."""
+    gliding = fixed_wing.fly(np.random.default_rng(5), 0.0, 12.0)
+    file, path = write_csv(tmp_path, gliding)
+    [flight] = read_flights([file], path).recordings[0].flights
+    assert flight.span == pytest.approx((0.0, 12.0), abs=0.03)
+
+
+def test_poses_at_ten_hertz_are_too_few(tmp_path, flown):
+    """As PX4 logs positions by default."""
+    whole = flown[0]
+    rows = slice(None, None, 5)
+    fields = {name: values[rows] for name, values in vars(whole).items()}
+    slow = fixed_wing.Motored(**fields)
+    with pytest.raises(InputError, match=r"poses were logged every 0\.1 s"):
+        read_flights(*write(tmp_path, [slow]))
+
+
+def test_a_guess_finds_the_topics_and_the_servo_of_the_elevator(tmp_path, flown):
+    files, _ = write(tmp_path, flown)
+    text = guess_mapping(files).text
+    for topic in ("actuator_servos.control[2]", "actuator_motors.control[0]"):
+        assert topic in text
+    path = tmp_path / "GUESS.yaml"
+    path.write_text(text + "  elevator_rate_limit: 6.0\n")
+    assert len(read_flights(files, path).campaign.flights) == COUNT
