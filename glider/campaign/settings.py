@@ -5,6 +5,7 @@ A mapping: which columns of a log are which quantities, in which units and axes.
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -43,6 +44,7 @@ _PRESETS: dict[str, dict[str, str]] = {
     "ENU": {"up": "z", "nose": "x", "top": "z", "pitch": "nose_down"},
 }
 _ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
+_ANGLES = frozenset({"roll", "pitch", "yaw"})
 _ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
 _CHOICES = {
     "up": (AXES, "the axis of the log that points up"),
@@ -102,7 +104,7 @@ else:
         "Columns",
         dict.fromkeys(QUANTITIES, str)
         | dict.fromkeys(("time", "position", "angular_velocity", "acceleration"), Names)
-        | {"attitude": Names | Markers},
+        | {"attitude": Names | Markers, "flight": str},
     )
     Units = _schema(
         "Units",
@@ -121,7 +123,7 @@ class Frame:
         forward: axis along the throw; "throw": along each flight's own way.
         nose: axis of the body that points to the nose, where attitudes are logged.
         top: axis of the body that points up in level flight.
-        pitch: what a positive pitch means, where it is logged as such.
+        pitch: what a positive pitch means, where the attitude is logged as angles.
         elevator: what a positive elevator means.
         command: what a positive command means; by default the same.
         rotation: how the attitude is logged: an order of Euler angles about the turning
@@ -145,11 +147,11 @@ class Frame:
         presets = "NED, ENU, or the axes by name: up, forward, nose, top"
         expect(self.axes in _PRESETS, "frame: field 'axes'", self.axes, presets)
         for name, value in (_PRESETS[self.axes] | {"command": self.elevator}).items():
-            if not getattr(self, name):
+            if not getattr(self, name) and name != "pitch":
                 object.__setattr__(self, name, value)
         for name, (values, meaning) in _CHOICES.items():
             value = getattr(self, name)
-            known = value is None or value in values
+            known = not value or value in values
             expected = f"{meaning}, one of {', '.join(values)}"
             expect(known, f"frame: field '{name}'", value, expected)
         euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
@@ -172,6 +174,27 @@ class Frame:
         known = len(point) == 2 and all(map(math.isfinite, point))
         expect(known, "frame: field 'tracked_point'", point, expected)
 
+    @property
+    def usual_pitch(self) -> str:
+        """What a positive pitch means where the frame does not specify it."""
+        return _PRESETS[self.axes]["pitch"]
+
+    @property
+    def turns_pitch(self) -> bool:
+        """Whether Euler angles' pitch means the opposite of a turn about the body's y.
+
+        InputError where a pitch is specified and y is not across nose and top.
+        """
+        across = np.cross(unit_vector("y"), unit_vector(self.nose))
+        positive = float(across @ unit_vector(self.top))
+        if self.pitch and not positive:
+            raise InputError(
+                f"frame: field 'pitch' is {show(self.pitch)} and has no effect where "
+                f"nose is {self.nose} and top is {self.top}; expected axes x and z."
+            )
+        turn = "nose_up" if positive > 0.0 else "nose_down"
+        return self.pitch not in ("", turn)
+
 
 @dataclasses.dataclass(frozen=True)
 class Mapping:
@@ -183,6 +206,41 @@ class Mapping:
     frame: Frame
     clock: str | float | None  # "same", "find", an offset [s]; None: by the files.
     join: tuple[str, ...]  # Patterns of files that make one recording.
+
+
+def _without_effect(
+    columns: dict[str, Any], units: dict[str, Unit], frame: Frame
+) -> Iterator[tuple[str, str]]:
+    """Yields fields of a mapping that would be ignored, and why."""
+    attitude, angles = columns.get("attitude"), columns.keys() & _ANGLES
+    for whole, parts in (("position", {"x", "y", "z"}), ("attitude", _ANGLES)):
+        if whole in columns:
+            for name in sorted(columns.keys() & parts):
+                yield f"columns: '{name}'", f"beside '{whole}'"
+    if attitude is None and len(angles) < len(_ANGLES):
+        for name in sorted(angles - {"pitch"}):
+            yield f"columns: '{name}'", "without all of roll, pitch and yaw"
+    command = {"elevator_rate_command", "elevator_angle_command"} & columns.keys()
+    if len(command) > 1:
+        yield "columns: 'elevator_rate_command'", "beside 'elevator_angle_command'"
+    kinds = set(QUANTITIES.values())
+    for name in sorted((units.keys() & QUANTITIES.keys()) - columns.keys() - kinds):
+        yield f"units: '{name}'", "as 'columns:' does not have it"
+    usual, on_board = Frame(axes=frame.axes), {"angular_velocity", "acceleration"}
+    if (
+        attitude is None
+        and len(angles) < len(_ANGLES)
+        and not on_board & columns.keys()
+    ):
+        for name in ("nose", "top", "rotation"):
+            if getattr(frame, name) != getattr(usual, name):
+                yield f"frame: '{name}'", "where the attitude is a pitch alone"
+    if isinstance(attitude, Markers):
+        for name, plain in (("rotation", None), ("pitch", usual.usual_pitch)):
+            if getattr(frame, name) not in (None, "", plain):
+                yield f"frame: '{name}'", "where markers give the attitude"
+    if frame.command != frame.elevator and not command:
+        yield "frame: 'command'", "where no command is mapped"
 
 
 def unit_vector(axis: str) -> np.ndarray:
@@ -252,6 +310,14 @@ class Settings:
         expect(known, "field 'join'", join, expected)
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
+        if self.columns is not None:
+            columns, units = given(self.columns), given(self.units or Units())
+            frame = self.frame or Frame()
+            assert isinstance(frame, Frame)
+            for field, why in _without_effect(columns, units, frame):
+                raise InputError(
+                    f"{field} has no effect {why}; expected no such field."
+                )
 
     def campaign(self, folder: Path) -> Campaign:
         """Campaign without flights; its pose_rate is nan where it is not given."""

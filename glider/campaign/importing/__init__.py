@@ -1,7 +1,7 @@
 """Logs of other software made campaigns, as a mapping specifies.
 
 campaign_import: `import_campaign`, all steps. readers: one for each file format;
-recording: what each gives. Then one step after the other: selection (columns and
-units), track (axes), cutting (release to contact), clock_offset, servo_logs,
-sign_checks (is the mapping right?). guess: proposes a mapping.
+recording: what each gives. Then one step after the other: splitting (several flights),
+selection (columns and units), track (axes), cutting (release to contact), clock_offset,
+servo_logs, sign_checks (is the mapping right?). guess: proposes a mapping.
 """

@@ -2,6 +2,7 @@
 
 import dataclasses
 import fnmatch
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
+from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import Mapping, read_settings
@@ -123,7 +125,13 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
 
 def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
     """Converts a file that is one flight to a table in SI; nothing is cut."""
-    track = make_track(read_recording(file), mapping)
+    recording, *others = split_flights(read_recording(file), mapping.columns)
+    if others:
+        raise InputError(
+            f"{file}: holds {len(others) + 1} flights (by its column 'flight', or its "
+            "time); expected one in each file (glider import splits them)."
+        )
+    track = make_track(recording, mapping)
     [recording] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
     return recording.flights[0].table
 
@@ -132,7 +140,8 @@ def cut_recordings(
     recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
 ) -> tuple[CutRecording, ...]:
     """Finds the flights in recordings."""
-    tracks = [make_track(recording, mapping) for recording in recordings]
+    parts = (split_flights(r, mapping.columns) for r in recordings)
+    tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
     found = [cut(track, settings.gravity) for track in tracks]
     return _extract(tracks, found, mapping, settings)
 

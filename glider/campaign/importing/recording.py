@@ -57,6 +57,7 @@ class Column:
     unit: str | None = None  # As the file reports it, e.g. "mm"; None: it does not.
     fault: str | None = None  # What is wrong with a cell; raised when it is used.
     epoch: float | None = None  # Of 0 in times of a calendar, since 1970 [s].
+    labels: list[str] | None = None  # The cells, where they are text.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,6 +127,24 @@ class Recording:
                 if all(name in known for name in names):
                     pairs = [self.find(name, field) for name in names]
                     return pairs[0][0], [column for _, column in pairs]
+        return None
+
+    def find_times(
+        self, group: Group, named: str | list[str], rows: int
+    ) -> Column | None:
+        """Finds the times of a group's rows, of which there are as many."""
+        names = [named] if isinstance(named, str) else named
+        for name in names:
+            column = group.columns.get(name.removeprefix(f"{group.name}."))
+            if column is not None:
+                return column
+        if group.time in group.columns:  # A damaged log may lack it.
+            return group.columns[group.time]
+        for other in self.groups:  # Of the same clock, with as many rows.
+            for name, column in other.columns.items():
+                fits = other.clock == group.clock and len(column.values) == rows
+                if fits and {name, f"{other.name}.{name}"} & set(names):
+                    return column
         return None
 
     def _all(self) -> Iterator[tuple[str, Group, Column]]:

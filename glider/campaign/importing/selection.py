@@ -4,7 +4,7 @@ Axes and signs are still the log's own; each quantity keeps its own clock.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,11 +17,12 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
+from glider.campaign.importing.splitting import find_restarts
 from glider.campaign.settings import QUANTITIES, Mapping, Markers, Names, unit_vector
 from glider.errors import InputError
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
-_EULER = ("yaw", "pitch", "roll")  # About the log's z, y and x, in this order.
+_EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 
 
 class Stream(NamedTuple):
@@ -81,15 +82,19 @@ class Picker:
         if name is None:
             if not all(angle in self._mapping.columns for angle in _EULER):
                 return None
-            order = rotation if rotation and len(rotation) == 3 else "ZYX"
-            angles = self.scalars(_EULER)
-            return _turned(angles, lambda v: Rotation.from_euler(order, v))
+            order = self._mapping.frame.rotation or "ZYX"
+            if len(order) != 3:
+                self._refuse("frame: 'rotation'", "on roll, pitch and yaw")
+            return self._angles(self.scalars(_EULER), order)
         if isinstance(name, Markers):
             return self._markers(name)
         shapes = ("xyzw", "0123", "xyz", "012")
         axes, found = self._find("attitude", name, shapes, "of a rotation")
         if len(axes) == 3:
             return self._angles(self._stream(("attitude",) * 3, found), rotation)
+        if isinstance(name, list):  # In any order.
+            letters = "".join(part[-1:].lower() for part in name)
+            axes = letters if sorted(letters) == sorted("xyzw") else "0123"
         stream = self._stream(("attitude",) * 4, found, scaled=False)
         return self._quaternions(stream, axes, rotation)
 
@@ -148,6 +153,11 @@ class Picker:
         return known if len(known.time) > 1 else None
 
     def _quaternions(self, stream: Stream, axes: str, rotation: str | None) -> Stream:
+        frame = self._mapping.frame
+        if frame.pitch not in ("", frame.usual_pitch):
+            self._refuse("frame: 'pitch'", "on quaternions (but nose and top have)")
+        if "attitude" in self._mapping.units:
+            self._refuse("units: 'attitude'", "on quaternions")
         if axes == "0123":
             if rotation not in ("wxyz", "xyzw"):
                 raise self._error(
@@ -155,8 +165,12 @@ class Picker:
                     "the order of the quaternion's four numbers is unknown; "
                     "expected frame: {rotation: wxyz} or xyzw",
                 )
-            order = [rotation.index(letter) for letter in "xyzw"]
-            stream = stream._replace(values=stream.values[:, order])
+            axes = rotation
+        elif frame.rotation not in (None, axes):
+            why = f"where the columns have the order {axes} by their names"
+            self._refuse("frame: 'rotation'", why)
+        order = [axes.index(letter) for letter in "xyzw"]
+        stream = stream._replace(values=stream.values[:, order])
         with np.errstate(over="ignore"):
             norm = np.linalg.norm(stream.values, axis=1)
         # Zeros stand for a body that is not seen; a damaged number may be huge.
@@ -174,8 +188,13 @@ class Picker:
                 "the meaning of its three angles is unknown; expected frame: "
                 "{rotation: XYZ}, an order of Euler angles, or rotation_vector",
             )
+        frame = self._mapping.frame
         if rotation == "rotation_vector":
+            if frame.pitch not in ("", frame.usual_pitch):
+                self._refuse("frame: 'pitch'", "on rotation vectors")
             return _turned(stream, Rotation.from_rotvec)
+        if frame.turns_pitch:
+            stream = stream._replace(values=stream.values * [1.0, -1.0, 1.0])
         order = ["XYZ".index(letter) for letter in rotation.upper()]
         return _turned(stream, lambda v: Rotation.from_euler(rotation, v[:, order]))
 
@@ -230,6 +249,12 @@ class Picker:
             raise self._error(quantities[0], reason)
         values = np.stack(parts, axis=1)
         time = self._scaled("time", self._times(group, quantities[0], len(values)))
+        if starts := find_restarts(time):
+            raise self._error(
+                "time",
+                f"it starts again at value {starts[0] + 1} in '{group.name}' "
+                f"({time[starts[0]]:.9g} s); expected as many restarts in each table",
+            )
         known = np.isfinite(time)
         time, values = time[known], values[known]
         later = np.diff(time, prepend=-np.inf) > 0.0
@@ -244,21 +269,14 @@ class Picker:
         return Stream(time[ahead], values[ahead], group.clock)
 
     def _times(self, group: Group, quantity: str, rows: int) -> Column:
-        """The times of a group's rows, of which there are as many."""
+        """The times of a group's rows."""
         named = self._mapping.columns.get("time", "time")
-        for name in [named] if isinstance(named, str) else named:  # type: ignore[union-attr]
-            column = group.columns.get(name.removeprefix(f"{group.name}."))
-            if column is not None:
-                return column
-        if group.time in group.columns:  # A damaged log may lack it.
-            return group.columns[group.time]
-        for other in self._recording.groups:  # Of the same clock, with as many rows.
-            for name, column in other.columns.items():
-                fits = other.clock == group.clock and len(column.values) == rows
-                if fits and named in (name, f"{other.name}.{name}"):
-                    return column
-        reason = f"no column of times was found for '{quantity}' (named {named!r})"
-        raise self._error("time", reason)
+        assert not isinstance(named, Markers)
+        column = self._recording.find_times(group, named, rows)
+        if column is None:
+            reason = f"no column of times was found for '{quantity}' (named {named!r})"
+            raise self._error("time", reason)
+        return column
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
@@ -282,6 +300,11 @@ class Picker:
                     "expected the same in both."
                 )
         return scale.gain * (column.values - scale.zero)
+
+    def _refuse(self, field: str, why: str) -> NoReturn:
+        """Refuses a field of the mapping that would be ignored."""
+        words = f"{field} has no effect {why}; expected no such field."
+        raise InputError(f"{self._mapping.source}: {words}")
 
     def _field(self, quantity: str) -> str:
         return f"columns: {quantity} (of {self._mapping.source})"

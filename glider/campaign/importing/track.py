@@ -55,7 +55,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         seen = np.isfinite(rotation).all(axis=(1, 2))
     else:
         pitch = _pitches(attitude, time)
-        pitch *= 1.0 if frame.pitch == "nose_down" else -1.0
+        pitch *= 1.0 if (frame.pitch or frame.usual_pitch) == "nose_down" else -1.0
         seen = np.isfinite(pitch)
     position = position @ world.T
     seen &= np.isfinite(position).all(axis=1)

@@ -29,7 +29,7 @@ _READERS: dict[str, tuple[str, Reader]] = {
 
 
 def read_recordings(path: Path) -> list[Recording]:
-    """Reads a file of any known format: one recording, or one of each sheet."""
+    """Reads a file of a known format: one recording, or one of each sheet or struct."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; expected a log.")
     what, reader = _READERS.get(path.suffix.lower(), ("", None))
@@ -54,5 +54,5 @@ def read_recording(path: Path) -> Recording:
     """Reads a file that is one recording; see `read_recordings`."""
     recordings = read_recordings(path)
     if len(recordings) > 1:
-        raise InputError(f"{path}: has {len(recordings)} sheets; expected one.")
+        raise InputError(f"{path}: holds {len(recordings)} recordings; expected one.")
     return recordings[0]

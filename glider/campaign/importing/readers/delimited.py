@@ -123,7 +123,7 @@ def make_column(
             return Column(instants - epoch, "s", epoch=epoch)
     line, cell = rows[bad[0]][0], cells[bad[0]]
     fault = f"column '{name}', row {line}: found {show(cell)}; expected a number."
-    return Column(values, unit, fault)
+    return Column(values, unit, fault, labels=cells)
 
 
 def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:

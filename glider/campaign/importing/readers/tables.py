@@ -10,6 +10,7 @@ import scipy.io
 
 from glider.campaign.importing.readers import delimited
 from glider.campaign.importing.recording import Column, Group, Recording, need
+from glider.campaign.importing.splitting import FEWEST_ROWS
 from glider.errors import InputError
 
 _WIDEST = 16  # Columns of a matrix that is looked into.
@@ -32,6 +33,11 @@ def read_parquet(path: Path) -> Recording:
             columns[name] = Column(numbers, kind.unit)
         elif types.is_integer(kind) or types.is_floating(kind):
             columns[bare] = Column(values.to_numpy().astype(float), unit)
+        elif types.is_string(kind) or types.is_dictionary(kind):
+            labels = ["" if cell is None else str(cell) for cell in values.to_pylist()]
+            fault = f"column '{name}' is text; expected numbers."
+            nothing = np.full(len(labels), np.nan)
+            columns[name] = Column(nothing, fault=fault, labels=labels)
         elif types.is_list(kind) or types.is_fixed_size_list(kind):
             rows = values.to_pylist()
             if len({len(row) for row in rows if row is not None}) == 1:
@@ -40,36 +46,64 @@ def read_parquet(path: Path) -> Recording:
     return Recording(path, (Group("", columns),))
 
 
-def read_mat(path: Path) -> Recording:
+def read_mat(path: Path) -> list[Recording]:
     """Reads arrays, named as in MATLAB: log.x, matrix[0]; a struct's are a group.
 
-    SciPy, which is there anyway, reads all versions but 7.3.
+    Each element of an array of structs, or cell of arrays, is a recording; arrays that
+    are in none belong to all. SciPy, which is there anyway, reads all versions but 7.3.
     """
     try:
         content = scipy.io.loadmat(path, simplify_cells=True)
     except NotImplementedError:  # Of version 7.3, says SciPy.
         content = need("pymatreader", path).read_mat(path)
-    groups: dict[tuple[str, int], dict[str, Column]] = {}
-    for name, array in _arrays("", content):
-        parent, _, own = name.rpartition(".")
-        for label, values in _vectors(own, array):
-            groups.setdefault((parent, len(values)), {})[label] = Column(values)
-    if not groups:
+    arrays = list(_arrays("", (), content))
+    places = sorted({place for place, _, _ in arrays})
+    recordings = []
+    for place in places:
+        if any(place == other[: len(place)] for other in places if other != place):
+            continue  # Others are within it.
+        groups: dict[tuple[str, int], dict[str, Column]] = {}
+        for own, name, array in arrays:
+            if own == place[: len(own)]:
+                parent, _, last = name.rpartition(".")
+                for label, values in _vectors(last, array):
+                    groups.setdefault((parent, len(values)), {})[label] = Column(values)
+        here = path.joinpath(*(str(index + 1) for index in place))
+        named = tuple(Group(n, c) for (n, _), c in groups.items())
+        recordings += [Recording(here, named)] if named else []
+    if not recordings:
         raise InputError(
             f"{path}: holds no vector or matrix of numbers; expected one at least, in "
-            "a variable or a struct (of an array of structs, write one file each)."
+            "a variable or a struct."
         )
-    return Recording(path, tuple(Group(n, c) for (n, _), c in groups.items()))
+    return recordings
 
 
-def _arrays(prefix: str, content: object) -> Iterator[tuple[str, np.ndarray]]:
+def _arrays(
+    name: str, place: tuple[int, ...], content: object
+) -> Iterator[tuple[tuple[int, ...], str, np.ndarray]]:
+    """Yields the arrays of numbers, each with the indices of cells around it."""
     if isinstance(content, dict):
         # pymatreader's order of names changes from run to run.
-        for name, value in sorted(content.items()):
-            if not name.startswith(("__", "#")):
-                yield from _arrays(f"{prefix}.{name}" if prefix else name, value)
-    elif isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
-        yield prefix, content
+        for field, value in sorted(content.items()):
+            if not field.startswith(("__", "#")):
+                yield from _arrays(f"{name}.{field}" if name else field, place, value)
+    elif isinstance(content, list) or _kind(content) == "O":
+        cells = np.ravel(content) if isinstance(content, np.ndarray) else content
+        inside = [
+            found
+            for i, cell in enumerate(cells)
+            for found in _arrays(name, (*place, i), cell)
+        ]
+        if any(max(array.shape, default=0) >= FEWEST_ROWS for _, _, array in inside):
+            yield from inside
+    elif _kind(content) in "fiub":
+        assert isinstance(content, np.ndarray)
+        yield place, name, content
+
+
+def _kind(content: object) -> str:
+    return content.dtype.kind if isinstance(content, np.ndarray) else "-"
 
 
 def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from glider.campaign.importing.recording import Column, Group, Recording, need
+from glider.campaign.importing.splitting import find_restarts
 from glider.errors import InputError
 
 _TIME = "time"
@@ -141,20 +142,29 @@ class _Topics:
 
     def __init__(self) -> None:
         self.rows: dict[str, list[dict[str, float]]] = defaultdict(list)
+        self._times: dict[str, list[tuple[float, float]]] = defaultdict(list)
 
     def add(self, topic: str, recorded: int, message: object) -> None:
         """Adds a message, and when it was recorded [ns]."""
         row = dict(_leaves("", message))
-        row[_TIME] = next(_stamps(row), recorded * 1e-9)
+        self._times[topic].append((next(_stamps(row), 0.0), recorded * 1e-9))
         self.rows[topic].append(row)
 
     def recording(self, path: Path) -> Recording:
-        """All topics, each in the order of its times."""
+        """All topics, each in the order of its times, from restart to restart."""
         groups = []
         for topic, rows in self.rows.items():
-            rows.sort(key=lambda row: row[_TIME])
+            stamps, recorded = np.array(self._times[topic]).T
+            times = stamps if np.any(stamps > 0.0) else recorded
+            parts = np.split(np.arange(len(times)), find_restarts(times))
+            order = np.concatenate(
+                [p[np.argsort(times[p], kind="stable")] for p in parts]
+            )
             names = dict.fromkeys(name for row in rows for name in row)
-            values = {n: np.array([row.get(n, np.nan) for row in rows]) for n in names}
+            values = {
+                n: np.array([rows[i].get(n, np.nan) for i in order]) for n in names
+            }
+            values[_TIME] = times[order]
             columns = {name: Column(column) for name, column in values.items()}
             columns[_TIME] = Column(values[_TIME], "s")
             groups.append(Group(topic, columns, _TIME))
@@ -183,10 +193,8 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _stamps(row: dict[str, float]) -> Iterator[float]:
-    """Yields the times [s] that a message itself has; those of zero are none."""
+    """Yields the times [s] that a message itself has."""
     for stamp, second, fraction in itertools.product(_STAMPS, _SECONDS, _NANOSECONDS):
         names = f"{stamp}.{second}", f"{stamp}.{fraction}"
         if all(name in row for name in names):
-            time = row[names[0]] + 1e-9 * row[names[1]]
-            if time > 0.0:
-                yield time
+            yield row[names[0]] + 1e-9 * row[names[1]]
