@@ -5,7 +5,15 @@ import math
 from pathlib import Path
 
 from glider.commands.output import working
-from glider.commands.parsing import Commands, add_command, add_json, check_seed
+from glider.commands.parsing import (
+    Commands,
+    add_command,
+    add_json,
+    add_number,
+    add_path,
+    add_switch,
+    check_seed,
+)
 from glider.errors import InputError, expect
 from glider.progress import Step
 
@@ -55,68 +63,29 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
     )
     parser.add_argument("funnel", type=Path, help="file of a funnel (.npz)")
-    parser.add_argument(
-        "--model",
-        metavar="YAML",
-        type=Path,
-        help="model or vehicle that the funnel must be of (default: any)",
+    words = "model or vehicle that the funnel must be of (default: any)"
+    add_path(parser, "--model", "YAML", words)
+    words = "problem that it must solve (default: the article's)"
+    add_path(parser, "--problem", "YAML", words)
+    words = "the problem's hook must accept every state of its last set"
+    add_switch(parser, "--hook", words)
+    words = "check every N-th time or interval only, and the last (default: all)"
+    add_number(parser, "--every", words, 1)
+    words = "prove that no flight leaves it, in continuous time; takes minutes"
+    add_switch(parser, "--prove", words)
+    words = "with --prove: record what is proven in FILE, and continue from it"
+    add_path(parser, "--resume", "FILE", words)
+    words = f"fly gliders that the data allow with this probability (default: {LEVEL})"
+    parser.add_argument("--confidence", metavar="P", nargs="?", const=LEVEL, help=words)
+    words = "with --confidence: a box of intervals instead of an ellipsoid"
+    add_switch(parser, "--box", words)
+    words = (
+        "with --confidence: flights before the climb, which adds half as many again "
+        f"and more (default: {FLIGHTS})"
     )
-    parser.add_argument(
-        "--problem",
-        metavar="YAML",
-        type=Path,
-        help="problem that it must solve (default: the article's)",
-    )
-    parser.add_argument(
-        "--hook",
-        action="store_true",
-        help="the problem's hook must accept every state of its last set",
-    )
-    parser.add_argument(
-        "--every",
-        metavar="N",
-        type=int,
-        default=1,
-        help="check every N-th time or interval only, and the last (default: all)",
-    )
-    parser.add_argument(
-        "--prove",
-        action="store_true",
-        help="prove that no flight leaves it, in continuous time; takes minutes",
-    )
-    parser.add_argument(
-        "--resume",
-        metavar="FILE",
-        type=Path,
-        help="with --prove: record what is proven in FILE, and continue from it",
-    )
-    parser.add_argument(
-        "--confidence",
-        metavar="P",
-        nargs="?",
-        const=LEVEL,
-        help="fly gliders that the data allow with this probability "
-        f"(default: {LEVEL:g})",
-    )
-    parser.add_argument(
-        "--box",
-        action="store_true",
-        help="with --confidence: a box of intervals instead of an ellipsoid",
-    )
-    parser.add_argument(
-        "--flights",
-        metavar="N",
-        type=int,
-        help="with --confidence: flights before the climb, which adds half as many "
-        f"again and more (default: {FLIGHTS})",
-    )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=int,
-        help="with --confidence: of the draws; the same seed, the same flights "
-        f"(default: {SEED})",
-    )
+    add_number(parser, "--flights", words)
+    words = "with --confidence: of the draws; the same seed, the same flights "
+    add_number(parser, "--seed", f"{words}(default: {SEED})")
     add_json(parser, "JSON instead of sentences")
 
 

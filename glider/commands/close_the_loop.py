@@ -1,21 +1,19 @@
 """The command `close-the-loop`: find what the model lacks, from logs of flights."""
 
 import argparse
-from pathlib import Path
 
 from glider.commands.output import output, working
 from glider.commands.parsing import (
     Commands,
+    add_campaign,
     add_command,
     add_json,
     add_out,
     add_seed,
     check_seed,
-    complete,
-    complete_campaign,
-    complete_effects,
     names,
     output_folder,
+    propose_effects,
 )
 
 _DESCRIPTION = """\
@@ -52,10 +50,7 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )
-    campaign = parser.add_argument(
-        "campaign", type=Path, help="folder of flight logs, its .zip, or a sample"
-    )
-    complete(campaign, complete_campaign)
+    add_campaign(parser)
     files = "report.json, report.html, model.yaml and figures/"
     add_out(parser, files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
@@ -83,7 +78,7 @@ def add(commands: Commands) -> None:
         help="try only these effects; others cannot be found then "
         "(default: the whole library)",
     )
-    complete(effects, complete_effects)
+    effects.completer = propose_effects  # type: ignore[attr-defined]
     add_json(parser, "report.json instead of the summary")
 
 

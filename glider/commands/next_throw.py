@@ -1,18 +1,18 @@
 """The command `next-throw`: throws that distinguish a campaign's explanations."""
 
 import argparse
-from pathlib import Path
 
 from glider.commands.output import output, working
 from glider.commands.parsing import (
     Commands,
+    add_campaign,
     add_command,
     add_json,
+    add_number,
     add_out,
+    add_path,
     add_seed,
     check_seed,
-    complete,
-    complete_campaign,
     output_folder,
 )
 from glider.errors import expect
@@ -59,30 +59,13 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
         epilog=_EPILOG,
     )
-    campaign = parser.add_argument("campaign", type=Path, help="folder of flight logs")
-    complete(campaign, complete_campaign)
-    parser.add_argument(
-        "--report",
-        type=Path,
-        metavar="DIR",
-        help="folder that close-the-loop wrote of it (default: closes the loop first)",
-    )
-    parser.add_argument(
-        "--launches",
-        metavar="N",
-        type=int,
-        default=3,
-        help="how many throws to propose (default: 3)",
-    )
-    parser.add_argument(
-        "--limits", type=Path, metavar="FILE.yaml", help="limits of the throws"
-    )
-    parser.add_argument(
-        "--funnel",
-        type=Path,
-        metavar="FILE.npz",
-        help="funnel that every throw keeps inside (default: none)",
-    )
+    add_campaign(parser)
+    words = "folder that close-the-loop wrote of it (default: closes the loop first)"
+    add_path(parser, "--report", "DIR", words)
+    add_number(parser, "--launches", "how many throws to propose (default: 3)", 3)
+    add_path(parser, "--limits", "FILE.yaml", "limits of the throws")
+    words = "funnel that every throw keeps inside (default: none)"
+    add_path(parser, "--funnel", "FILE.npz", words)
     files = "commands_N.csv, next_throw.json and next_throw.png"
     add_out(parser, files, "out/CAMPAIGN/next_throw")
     add_seed(parser, "of the search")

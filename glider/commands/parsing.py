@@ -32,35 +32,33 @@ def add_command(
     return parser
 
 
-Completer = Callable[..., Iterable[str]]
-"""Proposes words for the TAB key; the keyword `prefix` is what is typed already."""
-
-
-def complete(argument: argparse.Action, completer: Completer) -> None:
-    """Sets what the TAB key proposes for an argument, which is files otherwise."""
-    argument.completer = completer  # type: ignore[attr-defined]
-
-
-def complete_sample(**typed: object) -> Iterable[str]:
-    """Proposes the samples."""
+def propose_samples(**typed: object) -> Iterable[str]:
+    """The samples, for the TAB key."""
     from glider.campaign.samples import sample_names
 
     return sample_names()
 
 
-def complete_campaign(prefix: str, **typed: object) -> Iterable[str]:
-    """Proposes the samples, folders and .zip files."""
+def _propose_campaigns(prefix: str, **typed: object) -> Iterable[str]:
+    """Samples, folders and .zip files."""
     from argcomplete.completers import FilesCompleter
 
-    return [*complete_sample(), *FilesCompleter("zip")(prefix)]
+    return [*propose_samples(), *FilesCompleter("zip")(prefix)]
 
 
-def complete_effects(prefix: str, **typed: object) -> Iterable[str]:
-    """Proposes effects that the list has not."""
+def propose_effects(prefix: str, **typed: object) -> Iterable[str]:
+    """Effects, also after others and a comma, for the TAB key."""
     from glider.physics.effects import KINDS
 
     before, comma, _ = prefix.rpartition(",")
     return [before + comma + kind for kind in KINDS if kind not in before.split(",")]
+
+
+def add_campaign(parser: argparse.ArgumentParser) -> None:
+    """Adds the campaign that a command works on."""
+    words = "folder of flight logs, its .zip, or a sample"
+    campaign = parser.add_argument("campaign", type=Path, help=words)
+    campaign.completer = _propose_campaigns  # type: ignore[attr-defined]
 
 
 def names(text: str) -> list[str]:
@@ -68,21 +66,38 @@ def names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def add_path(
+    parser: argparse._ActionsContainer, name: str, metavar: str, words: str
+) -> None:
+    """Adds an option for a file or folder."""
+    parser.add_argument(name, type=Path, metavar=metavar, help=words)
+
+
 def add_out(parser: argparse.ArgumentParser, files: str, default: str) -> None:
     """Adds --out, the folder of what a command writes."""
-    words = f"where to write {files} (default: {default})"
-    parser.add_argument("--out", type=Path, metavar="DIR", help=words)
+    add_path(parser, "--out", "DIR", f"where to write {files} (default: {default})")
+
+
+def add_switch(parser: argparse._ActionsContainer, name: str, words: str) -> None:
+    """Adds an option without a value."""
+    parser.add_argument(name, action="store_true", help=words)
 
 
 def add_json(parser: argparse._ActionsContainer, words: str) -> None:
     """Adds --json, which prints that instead of text for people."""
-    parser.add_argument("--json", action="store_true", help=f"print {words}")
+    add_switch(parser, "--json", f"print {words}")
+
+
+def add_number(
+    parser: argparse.ArgumentParser, name: str, words: str, default: int | None = None
+) -> None:
+    """Adds an option for an integer."""
+    parser.add_argument(name, metavar="N", type=int, default=default, help=words)
 
 
 def add_seed(parser: argparse.ArgumentParser, words: str) -> None:
     """Adds --seed, of what is drawn at random; see `check_seed`."""
-    help = f"{words} (default: 0)"
-    parser.add_argument("--seed", metavar="N", type=int, default=0, help=help)
+    add_number(parser, "--seed", f"{words} (default: 0)", 0)
 
 
 def check_seed(seed: int) -> None:

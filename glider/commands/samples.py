@@ -2,14 +2,14 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 from glider.commands.parsing import (
     Commands,
     add_command,
     add_json,
-    complete,
-    complete_sample,
+    add_path,
+    add_switch,
+    propose_samples,
 )
 from glider.errors import InputError
 
@@ -30,16 +30,11 @@ def add(commands: Commands) -> None:
         description=_DESCRIPTION,
     )
     name = parser.add_argument("name", nargs="?", help="a sample (default: all)")
-    complete(name, complete_sample)
+    name.completer = propose_samples  # type: ignore[attr-defined]
     what = parser.add_mutually_exclusive_group()
-    what.add_argument(
-        "--out", type=Path, metavar="DIR", help="write the named sample there, as CSV"
-    )
-    what.add_argument(
-        "--tables",
-        action="store_true",
-        help="close the loop on each, or on the named one; takes minutes",
-    )
+    add_path(what, "--out", "DIR", "write the named sample there, as CSV")
+    words = "close the loop on each, or on the named one; takes minutes"
+    add_switch(what, "--tables", words)
     add_json(what, "the list as JSON")
 
 
