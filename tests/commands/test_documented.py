@@ -31,7 +31,7 @@ def shown(program):
     for page in PAGES:
         text = re.sub(r" *\\{1,2}\n#? *", " ", page.read_text("utf-8"))
         for match in IN_BLOCK.findall(text) + IN_TEXT.findall(text):
-            line = re.sub(r"\n#?|\s#.*$|[][]", " ", match)  # Optional is as good.
+            line = re.sub(r"\n#?|\s#.*$|\|.*$|[][]", " ", match)  # Optional is as good.
             if "= " in line or line.endswith("."):
                 continue  # Code and prose.
             first, *words = shlex.split(line)
@@ -47,12 +47,11 @@ def identify(case):
 @pytest.mark.parametrize("case", shown("glider"), ids=identify)
 def test_a_shown_command_is_parsed(case, capsys):
     words = [{"N": "3"}.get(word, word) for word in case[1]]
-    if len(words) > 1:
-        make_parser().parse_args(words)
-    else:  # Its name alone.
-        with pytest.raises(SystemExit) as stop:
-            make_parser().parse_args([*words, "--help"])
-        assert stop.value.code == 0
+    is_name_alone = len(words) == 1
+    try:
+        make_parser().parse_args([*words, "--help"] if is_name_alone else words)
+    except SystemExit as stop:
+        assert stop.code == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("case", shown("make"), ids=identify)
