@@ -17,16 +17,16 @@ from glider.commands import (
 )
 from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 
-COMMANDS = (
-    close_the_loop,
-    compare,
-    next_throw,
-    import_logs,
-    check_funnel,
-    samples,
-    doctor,
-)
-"""In the order of the help."""
+COMMANDS = {
+    "close-the-loop": (close_the_loop, "find what the model lacks, from flight logs"),
+    "compare": (compare, "show what changed between the reports of two campaigns"),
+    "next-throw": (next_throw, "propose the most informative next throws"),
+    "import": (import_logs, "convert logs of other software into a campaign"),
+    "check-funnel": (check_funnel, "check a saved funnel in exact arithmetic"),
+    "samples": (samples, "list the campaigns that ship with this package"),
+    "doctor": (doctor, "check this installation"),
+}
+"""Their modules and what they do, in the order of the help."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -105,8 +105,16 @@ def make_parser() -> argparse.ArgumentParser:
         'put eval "$(glider --print-completion bash)" into ~/.bashrc',
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
+    for name, (command, words) in COMMANDS.items():
+        subparser = commands.add_parser(
+            name,
+            help=words,
+            description=command.DESCRIPTION,
+            epilog=getattr(command, "EPILOG", None),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
     return parser
 
 

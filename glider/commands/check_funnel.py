@@ -6,8 +6,6 @@ from pathlib import Path
 
 from glider.commands.output import working
 from glider.commands.parsing import (
-    Commands,
-    add_command,
     add_json,
     add_number,
     add_path,
@@ -30,7 +28,7 @@ MOST_FLIGHTS = 1_000_000
 SEED = 0
 """Default seed of the draws."""
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Checks the certificate of a funnel: that its flight leads from a problem's launch to
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
 that the servo stays within its limits; and that it ends in the goal. No solver and no
@@ -53,15 +51,8 @@ is not a funnel.
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "check-funnel",
-        run,
-        help="check a saved funnel, exactly and without a solver",
-        description=_DESCRIPTION,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     parser.add_argument("funnel", type=Path, help="file of a funnel (.npz)")
     words = "model or vehicle that the funnel must be of (default: any)"
     add_path(parser, "--model", "YAML", words)

@@ -4,9 +4,7 @@ import argparse
 
 from glider.commands.output import output, working
 from glider.commands.parsing import (
-    Commands,
     add_campaign,
-    add_command,
     add_json,
     add_out,
     add_seed,
@@ -16,7 +14,7 @@ from glider.commands.parsing import (
     propose_effects,
 )
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Finds what a glider's model lacks, from logs of its flights.
 
 The logs are smoothed, the residual of the flat-plate model is traced to a physical
@@ -24,7 +22,7 @@ effect of the library (wind, a slow servo, attached lift, ...), the effect is ad
 to the model, and the errors on held-out flights are reported before and after.
 """
 
-_EPILOG = """\
+EPILOG = """\
 A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
 and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
 positive pitch is nose down), or that folder as .zip, or the name of a sample:
@@ -40,16 +38,8 @@ exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be wr
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "close-the-loop",
-        run,
-        help="find what the model lacks, from logs of flights",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     add_campaign(parser)
     files = "report.json, report.html, model.yaml and figures/"
     add_out(parser, files, "out/CAMPAIGN")

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from glider.commands.output import output
-from glider.commands.parsing import Commands, add_command, add_json, add_out
+from glider.commands.parsing import add_json, add_out
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Compares the reports of two campaigns value by value: did last week's change to the
 glider make a difference? A change is reported if it is larger than the standard errors
 of both reports explain.
@@ -15,15 +15,8 @@ exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "compare",
-        run,
-        help="show what changed between the reports of two campaigns",
-        description=_DESCRIPTION,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     for name, letter in (("first", "A"), ("second", "B")):
         parser.add_argument(
             name,

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from glider.commands.output import line_width
-from glider.commands.parsing import Commands, add_command, add_json
+from glider.commands.parsing import add_json
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Checks this installation and says how to fix what does not work: Python, libraries and
 extras, models, threads, cache, output folder, compiler, Drake and its solvers.
 
@@ -185,10 +185,8 @@ CHECKS = {
 """What is checked to how, the quick ones first."""
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    words = "check this installation"
-    parser = add_command(commands, "doctor", run, help=words, description=_DESCRIPTION)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     add_json(parser, "JSON instead of sentences")
 
 

@@ -3,10 +3,9 @@
 import argparse
 from pathlib import Path
 
-from glider.commands.parsing import Commands, add_command
 from glider.errors import InputError
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Converts logs of other software into a campaign folder: CSV of any dialect, Excel .xlsx,
 OptiTrack Motive and Vicon exports, C3D, PX4 ULog, MATLAB .mat, MCAP, ROS bags, Parquet.
 
@@ -16,7 +15,7 @@ is written if the flights contradict the map: they must fall down, nose ahead, a
 in the direction of their elevator.
 """
 
-_EPILOG = """\
+EPILOG = """\
 examples:
   glider import takes/*.csv --guess --map MAP.yaml   # proposes a map
   glider import takes/*.csv --map MAP.yaml --out throws
@@ -27,16 +26,8 @@ maps by example.
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "import",
-        run,
-        help="convert logs of other software into a campaign",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     parser.add_argument("files", metavar="FILES", type=Path, nargs="+", help="the logs")
     parser.add_argument(
         "--map",

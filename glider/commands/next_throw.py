@@ -4,9 +4,7 @@ import argparse
 
 from glider.commands.output import output, working
 from glider.commands.parsing import (
-    Commands,
     add_campaign,
-    add_command,
     add_json,
     add_number,
     add_out,
@@ -17,14 +15,14 @@ from glider.commands.parsing import (
 )
 from glider.errors import expect
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Proposes the next throws of a campaign: launches and elevator commands that best
 distinguish the explanations that its flights leave, then tighten the coefficients that
 move the end of a flight. It reports what to expect of them, how many throws of the
 present kind would achieve the same, and when nothing more is to be learned.
 """
 
-_EPILOG = """\
+EPILOG = """\
 Throws stay within what was flown: launch, floor, speed; --limits FILE.yaml has others:
 
   launch_height: [0.0, 0.4]   # m; launch_speed [m/s], launch_climb, launch_pitch [rad]
@@ -49,16 +47,8 @@ exit code: 0 when it ran, 2 when the input cannot be used.
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "next-throw",
-        run,
-        help="propose throws that distinguish a campaign's explanations",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     add_campaign(parser)
     words = "folder that close-the-loop wrote of it (default: closes the loop first)"
     add_path(parser, "--report", "DIR", words)

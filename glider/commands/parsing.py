@@ -1,35 +1,11 @@
-"""What the commands share: how one is added, and arguments that several have."""
+"""Arguments that several commands have, and what the TAB key proposes for them."""
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 from glider.errors import InputError, expect
 from glider.files.writing import check_writable
-
-Commands = argparse._SubParsersAction
-"""What `ArgumentParser.add_subparsers` returns."""
-
-
-def add_command(
-    commands: Commands,
-    name: str,
-    run: Callable[[argparse.Namespace], int],
-    *,
-    help: str,
-    description: str,
-    epilog: str | None = None,
-) -> argparse.ArgumentParser:
-    """Adds a command, whose `run` returns the exit code; texts keep their layout."""
-    parser = commands.add_parser(
-        name,
-        help=help,
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
-    return parser
 
 
 def propose_samples(**typed: object) -> Iterable[str]:

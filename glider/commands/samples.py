@@ -3,32 +3,18 @@
 import argparse
 from collections.abc import Sequence
 
-from glider.commands.parsing import (
-    Commands,
-    add_command,
-    add_json,
-    add_path,
-    add_switch,
-    propose_samples,
-)
+from glider.commands.parsing import add_json, add_path, add_switch, propose_samples
 from glider.errors import InputError
 
-_DESCRIPTION = """\
+DESCRIPTION = """\
 Lists the campaigns that ship with this package, with their contents and how to run one.
 With a name and --out, writes that campaign as a folder of CSV files, to look at or to
 start from. With --tables, closes the loop on each and prints a line of results.
 """
 
 
-def add(commands: Commands) -> None:
-    """Adds the command to a parser's."""
-    parser = add_command(
-        commands,
-        "samples",
-        run,
-        help="list the campaigns that ship with this package",
-        description=_DESCRIPTION,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds its arguments to a parser."""
     name = parser.add_argument("name", nargs="?", help="a sample (default: all)")
     name.completer = propose_samples  # type: ignore[attr-defined]
     what = parser.add_mutually_exclusive_group()
