@@ -69,6 +69,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: the whole library)",
     )
     effects.completer = propose_effects  # type: ignore[attr-defined]
+    parser.add_argument(
+        "--trim",
+        metavar="SPEED|ALPHA",
+        help="take stability and control derivatives in the steady glide at this "
+        "airspeed, 6.5 [m/s], or angle of attack, 8deg (default: at the median state "
+        "of the flights)",
+    )
+    parser.add_argument(
+        "--chord",
+        metavar="METRES",
+        type=float,
+        help="reference length of moments and pitch rates (default: arm of the tail)",
+    )
     add_json(parser, "report.json instead of the summary")
 
 
@@ -86,6 +99,8 @@ def run(args: argparse.Namespace) -> int:
             held_out=args.held_out,
             seed=args.seed,
             effects=args.effects,
+            trim=args.trim,
+            chord=args.chord,
             progress=progress,
         )
     # Matplotlib takes half a second to import: not before the input is read.

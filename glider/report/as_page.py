@@ -6,6 +6,7 @@ column of numbers 3.
 
 import dataclasses
 import functools
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,24 @@ def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
     columns = _Columns()
     found = {name: columns.packed(figure) for name, figure in figures.items()}
     return {"figures": found, "columns": columns.values}
+
+
+def with_contents(page: str) -> Markup:
+    """Gives each section of a page an anchor, and links to all below the header."""
+    links = []
+
+    def anchored(found: re.Match) -> str:
+        text = Markup(found[1]).striptags()
+        anchor = "section-" + "-".join(re.findall(r"\w+", text.lower()))
+        links.append(f'<a href="#{anchor}">{found[1]}</a>')
+        return f'<h2 id="{anchor}">{found[1]}</h2>'
+
+    page = re.sub(r"<h2>(.*?)</h2>", anchored, page)
+    contents = f'<nav class="contents" aria-label="Contents">{" ".join(links)}</nav>'
+    return Markup(page.replace("</header>", f"</header>\n{contents}", 1))
+
+
+TEMPLATES.filters["with_contents"] = with_contents
 
 
 def _script(data: Any) -> Markup:

@@ -19,6 +19,13 @@ PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
 """Fields of `Errors`, as in report.json."""
 
 
+FIT = "Fit of free rollouts"
+"""Group of rows where more is better; they have no noise and no gain."""
+
+CHANNELS = ("x", "z", "pitch")
+"""Measured coordinates of a pose."""
+
+
 class ErrorRow(NamedTuple):
     """A row of the table of errors, all of it text in one unit.
 
@@ -42,6 +49,7 @@ _ROWS = (
     ("Free rollout", "position, end", END, None),
     ("Free rollout", "pitch, RMS", PITCH, DEGREE),
     ("Along measured pitch", "position, RMS", ALONG, None),
+    *((FIT, name, f"fit_percent.{name}", Unit(name="%")) for name in CHANNELS),
 )
 """Group, name and field of `Errors`, and its unit where that is always the same."""
 
@@ -53,7 +61,7 @@ def error_rows(result: Result) -> list[ErrorRow]:
         values = {m: error_of(result, m, field) for m in columns_of(result)}
         noise = noise_floor(result, field)
         of_row = unit or unit_beside_noise(result, *values.values())
-        before = values.get(baseline(result), math.nan)
+        before = values.get(baseline(result), math.nan) if group != FIT else math.nan
         rows.append(
             ErrorRow(
                 group=group,
@@ -107,7 +115,7 @@ def noise_floor(result: Result, field: str) -> float:
         ALONG: math.sqrt(2.0) * position,
         END: math.sqrt(math.pi / 2.0) * position,
         PITCH: pitch,
-    }[field]
+    }.get(field, math.nan)
 
 
 _ACCELERATIONS = tuple(field for _, _, field, _ in _ROWS[:3])

@@ -85,15 +85,18 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         hover = f"{name}, {LABELS[model]}<br>%{{customdata:.3f}} s: {what}"
         return spec.Line(model, x, y, hover=hover, extra=time)
 
-    poses = {"measured": measured, **flown}
+    degrees = np.array([1.0, 1.0, math.degrees(1.0)])
+    poses = {m: pose * degrees for m, pose in {"measured": measured, **flown}.items()}
     place, angle = "x %{x:.3f} m, z %{y:.3f} m", "pitch %{y:.2f}°"
     paths = [line(m, p[:, 0], p[:, 1], place) for m, p in poses.items()]
-    pitches = [line(m, time, np.degrees(p[:, 2]), angle) for m, p in poses.items()]
+    pitches = [line(m, time, p[:, 2], angle) for m, p in poses.items()]
     distances = [
         line(m, time, np.where(d > 0.0, d, math.nan), "%{y:.3r} m away")
         for m, d in apart.items()
     ]
-    x, z, pitch = measured.T
+    x, z, _ = measured.T
+    columns = zip(*(pose.T for pose in poses.values()), strict=True)
+    x_range, z_range, pitch_range = (_range_of(*own) for own in columns)
     launch = x[fitted], z[fitted]
     begin, end = float(time[0]), float(time[-1])
     start = spec.Ground(begin, flight.fitted_until, key="fitted")
@@ -104,15 +107,15 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         spec.Panel(
             name,
             [spec.Points("fitted", *launch, hover="", size=12.0, opacity=0.3), *paths],
-            spec.Axis("x [m]", bounds(x, 0.06, 0.0)),
-            spec.Axis("z [m]", bounds(z, 0.35, 0.0)),
+            spec.Axis("x [m]", x_range),
+            spec.Axis("z [m]", z_range),
             height=250,
         ),
         spec.Panel(
             "pitch, nose down > 0 [°]",
             [start, *pitches],
             clock,
-            spec.Axis(range=bounds(np.degrees(pitch), 0.35, 0.0)),
+            spec.Axis(range=pitch_range),
             height=250,
         ),
         spec.Panel(
@@ -123,6 +126,17 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
             height=250,
         ),
     ]
+
+
+def _range_of(measured: np.ndarray, *flown: np.ndarray) -> tuple[float, float] | None:
+    """Limits that show a measured column and what the models make of it.
+
+    A model that leaves it by more than 1.5 times its own range is cut there.
+    """
+    low, high = np.nanmin(measured), np.nanmax(measured)
+    beyond = 1.5 * (high - low)
+    near = [np.clip(own, low - beyond, high + beyond) for own in flown]
+    return bounds(np.concatenate([measured, *near]), quantile=0.0)
 
 
 def _stem(name: str) -> str:
@@ -221,3 +235,35 @@ def _spread_panel(title: str, spread: Spread) -> spec.Panel:
         [spec.Level(), spec.Ground(-half, half, along="y", key="own"), points],
         spec.Axis("flight, in the order of the campaign", (0.0, len(own) + 1.0)),
     )
+
+
+def innovations_figure(result: Result) -> spec.Figure | None:
+    """Correlations of the innovations with themselves and with the elevator."""
+    found = result.innovations
+    if found is None:
+        return None
+    keys = {m: LABELS[m] for m in found.autocorrelation}
+    # At no lag a channel is one with itself.
+    parts = [("autocorrelation of {}", found.autocorrelation, 1)]
+    if found.with_elevator:
+        parts.append(("{} and earlier elevator", found.with_elevator, 0))
+    panels = []
+    for title, correlations, first in parts:
+        for channel in error_table.CHANNELS:
+            rows = {m: own[channel][first:] for m, own in correlations.items()}
+            most = np.nanmax(np.abs([found.band, *np.concatenate([*rows.values()])]))
+            lines = [
+                spec.Line(m, found.lag_s[first:], row, has_dots=True, is_solid=True)
+                for m, row in rows.items()
+            ]
+            band = spec.Ground(-found.band, found.band, along="y")
+            panel = spec.Panel(
+                title.format(channel),
+                [spec.Level(), band, *lines],
+                spec.Axis("lag [s]", link="lag"),
+                spec.Axis(range=(-1.15 * most, 1.15 * most)),
+                height=230,
+            )
+            panels.append(panel)
+    keys["soft"] = "95 % of white noise"
+    return spec.Figure(keys=keys, panels=panels)

@@ -26,6 +26,7 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "evidence": model_figures.evidence_figure,
     "folds": flight_figures.folds_figure,
     "held_out": flight_figures.held_out_figure,
+    "innovations": flight_figures.innovations_figure,
     "spreads": flight_figures.spreads_figure,
     "residual": model_figures.residual_figure,
 }

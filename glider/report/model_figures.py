@@ -13,7 +13,7 @@ from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
-from glider.report.plots.binning import symlog, symlog_ticks
+from glider.report.plots.binning import symlog
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import Curve, ResidualTable, Result
 
@@ -64,8 +64,8 @@ def errors_figure(result: Result) -> spec.Figure | None:
     return spec.Figure(
         keys={m: LABELS[m] for m in models} | {"noise": "noise of the measurement"},
         panels=[_error_panel(result, models, *panel) for panel in _ERROR_PANELS],
-        columns=len(_ERROR_PANELS),
-        least_width=14.0,
+        columns=2,
+        least_width=24.0,
     )
 
 
@@ -144,14 +144,15 @@ def evidence_figure(result: Result) -> spec.Figure | None:
     for place, kind in enumerate(ranked):
         key = "confused" if kind in confused else "other"
         groups.setdefault("chosen" if kind in kinds else key, []).append(place)
-    texts = [_nats(values[kind]) for kind in ranked]
+    ticks = [0.0, *(high / 10.0**k for k in range(int(math.log10(high / 2.0))))]
+    texts = [_percent(values[kind], high) for kind in ranked]
     bars = [
         spec.Bars(
             key=key,
             places=np.array(places, dtype=float),
             values=np.array(lengths)[places],
             texts=[texts[p] for p in places],
-            hover="%{hovertext} nats",
+            hover="%{hovertext}",
             names=[f"{names[p]}: {texts[p]}" for p in places],
             width=0.72,
             is_across=True,
@@ -163,9 +164,9 @@ def evidence_figure(result: Result) -> spec.Figure | None:
         title="",
         marks=bars,
         x=spec.Axis(
-            label="evidence when tried alone [nats], linear below 10",
+            label="evidence when tried alone, of the best",
             range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
-            ticks={symlog(t): f"{t:,.0f}" for t in symlog_ticks(low, high)},
+            ticks={symlog(t): _percent(t, high) for t in ticks},
         ),
         y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
         height=80 + 21 * len(names),
@@ -174,10 +175,12 @@ def evidence_figure(result: Result) -> spec.Figure | None:
     return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
 
 
-def _nats(value: float) -> str:
-    if not math.isfinite(value):
+def _percent(value: float, whole: float) -> str:
+    """A share in percent of two digits."""
+    share = 100.0 * value / whole
+    if not math.isfinite(share):
         return "none"
-    return f"{value:,.0f}" if abs(value) >= 10.0 else f"{value:.1f}"
+    return f"{share:.0f} %" if abs(share) >= 10.0 else f"{share:.2g} %"
 
 
 def curves_figure(result: Result) -> spec.Figure | None:

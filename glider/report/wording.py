@@ -3,6 +3,7 @@
 Sentences are in templates/sentences.txt, errors in `error_table`.
 """
 
+import dataclasses
 import math
 from collections.abc import Iterable, Sized
 from typing import Any, NamedTuple
@@ -114,7 +115,6 @@ class CombinationRow(NamedTuple):
     """A set of effects; `behind` is its evidence less that of the best set."""
 
     words: list[str]
-    evidence: str
     behind: str
     is_chosen: bool
 
@@ -129,7 +129,6 @@ def combination_rows(result: Result) -> list[CombinationRow]:
     return [
         CombinationRow(
             words_of(result, c.kinds),
-            numbers.format_evidence(c.evidence),
             numbers.format_evidence(c.evidence - best) if i else "",
             set(c.kinds) == chosen,
         )
@@ -159,6 +158,17 @@ def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
         (name_of(name), numbers.format_estimate(c) + numbers.in_degrees(c))
         for name, c in estimates
     ]
+
+
+def derivative_rows(result: Result) -> list[tuple[str, list[str]]]:
+    """Each aerodynamic coefficient: its name, its value and its derivatives."""
+    found = {} if result.derivatives is None else result.derivatives.values
+    texts = [
+        numbers.format_estimate(dataclasses.replace(e, unit="")) for e in found.values()
+    ]
+    names = [name for name in found if name.count("_") == 1]
+    columns = len(texts) // max(len(names), 1)
+    return [(n, texts[i * columns :][:columns]) for i, n in enumerate(names)]
 
 
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
@@ -210,6 +220,7 @@ TEMPLATES.tests["is_better"] = lambda fold: (
 )
 TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,
+    "angle": numbers.format_angle,
     "baseline": baseline,
     "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
     "counted": counted,

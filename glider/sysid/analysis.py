@@ -21,6 +21,7 @@ from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.progress import Stages
 from glider.sysid import outcome, result
+from glider.sysid.derivatives import derivatives_of
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
@@ -210,6 +211,8 @@ class Analysis:
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
         is_still = model.scales.air < STILL * FLOOR.air
+        glider = outcome.model_of(task, model, carried, signs, flights.campaign)
+        covariance = outcome.covariance_of(task, model, known)
         return result.Result(
             campaign=logged.name,
             path=logged.path,
@@ -224,6 +227,10 @@ class Analysis:
             outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
+            derivatives=derivatives_of(
+                glider, covariance, after, settings["trim"], settings["chord"]
+            ),
+            innovations=evaluation.innovations,
             candidates=traced.alone,
             combinations=tuple(
                 result.Combination(kinds=kinds, evidence=gain)
@@ -245,8 +252,8 @@ class Analysis:
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
             ),
-            model=outcome.model_of(task, model, carried, signs, flights.campaign),
-            covariance=outcome.covariance_of(task, model, known),
+            model=glider,
+            covariance=covariance,
             held_out=evaluation.held_out,
             residual_before=before,
             residual_after=after,

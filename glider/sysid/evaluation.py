@@ -9,6 +9,7 @@ from glider.campaign.logs import Campaign
 from glider.sysid import result
 from glider.sysid.fit import prediction
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
+from glider.sysid.innovations import correlate
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import Task
@@ -67,6 +68,7 @@ class Evaluation:
     unpredicted: tuple[str, ...]  # Names of those on which every model diverges.
     outlying: result.OutlyingFlights | None  # Errors on those that stand out, if any.
     folds: HeldOut | None  # Each flight held out once; None where signs are wrong.
+    innovations: result.Innovations  # Of the held-out flights.
     tables: Tables
 
 
@@ -92,7 +94,9 @@ def evaluate(
         baseline: refitted to those flights.
         rng: of the folds.
     """
-    models = _rollout_models(task, traced, baseline)
+    fitted = _fitted_models(task, traced, baseline)
+    scales = traced.model.scales
+    models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
     unseen, apart = flights.among(held_out), flights.among(outlying)
     predictions = {
         name: prediction.predict_all(model, unseen.of(name))
@@ -110,7 +114,7 @@ def evaluate(
     folds = None
     if flights.signs.are_right:
         folds = _hold_out(everything, task, traced, baseline, rng)
-    fitted = flights.among([record.name for record in everything.records])
+    explained = flights.among([record.name for record in everything.records])
     return Evaluation(
         errors=errors,
         held_out=_flights(kept, predictions, models["corrected"].per_flight_trims),
@@ -119,11 +123,16 @@ def evaluate(
         if of_outlying
         else None,
         folds=folds,
-        tables=_residual_tables(task, traced.model, models, fitted),
+        innovations=correlate(
+            task, {m: (fitted[m], kept.of(m)) for m in ("refitted", "corrected")}
+        ),
+        tables=_residual_tables(task, traced.model, models, explained),
     )
 
 
-def _rollout_models(task: Task, traced: SearchResult, baseline: FitResult) -> Models:
+def _fitted_models(
+    task: Task, traced: SearchResult, baseline: FitResult
+) -> dict[str, FitResult]:
     """The models to evaluate, by name."""
     vehicle, offset = task.vehicle, task.layout.slots_of("pitch_offset")
     calibrated = dataclasses.replace(
@@ -137,8 +146,7 @@ def _rollout_models(task: Task, traced: SearchResult, baseline: FitResult) -> Mo
     if vehicle.is_known:
         nominal = dataclasses.replace(baseline, theta=vehicle.theta, free=())
         fitted = {"nominal": nominal, **fitted}
-    scales = traced.model.scales
-    return {name: flown_by(task, model, scales) for name, model in fitted.items()}
+    return fitted
 
 
 def _hold_out(

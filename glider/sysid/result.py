@@ -193,12 +193,26 @@ class PathErrors:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Fit of free rollouts, 100 (1 - |y - ŷ| / |y - mean y|) [%] over all flights.
+
+    The mean is that of each flight: 100 is a perfect model, 0 one no better than that
+    mean, as in MATLAB's `compare`.
+    """
+
+    x: Number = math.nan
+    z: Number = math.nan
+    pitch: Number = math.nan
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Errors:
     """Errors of one model on held-out flights."""
 
     equation: EquationErrors
     rollout: RolloutErrors
     rollout_measured_pitch: PathErrors
+    fit_percent: Fit = Fit()
 
     @property
     def position_rms_m(self) -> float:
@@ -229,6 +243,52 @@ class MeasurementNoise:
 
     position_m: Number
     pitch_rad: Number
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Derivatives:
+    """Stability and control derivatives, in the signs of textbooks.
+
+    Attributes:
+        condition: where they are taken, in words.
+        airspeed_m_s: there.
+        alpha_rad: angle of attack there.
+        delta_e_rad: elevator there, positive trailing edge down.
+        area_m2: that coefficients refer to.
+        length_m: that moments and pitch rates refer to.
+        length: what that is.
+        values: C_L, C_D and C_m there, and by alpha, q (times length / 2 airspeed)
+            and delta_e: C_L_alpha, ...
+    """
+
+    condition: str
+    airspeed_m_s: Number
+    alpha_rad: Number
+    delta_e_rad: Number
+    area_m2: Number
+    length_m: Number
+    length: str
+    values: dict[str, Estimate]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Innovations:
+    """Correlations of innovations on held-out flights, by model and channel.
+
+    A model that is right leaves white noise: about 95 % of the correlations, but for
+    that of a channel with itself at no lag, are then within ± `band`.
+
+    Attributes:
+        lag_s: (lags,) from zero [s].
+        autocorrelation: model to channel (x, z, pitch) to (lags,).
+        with_elevator: the same with the elevator earlier by the lag; empty where there
+            is no servo.
+    """
+
+    lag_s: np.ndarray
+    band: Number
+    autocorrelation: dict[str, dict[str, np.ndarray]]
+    with_elevator: dict[str, dict[str, np.ndarray]]
 
 
 MOST_COMBINATIONS = 12
@@ -326,6 +386,8 @@ class Report:
         air: how it moves.
         spreads: name to flight-to-flight variation, only where there is any.
         correlations: "kind.coefficient" to the same to the correlation of their errors.
+        derivatives: of the corrected model; None in reports of older versions, as is
+        innovations: correlations of what is left of each held-out flight.
         candidates: evidence of each kind when tried alone [nats].
         combinations: sets of effects that were fitted, best first.
         curves: residual of the flat plate over the angle of attack.
@@ -353,6 +415,8 @@ class Report:
     air: Air
     spreads: dict[str, Spread]
     correlations: dict[str, dict[str, Number]]
+    derivatives: Derivatives | None = None
+    innovations: Innovations | None = None
     candidates: dict[str, Number]
     combinations: tuple[Combination, ...]
     curves: tuple[Curve, ...]

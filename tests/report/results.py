@@ -17,14 +17,17 @@ from glider.sysid.result import (
     Air,
     Combination,
     Curve,
+    Derivatives,
     EquationErrors,
     Errors,
     Estimate,
     EvidenceThreshold,
+    Fit,
     FlightNames,
     Fold,
     FoundEffect,
     HeldOutFlight,
+    Innovations,
     MeasurementNoise,
     PathErrors,
     Residual,
@@ -75,6 +78,7 @@ def errors_of(tangential, normal, pitch, rms, end, pitch_rms, along):
             position_rms_m=rms, position_end_m=end, pitch_rms_rad=pitch_rms
         ),
         rollout_measured_pitch=PathErrors(position_rms_m=along),
+        fit_percent=Fit(x=99.0, z=100.0 - 150.0 * rms, pitch=98.5),
     )
 
 
@@ -123,6 +127,33 @@ def make_table(slope, rng):
         names=tuple(f"flight_1{i:02d}.csv" for i in range(6)),
         noise=np.tile([0.001, 0.002, 0.03], (300, 1)),
         unit=np.stack([speed**2, 50.0 * speed**2], axis=1),
+    )
+
+
+DERIVATIVES = Derivatives(
+    condition="steady glide",
+    airspeed_m_s=6.5,
+    alpha_rad=0.07,
+    delta_e_rad=-0.07,
+    area_m2=0.0885,
+    length_m=0.14,
+    length="chord",
+    values={
+        f"{c}{by}": Estimate(value=5.123, std=0.0 if c == "C_m" else 0.012, unit="-")
+        for c in ("C_L", "C_D", "C_m")
+        for by in ("", "_alpha", "_q", "_delta_e")
+    },
+)
+
+
+def make_innovations(*models):
+    lags = np.arange(26) / 120.0
+    correlations = {
+        name: {c: np.cos(40.0 * lags) / (k + 1) for c in ("x", "z", "pitch")}
+        for k, name in enumerate(models)
+    }
+    return Innovations(
+        lag_s=lags, band=0.06, autocorrelation=correlations, with_elevator=correlations
     )
 
 
@@ -183,6 +214,8 @@ def make_result(**changes):
                 values={"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             )
         },
+        derivatives=DERIVATIVES,
+        innovations=make_innovations("refitted", "corrected"),
         air=Air(std_m_s=0.12, correlation_s=0.31),
         curves=(make_curve("c_normal"), make_curve("elevator_factor")),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
@@ -243,6 +276,21 @@ def diverged():
                 refitted=all_errors(math.inf),
                 corrected=all_errors(math.nan),
             ),
+        ),
+        derivatives=dataclasses.replace(
+            DERIVATIVES,
+            values={
+                n: dataclasses.replace(e, std=math.nan)
+                for n, e in DERIVATIVES.values.items()
+            },
+        ),
+        innovations=dataclasses.replace(
+            make_innovations("refitted", "corrected"),
+            autocorrelation={
+                m: dict.fromkeys(("x", "z", "pitch"), np.full(26, np.nan))
+                for m in ("refitted", "corrected")
+            },
+            with_elevator={},
         ),
         correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
         combinations=(Combination(kinds=("wind",), evidence=math.nan),),
@@ -324,4 +372,9 @@ def errors_json(scale):
             "pitch_rms_rad": pytest.approx(scale * 0.2),
         },
         "rollout_measured_pitch": {"position_rms_m": pytest.approx(scale * 0.22)},
+        "fit_percent": {
+            "x": 99.0,
+            "z": pytest.approx(100.0 - 150.0 * 0.413 * scale),
+            "pitch": 98.5,
+        },
     }

@@ -170,7 +170,9 @@ def test_evidence_is_drawn_strongest_on_top():
     assert list(panel.y.ticks.values()) == ["mass", "camber", "wind"]
     bars = {m.key: m for m in of_kind(panel, Bars)}
     assert bars["chosen"].values == pytest.approx([1.6])
-    assert bars["other"].texts == ["none", "-5.0"]
+    assert bars["other"].texts == ["none", "-5 %"]
+    assert bars["chosen"].texts == ["100 %"]  # Nats are those of the effects alone.
+    assert list(panel.x.ticks.values()) == ["0 %", "100 %"]
 
 
 def test_folds_that_get_worse_are_another_color():

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,12 +21,14 @@ from glider.report.error_table import (
     position_rms,
     worst_flights,
 )
-from glider.report.folder import to_html
+from glider.report.folder import FIGURES, to_html
 from glider.report.numbers import length_unit
+from glider.report.plots.figure import Ground, Line
 from glider.report.plots.style import COLORS, LABELS
 from glider.report.wording import (
     combination_rows,
     correlation_rows,
+    derivative_rows,
     differences,
     headline,
     remarks,
@@ -38,8 +42,10 @@ from glider.sysid.result import (
     MODELS,
     VERDICTS,
     Air,
+    Combination,
     Estimate,
     EvidenceThreshold,
+    FlightNames,
     MeasurementNoise,
     OutlyingFlights,
     Residual,
@@ -122,6 +128,7 @@ def test_every_error_of_a_pose_has_its_noise_beside_it():
         "0.501",
         "0.143",
         "0.566",
+        *3 * ["–"],  # Of a fit in percent.
     ]
 
 
@@ -433,3 +440,86 @@ def test_evidence_is_told_as_it_was_found():
     unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
     assert "log-likelihood of held-out flights that is lost" in unknown
     assert "scored on held-out flights" in unknown
+
+
+# What users of SIDPAC and MATLAB look for.
+
+
+def test_fit_in_percent_is_on_the_page_alone():
+    rows = [r for r in error_rows(make_result()) if r.group == "Fit of free rollouts"]
+    assert [(r.name, r.cells["corrected"], r.gain) for r in rows] == [
+        ("x", "99.0", "–"),
+        ("z", "99.9", "–"),
+        ("pitch", "98.5", "–"),
+    ]
+    assert "Fit of free rollouts" in Page(to_html(make_result())).text
+    assert "Fit of" not in summary(make_result())
+
+
+def test_derivatives_have_their_condition_reference_and_errors():
+    text = flat(Page(to_html(make_result())).text)
+    assert "At the steady glide: airspeed 6.5 m/s, angle of attack 4.01°" in text
+    assert "Reference area 0.0885 m² (wing), reference length l = 0.14 m (chord)" in (
+        text
+    )
+    assert derivative_rows(make_result()) == [
+        ("C_L", 4 * ["5.123 ± 0.012"]),
+        ("C_D", 4 * ["5.123 ± 0.012"]),
+        ("C_m", 4 * ["5.123"]),
+    ]
+    without = to_html(make_result(derivatives=None, innovations=None))
+    assert "Stability and control" not in without
+
+
+def test_innovations_stand_beside_the_band_of_white_noise():
+    panels = FIGURES["innovations"](make_result()).panels
+    assert [panel.title for panel in panels] == [
+        *("autocorrelation of x", "autocorrelation of z", "autocorrelation of pitch"),
+        *(f"{c} and earlier elevator" for c in ("x", "z", "pitch")),
+    ]
+    for panel in panels:
+        (band,) = [m for m in panel.marks if isinstance(m, Ground)]
+        assert (band.start, band.end, band.along) == (-0.06, 0.06, "y")
+    (line, _) = [m for m in panels[0].marks if isinstance(m, Line)]
+    assert line.x[0] > 0.0  # At no lag all is one.
+
+
+# One page, for people elsewhere.
+
+
+def test_every_section_has_an_anchor_and_is_in_the_contents():
+    text = to_html(make_result())
+    headings = dict(re.findall(r'<h2 id="([^"]+)">(.*?)</h2>', text))
+    contents = text[text.index('<nav class="contents"') : text.index("</nav>")]
+    assert re.findall(r'href="#([^"]+)">', contents) == list(headings)
+    assert text.count("<h2") == len(headings) > 10
+    assert headings["section-warnings"] == "Warnings"
+
+
+def test_a_page_names_no_folder_of_the_machine():
+    result = make_result(path=Path("/home/somebody/.cache/glider/head_wind"))
+    assert "somebody" not in to_html(result)
+    assert "From head_wind." in flat(Page(to_html(result)).text)
+
+
+def test_one_flight_is_one_and_an_empty_setting_none():
+    flights = FlightNames(fit=("a.csv",), held_out=("b.csv",))
+    result = make_result(flights=flights, settings={"own_effects": []})
+    text = flat(Page(to_html(result)).text)
+    assert "All errors are on 1 held-out flight, which" in text
+    assert re.search(r"own effects ?none", text)
+
+
+def test_an_effect_has_one_evidence():
+    """Its loss when it is omitted; sets are compared, and single ones in percent."""
+    effect = dataclasses.replace(WIND, evidence=1234.0)
+    result = make_result(
+        effects=(effect,),
+        candidates={"wind": 5678.0, "mass": 56.78},
+        combinations=(Combination(kinds=("wind",), evidence=910.0),),
+    )
+    page = to_html(result)
+    assert "+1,234" in page
+    assert not re.search(r"5,?678(?!\d)|\+910", Page(page).text)
+    bars = FIGURES["evidence"](result).panels[0].marks
+    assert [text for m in bars for text in m.texts] == ["100 %", "1 %"]

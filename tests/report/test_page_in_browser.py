@@ -181,6 +181,41 @@ def test_a_phone_shows_one_panel_a_row_and_scrolls_down_only(browser, report):
         assert seen.faults == []
 
 
+def test_a_phone_shows_every_column_of_a_table(browser, report):
+    with visit(browser, report.as_uri(), **PHONE) as seen:
+        page = seen.page
+        wide = page.evaluate(
+            """[...document.querySelectorAll(".scroll")].map(
+                (e) => e.scrollWidth - e.clientWidth)"""
+        )
+        assert max(wide) <= 1
+        table = page.locator(".errors")
+        for heading in ("nominal", "refitted", "corrected", "noise", "gain"):
+            head = table.locator("th", has_text=heading).bounding_box()
+            assert 0.0 <= head["x"] < head["x"] + head["width"] <= 390.0
+        row = table.locator("tr", has_text="position, end").locator("td.number").all()
+        heads = table.locator("thead th.number").all()
+        ends = [[c.bounding_box() for c in cells] for cells in (row, heads)]
+        right = [[b["x"] + b["width"] for b in boxes] for boxes in ends]
+        assert right[0] == pytest.approx(right[1], abs=2.0)
+        heading = page.locator("h2").first.bounding_box()
+        first = page.locator(".effects strong").first.bounding_box()
+        assert first["y"] - heading["y"] - heading["height"] < 40.0
+
+
+def test_bars_of_errors_are_as_wide_as_each_other_and_readable(desk):
+    plots = desk.page.locator("#errors .plot").all()
+    assert len({round(plot.bounding_box()["width"]) for plot in plots}) == 1
+    sizes = desk.page.evaluate(
+        """[...document.querySelectorAll("#errors .bartext")].map((e) => {
+            const box = e.getBoundingClientRect();
+            return [box.height, box.width / e.textContent.length];
+        })"""
+    )
+    assert min(height for height, _ in sizes) >= 8.0
+    assert min(width for _, width in sizes) >= 4.0  # None is upright.
+
+
 @contextlib.contextmanager
 def in_the_dark(page, look):
     """The page for a reader whose system is dark; yields how it looked in the light."""

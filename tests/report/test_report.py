@@ -43,7 +43,7 @@ SLOW = pytest.mark.slow
 
 FIGURES = {
     *("errors", "curves", "carried", "coefficients", "evidence", "folds"),
-    *("held_out", "spreads", "residual"),
+    *("held_out", "innovations", "spreads", "residual"),
 }
 
 
@@ -188,6 +188,8 @@ def test_json_has_the_schema_and_si_numbers():
             "position_m": 5.3e-3,
             "depends_on": ["alpha"],
         },
+        "derivatives": to_builtins(make_result().derivatives),
+        "innovations": to_builtins(make_result().innovations),
         "air": {"std_m_s": 0.12, "correlation_s": 0.31},
         "spreads": {
             "elevator_trim": {

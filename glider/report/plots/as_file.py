@@ -344,5 +344,6 @@ class _Plot:
                 label = Text(max(top, foot) + 4.0, middle, text, "lm", 8.5)
             else:
                 draw(_box(start, foot, end, top))
-                label = Text(middle, max(top, self.box.y0) + 2.0, text, size=5.5)
+                size = min(0.42 * (end - start), 8.5)
+                label = Text(middle, max(top, self.box.y0) + 2.0, text, size=size)
             self.picture.texts.append(label)

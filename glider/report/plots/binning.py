@@ -80,10 +80,3 @@ def symlog(value: float, linear: float = 10.0, share: float = 0.6) -> float:
     if abs(value) <= linear:
         return share * value / linear
     return math.copysign(share + math.log10(abs(value) / linear), value)
-
-
-def symlog_ticks(low: float, high: float) -> list[float]:
-    """Round numbers for such an axis from low < 0 to high > 0."""
-    above = [10.0**p for p in range(1, math.ceil(math.log10(high)) + 1)]
-    below = [-(10.0**p) for p in range(1, 9) if 10.0**p <= -low]
-    return [*below[-1:], 0.0, *above[:: math.ceil(len(above) / 6)]]

@@ -4,6 +4,7 @@
   const { figures, columns } = JSON.parse(document.getElementById("figures").textContent);
   const root = document.documentElement;
   const isTouch = window.matchMedia("(pointer: coarse)").matches;
+  const isNarrow = window.matchMedia("(max-width: 40rem)").matches;
 
   // A color of the page: "key" or, translucent, "key/0.2".
   function color(name) {
@@ -32,7 +33,7 @@
     Bars: ({ key, places, values, texts, names, hover, width, is_across }) => {
       const [x, y] = is_across ? ["y", "x"] : ["x", "y"];
       // Numbers of many narrow bars have space only when upright.
-      const isUpright = !is_across && texts.length > 11 * width;
+      const isUpright = !is_across && isNarrow && texts.length > 11 * width;
       return [{
         type: "bar", width, orientation: is_across ? "h" : "v", cliponaxis: false,
         [x]: column(places), [y]: column(values), text: texts, hovertext: names,

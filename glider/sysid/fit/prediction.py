@@ -26,7 +26,7 @@ from glider.sysid.likelihood.scales import (
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, sensed, true_nodes
 from glider.sysid.replay.theta import OFFSET
-from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
+from glider.sysid.result import EquationErrors, Errors, Fit, PathErrors, RolloutErrors
 
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted,
 BEGINNING_WITH_TRIM = 0.4  # where a trim of the flight is fitted too.
@@ -172,7 +172,22 @@ def errors_of(
             pitch_rms_rad=_rms(pitch),
         ),
         rollout_measured_pitch=PathErrors(position_rms_m=_rms(along)),
+        fit_percent=_fit(records, predictions),
     )
+
+
+def _fit(records: Sequence[Record], predictions: Sequence[Prediction]) -> Fit:
+    """Returns how much of the flights' motion predictions explain."""
+    missed, moved = np.zeros(3), np.zeros(3)
+    for record, predicted in zip(records, predictions, strict=True):
+        seen = record.seen[:, 0]
+        pose = record.pose[seen]
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+            missed += np.sum((pose - predicted.pose[seen]) ** 2, axis=0)
+        moved += np.sum((pose - pose.mean(axis=0)) ** 2, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, z, pitch = map(float, 100.0 * (1.0 - np.sqrt(missed / moved)))
+    return Fit(x=x, z=z, pitch=pitch)
 
 
 def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
