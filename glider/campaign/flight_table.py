@@ -47,7 +47,7 @@ class Table:
     def numbers(self, name: str) -> np.ndarray:
         """Numbers of a column (n,); InputError where a cell is no finite number."""
         cells = self.texts(name)
-        values = np.array([_to_float(cell) for cell in cells])
+        values = np.array([to_float(cell) for cell in cells])
         self.refuse(~np.isfinite(values), name, "expected a finite number.")
         return values
 
@@ -72,7 +72,7 @@ def read_table(file: Path) -> Table:
             raise InputError(f"{file}: row {len(cells) + 1}: {error}.") from None
         cells.append([cell.strip() for cell in row])
     names = cells[0]
-    if all(math.isfinite(_to_float(name)) for name in names):
+    if all(math.isfinite(to_float(name)) for name in names):
         raise InputError(
             f"{file}: row 1 is {show(lines[0])}; "
             "expected a header with the names of the columns."
@@ -94,11 +94,11 @@ def read_table(file: Path) -> Table:
     return Table(path=file, columns=columns, lines=[i + 1 for i in rows])
 
 
-def _to_float(cell: str | float) -> float:
+def to_float(cell: Any) -> float:
     """Number of a cell; NaN for what is none."""
     try:
         return math.nan if isinstance(cell, str) and "_" in cell else float(cell)
-    except ValueError:
+    except (ValueError, TypeError):
         return math.nan
 
 

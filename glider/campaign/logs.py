@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,56 @@ class Campaign:
     pose_rate: float  # [Hz]; 1 / the median step of all flights if not given.
     command_rate: float | None  # [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  # Sorted by name.
+
+    @classmethod
+    def from_arrays(
+        cls,
+        flights: Any,
+        vehicle: Any = None,
+        *,
+        name: str = "flights",
+        **settings: Any,
+    ) -> "Campaign":
+        """Makes a campaign of flights in memory, with the checks that files have.
+
+        Args:
+            flights: a list, or a dict by name, of tables with one flight each: dicts of
+                arrays, data frames, structured arrays. Their columns are those of
+                `flight_*.csv` in SI units, unless `columns` maps them.
+            vehicle: what is known of it: a dict as in campaign.yaml, a `GliderModel` or
+                its parameters, or a campaign.yaml, MAP or model.yaml by its path.
+            name: of the campaign.
+            settings: other fields of campaign.yaml or a MAP: `command_rate`, `columns`,
+                `units`, `frame`, ...
+
+        Raises:
+            InputError: a flight cannot be used; it is named, and the column.
+        """
+        from glider.campaign.in_memory import from_arrays
+
+        return from_arrays(flights, vehicle, name, settings)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        vehicle: Any = None,
+        *,
+        flight: str | None = None,
+        name: str = "flights",
+        **settings: Any,
+    ) -> "Campaign":
+        """Makes a campaign of one table of several flights, as of pandas or polars.
+
+        Args:
+            frame: the table, with the columns of `flight_*.csv`.
+            vehicle: see `from_arrays`, and for `name` and `settings` too.
+            flight: the column that separates the flights; None: `flight` where it is
+                there, otherwise a time that starts again.
+        """
+        from glider.campaign.in_memory import from_frame
+
+        return from_frame(frame, vehicle, flight, name, settings)
 
     @property
     def gravity(self) -> float:

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from glider.campaign.flight_table import read_table, with_flights
+from glider.campaign.importing.recording import Recording
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import HOW_TO_IMPORT, campaign_folder
-from glider.campaign.settings import read_settings
+from glider.campaign.settings import Mapping, read_settings
 from glider.errors import InputError, show
 
 
@@ -47,12 +48,20 @@ def load_campaign(
     files = [path / name for name in _choose(path, flights, grades)]
     if mapping is None:
         return with_flights(campaign, [read_table(file) for file in files])
+    from glider.campaign.importing.readers import read_recording
 
+    return map_flights(campaign, mapping, [read_recording(file) for file in files])
+
+
+def map_flights(
+    campaign: Campaign, mapping: Mapping, recordings: Sequence[Recording]
+) -> Campaign:
+    """Adds flights, one in each recording, as a mapping specifies; checks signs."""
     # SciPy's rotations are slow to import: only where there is a mapping.
     from glider.campaign.importing.campaign_import import map_flight
     from glider.campaign.importing.sign_checks import check_signs
 
-    tables = [map_flight(file, mapping, campaign) for file in files]
+    tables = [map_flight(recording, mapping, campaign) for recording in recordings]
     campaign = with_flights(campaign, tables)
     check_signs(campaign)
     return campaign

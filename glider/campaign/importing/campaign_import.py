@@ -123,17 +123,17 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
-def map_flight(file: Path, mapping: Mapping, settings: Campaign) -> Table:
-    """Converts a file that is one flight to a table in SI; nothing is cut."""
-    recording, *others = split_flights(read_recording(file), mapping.columns)
-    if others:
+def map_flight(recording: Recording, mapping: Mapping, settings: Campaign) -> Table:
+    """Converts a recording that is one flight to a table in SI; nothing is cut."""
+    parts = split_flights(recording, mapping.columns)
+    if len(parts) > 1:
         raise InputError(
-            f"{file}: holds {len(others) + 1} flights (by its column 'flight', or its "
-            "time); expected one in each file (glider import splits them)."
+            f"{recording.path}: holds {len(parts)} flights (by its column 'flight', or "
+            "its time); expected one in each file (glider import splits them)."
         )
     track = make_track(recording, mapping)
-    [recording] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
-    return recording.flights[0].table
+    [made] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
+    return made.flights[0].table
 
 
 def cut_recordings(

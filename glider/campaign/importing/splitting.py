@@ -34,7 +34,7 @@ def find_restarts(time: np.ndarray) -> list[int]:
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
     starts, begin = [], 0
-    for row in np.flatnonzero(np.diff(values) < 0.0) + 1:
+    for row in (np.flatnonzero(np.diff(values) < 0.0) + 1).tolist():
         following = values[row : row + FEWEST_ROWS]
         behind = np.max(following) < np.max(values[begin:row])
         if len(following) == FEWEST_ROWS and behind:
@@ -60,7 +60,7 @@ def split_flights(recording: Recording, columns: Columns) -> list[Recording]:
         recording.find(columns[FLIGHT], "columns: flight")
     spans = [list(_spans(recording, group, columns)) for group in recording.groups]
     longest = max(spans, key=len, default=[])
-    if len(longest) < 2:
+    if len(longest) < 2 and not any(span.name for span in longest):
         return [recording]
     parts = []
     for k, span in enumerate(longest):

@@ -2,6 +2,7 @@
 
 import contextlib
 import datetime
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,7 +67,7 @@ def read_mat(path: Path) -> list[Recording]:
         for own, name, array in arrays:
             if own == place[: len(own)]:
                 parent, _, last = name.rpartition(".")
-                for label, values in _vectors(last, array):
+                for label, values in vectors(last, array):
                     groups.setdefault((parent, len(values)), {})[label] = Column(values)
         here = path.joinpath(*(str(index + 1) for index in place))
         named = tuple(Group(n, c) for (n, _), c in groups.items())
@@ -88,25 +89,17 @@ def _arrays(
         for field, value in sorted(content.items()):
             if not field.startswith(("__", "#")):
                 yield from _arrays(f"{name}.{field}" if name else field, place, value)
-    elif isinstance(content, list) or _kind(content) == "O":
-        cells = np.ravel(content) if isinstance(content, np.ndarray) else content
-        inside = [
-            found
-            for i, cell in enumerate(cells)
-            for found in _arrays(name, (*place, i), cell)
-        ]
+    elif isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
+        yield place, name, content
+    elif isinstance(content, (list, np.ndarray)):
+        cells = content if isinstance(content, list) else np.ravel(content).tolist()
+        parts = (_arrays(name, (*place, i), cell) for i, cell in enumerate(cells))
+        inside = list(itertools.chain.from_iterable(parts))
         if any(max(array.shape, default=0) >= FEWEST_ROWS for _, _, array in inside):
             yield from inside
-    elif _kind(content) in "fiub":
-        assert isinstance(content, np.ndarray)
-        yield place, name, content
 
 
-def _kind(content: object) -> str:
-    return content.dtype.kind if isinstance(content, np.ndarray) else "-"
-
-
-def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yields a vector, or the columns of a matrix of few columns."""
     array = array.squeeze()
     if array.ndim == 1 and len(array) > 1:

@@ -1,0 +1,138 @@
+"""Campaigns of arrays and data frames, with the checks that files have.
+
+A table is a mapping, a frame of pandas or polars, a pyarrow table, a structured array:
+anything with named columns.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glider.campaign.flight_table import Table, to_float, with_flights
+from glider.campaign.importing.readers.tables import vectors
+from glider.campaign.importing.recording import Column, Group, Recording
+from glider.campaign.importing.splitting import split_flights
+from glider.campaign.logs import Campaign
+from glider.campaign.reader import map_flights
+from glider.campaign.settings import Settings
+from glider.errors import InputError
+from glider.files import schema
+from glider.physics.model import GliderModel
+from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
+
+_ROW = "\0row"  # Column of the rows' numbers, for messages.
+
+
+def from_arrays(
+    flights: Sequence[Any] | Mapping[Any, Any],
+    vehicle: Any,
+    name: str,
+    fields: dict[str, Any],
+) -> Campaign:
+    """Makes a campaign; see `Campaign.from_arrays`."""
+    named = flights if isinstance(flights, Mapping) else dict(enumerate(flights))
+    recordings = [_recording(_file_name(key), table) for key, table in named.items()]
+    return _campaign(recordings, vehicle, name, fields)
+
+
+def from_frame(
+    frame: Any, vehicle: Any, flight: str | None, name: str, fields: dict[str, Any]
+) -> Campaign:
+    """Makes a campaign; see `Campaign.from_frame`."""
+    columns = (fields.get("columns") or {}) | ({"flight": flight} if flight else {})
+    parts = split_flights(_recording(name, frame), columns)
+    recordings = []
+    for k, part in enumerate(parts):
+        what, _, label = part.path.name.partition(" ")
+        path = Path(_file_name(label if what == "flight" else k))
+        recordings.append(Recording(path, part.groups))
+    return _campaign(recordings, vehicle, name, fields)
+
+
+def _campaign(
+    recordings: Sequence[Recording], vehicle: Any, name: str, fields: dict[str, Any]
+) -> Campaign:
+    if not recordings:
+        raise InputError(f"{name}: holds no flight; expected at least one.")
+    data, source = _known(vehicle, name)
+    settings = schema.convert(data | fields, Settings, source)
+    campaign, mapping = settings.campaign(Path(name)), settings.mapping(source)
+    logs = sorted(recordings, key=lambda recording: recording.path)
+    if mapping is None:
+        return with_flights(campaign, [_table(recording) for recording in logs])
+    for recording in logs:
+        del recording.groups[0].columns[_ROW]
+    return map_flights(campaign, mapping, logs)
+
+
+def _known(vehicle: Any, name: str) -> tuple[dict[str, Any], str]:
+    """Fields of campaign.yaml that a vehicle gives, and what it is in messages."""
+    if isinstance(vehicle, (str, Path)):
+        what = "a campaign.yaml, MAP or model.yaml"
+        data = schema.parse_yaml(schema.read_text(vehicle, what), str(vehicle))
+        if not isinstance(data, dict) or "parameters" not in data:
+            return data if isinstance(data, dict) else {}, str(vehicle)
+        vehicle = GliderModel.load(vehicle)
+    if isinstance(vehicle, GliderModel):
+        vehicle = vehicle.parameters
+    if isinstance(vehicle, GliderParameters):
+        names = (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
+        vehicle = {name: getattr(vehicle, name) for name in names}
+    return {"vehicle": {k: _plain(v) for k, v in (vehicle or {}).items()}}, name
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+
+
+def _file_name(key: object) -> str:
+    """Name of a flight as of a file: flight_007.csv of 7."""
+    text = str(key).removeprefix("flight_").removesuffix(".csv")
+    return f"flight_{text.zfill(3) if text.isdigit() else text}.csv"
+
+
+def _recording(name: str, table: Any) -> Recording:
+    """A table's columns; matrices become name[0], name[1]."""
+    dtype = getattr(table, "dtype", None)
+    names = getattr(dtype, "names", None) or getattr(table, "column_names", None)
+    if names is None:
+        names = table.columns if hasattr(table, "columns") else table.keys()
+    columns: dict[str, Column] = {}
+    for own in names:
+        columns |= _columns(str(own), table[own])
+    rows = {own: len(column.values) for own, column in columns.items()}
+    first = next(iter(rows), "")
+    for own, count in rows.items():
+        if count != rows[first]:
+            raise InputError(
+                f"{name}: column '{own}' has {count} values; expected "
+                f"{rows[first]}, as in '{first}'."
+            )
+    columns[_ROW] = Column(np.arange(rows.get(first, 0)))
+    return Recording(Path(name), (Group("", columns),))
+
+
+def _columns(name: str, values: Any) -> dict[str, Column]:
+    """Columns of numbers, times or texts."""
+    array = np.asarray(values)
+    if array.dtype.kind in "mM":
+        return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
+    if array.dtype.kind in "fiub":
+        return {own: Column(part) for own, part in vectors(name, array)}
+    cells = array.ravel().tolist()
+    numbers = np.array([to_float(cell) for cell in cells])
+    if not any(isinstance(cell, str) for cell in cells):
+        return {name: Column(numbers)}
+    labels = [str(cell) if isinstance(cell, (str, int)) else "" for cell in cells]
+    fault = f"column '{name}' is text; expected numbers."
+    return {name: Column(numbers, fault=fault, labels=labels)}
+
+
+def _table(recording: Recording) -> Table:
+    """The table of a recording whose columns have the names of a campaign's files."""
+    [group] = recording.groups
+    columns = {n: c.labels or c.values for n, c in group.columns.items() if n != _ROW}
+    rows = group.columns[_ROW].values.tolist()
+    return Table(path=recording.path, columns=columns, lines=rows)
