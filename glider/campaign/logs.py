@@ -5,9 +5,11 @@ frame of `glider.physics.state`; `reader` reads it, `writer` writes it.
 """
 
 import dataclasses
+import importlib
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -80,9 +82,7 @@ class Campaign:
         Raises:
             InputError: a flight cannot be used; it is named, and the column.
         """
-        from glider.campaign.in_memory import from_arrays
-
-        return from_arrays(flights, vehicle, name, settings)
+        return _in_memory().from_arrays(flights, vehicle, name, settings)
 
     @classmethod
     def from_frame(
@@ -102,14 +102,17 @@ class Campaign:
             flight: the column that separates the flights; None: `flight` where it is
                 there, otherwise a time that starts again.
         """
-        from glider.campaign.in_memory import from_frame
-
-        return from_frame(frame, vehicle, flight, name, settings)
+        return _in_memory().from_frame(frame, vehicle, flight, name, settings)
 
     @property
     def gravity(self) -> float:
         """Acceleration of gravity, the usual one if it is not given [m/s²]."""
         return self.vehicle.get("gravity", GliderParameters().gravity)
+
+
+def _in_memory() -> ModuleType:
+    """The module that makes campaigns; it needs this one, so it comes when asked for."""
+    return importlib.import_module("glider.campaign.in_memory")
 
 
 def campaign_of(
