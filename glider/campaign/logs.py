@@ -111,7 +111,7 @@ class Campaign:
 
 
 def _in_memory() -> ModuleType:
-    """The module that makes campaigns; it needs this one, so it comes when asked for."""
+    """The module that makes campaigns; it imports this one."""
     return importlib.import_module("glider.campaign.in_memory")
 
 
