@@ -46,7 +46,7 @@ _PRESETS: dict[str, dict[str, str]] = {
 _ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
 _ANGLES = frozenset({"roll", "pitch", "yaw"})
 _ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
-_CHOICES = {
+FRAME_CHOICES = {
     "up": (AXES, "the axis of the log that points up"),
     "forward": ((*AXES, "throw"), "the axis of the log along the throw"),
     "nose": (AXES, "the axis of the body that points to the nose"),
@@ -149,7 +149,7 @@ class Frame:
         for name, value in (_PRESETS[self.axes] | {"command": self.elevator}).items():
             if not getattr(self, name) and name != "pitch":
                 object.__setattr__(self, name, value)
-        for name, (values, meaning) in _CHOICES.items():
+        for name, (values, meaning) in FRAME_CHOICES.items():
             value = getattr(self, name)
             known = not value or value in values
             expected = f"{meaning}, one of {', '.join(values)}"

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.campaign.flight_table import Table, with_flights
+from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
 from glider.campaign.importing.readers import read_recording, read_recordings
@@ -23,8 +24,8 @@ from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
 
-_ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")
 _ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
+_REASONS = 3  # Why recordings have no flight: as many are listed.
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 
 
@@ -103,20 +104,39 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
             "(--guess proposes one)."
         )
     recordings = _read_all([Path(file) for file in files], claim)
-    cuts = cut_recordings(recordings, claim, settings)
-    if not any(cut.flights for cut in cuts):
-        if all(any(MOTOR in note for note in cut.notes) for cut in cuts):
-            raise InputError(
-                f"{mapping}: {MOTOR} wherever the aircraft flies in "
-                f"{_count(cuts, 'recording')}; expected flights, or phases of them, "
-                "with the motor off: only gliding flight can be traced."
-            )
-        reasons = "; ".join(f"{c.path.name}: {note}" for c in cuts for note in c.notes)
-        raise InputError(
-            f"{mapping}: no flight was found in {_count(cuts, 'recording')} "
-            f"({reasons or 'nothing moves'}); is 'up' in 'frame:' right?"
-        )
     settings = dataclasses.replace(settings, path=Path(mapping))
+
+    def check(some: Sequence[Recording], claim: Mapping) -> ImportResult:
+        cuts = cut_recordings(some, claim, settings)
+        return _checked(some, cuts, claim, settings)
+
+    cuts = cut_recordings(recordings, claim, settings)
+    if all(any(MOTOR in note for note in c.notes) and not c.flights for c in cuts):
+        raise InputError(
+            f"{mapping}: {MOTOR} wherever the aircraft flies in "
+            f"{_count(cuts, 'recording')}; expected flights, or phases of them, "
+            "with the motor off: only gliding flight can be traced."
+        )
+    try:
+        return _checked(recordings, cuts, claim, settings)
+    except InputError as error:
+        raise advise(error, recordings, claim, check) from None
+
+
+def _checked(
+    recordings: Sequence[Recording],
+    cuts: tuple[CutRecording, ...],
+    claim: Mapping,
+    settings: Campaign,
+) -> ImportResult:
+    """The flights of recordings; InputError where they contradict the mapping."""
+    if not any(cut.flights for cut in cuts):
+        reasons = list(dict.fromkeys(note for c in cuts for note in c.notes))
+        listed = "; ".join(reasons[:_REASONS])
+        raise InputError(
+            f"{settings.path}: no flight was found in {_count(cuts, 'recording')}: "
+            f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
+        )
     campaign = campaign_of_cuts(settings, cuts)
     undecided = check_signs(campaign)
     _check_rotation(recordings, claim, campaign)
@@ -251,7 +271,7 @@ def _check_rotation(
     if order is None or len(order) != 3 or few or own is None:
         return
     roll = _sideways(campaign)
-    for other in _ORDERS:
+    for other in ORDERS:
         frame = dataclasses.replace(claim.frame, rotation=other)
         rival = dataclasses.replace(claim, frame=frame)
         try:

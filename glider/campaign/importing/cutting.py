@@ -62,7 +62,8 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
     if powered.any():
         share = f"{100.0 * np.mean(powered):.0f} % of the rows"
         notes.append(f"{MOTOR} in {share}: they are cut off")
-    for first, last in _parts(track, seen & ~powered):
+    parts = _parts(track, seen & ~powered)
+    for first, last in parts:
         part = take(track, slice(first, last + 1))
         is_lost = last + 1 < len(seen) and (
             not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
@@ -76,6 +77,9 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
             notes.append(f"{span}: {found}")
     if not len(seen):
         notes.append("the body is never seen")
+    elif not parts and not powered.any():
+        reach = np.max(np.ptp(track.position, axis=0))
+        notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
     if lost := int(np.sum(~seen)):
         notes.append(f"{lost} rows that repeat the one before: the body was lost")
     return flights, notes

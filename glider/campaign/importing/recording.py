@@ -18,7 +18,7 @@ from glider.errors import InputError, expect, show
 _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
 
 _DEGREE = math.pi / 180.0
-_FACTORS: dict[str, dict[str, float]] = {
+UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048},
     "angle": {"rad": 1.0, "deg": _DEGREE},
@@ -46,7 +46,7 @@ _SPELLINGS = {
     "kg/m3": "kg/m³ kg/m^3",
 }
 _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
-_UNITS |= {unit: unit for units in _FACTORS.values() for unit in units}
+_UNITS |= {unit: unit for units in UNITS.values() for unit in units}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,7 +194,7 @@ def scale_of(unit: Unit, kind: str, source: str) -> Scale:
     """Scale of a unit of a kind; the source is for the message."""
     if isinstance(unit, Scale):
         return unit
-    factors, spelled = _FACTORS[kind], spell(unit)
+    factors, spelled = UNITS[kind], spell(unit)
     if spelled not in factors:
         raise InputError(
             f"{source}: found {show(unit)}; expected one of {', '.join(factors)}, "

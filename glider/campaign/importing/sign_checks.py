@@ -28,6 +28,8 @@ _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
+_FALL = 0.6
+"""Part of gravity by which a fitted fall may be off; see `checks.frame` for margins."""
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ITERATIONS = 5  # Of Huber's weights.
 _UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
@@ -73,8 +75,29 @@ def misfit_of(campaign: Campaign) -> float | None:
     return None if backwards else forces.fit_forces(motion, down, signs=(1,)).misfit
 
 
+def misfit_in_all(campaign: Campaign) -> float | None:
+    """Misfit of forces, times that of moments if there is an elevator; see `misfit_of`.
+
+    None where the flights do not fall down, too.
+    """
+    misfit, gravity = misfit_of(campaign), campaign.gravity
+    if misfit is None:
+        return None
+    motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
+    fall = forces.fit_forces(forces.join(list(motions.values())), signs=(1,)).constant
+    if np.hypot(fall[0], fall[1] + gravity) > _FALL * gravity:
+        return None
+    servo = campaign.elevator == "servo"
+    return misfit * _fit_elevator(campaign, motions)[1] if servo else misfit
+
+
 def elevator_effect(campaign: Campaign, motions: Motions) -> float:
-    """The elevator's effect on the pitch's acceleration in standard errors.
+    """The elevator's effect on the pitch's acceleration in standard errors."""
+    return _fit_elevator(campaign, motions)[0]
+
+
+def _fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float]:
+    """The elevator's effect in standard errors, and the misfit [rad/s²].
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
@@ -99,8 +122,9 @@ def elevator_effect(campaign: Campaign, motions: Motions) -> float:
         solution = np.linalg.lstsq(weighted, target * weight, rcond=None)[0]
         rest = target - design @ solution
         weight = forces.huber_weights(rest)
-    covariance = np.linalg.pinv(weighted.T @ weighted) * np.mean((weight * rest) ** 2)
-    return float(solution[0] / max(np.sqrt(covariance[0, 0]), 1e-12))
+    misfit = float(np.sqrt(np.mean((weight * rest) ** 2)))
+    std = misfit * np.sqrt(np.linalg.pinv(weighted.T @ weighted)[0, 0])
+    return float(solution[0] / max(std, 1e-12)), misfit
 
 
 def _check_attitude(campaign: Campaign) -> None:
@@ -121,8 +145,8 @@ def _check_attitude(campaign: Campaign) -> None:
     if up > _STEEP * along:
         raise InputError(
             f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
-            f"{along:.3g} m along the throw; expected the right 'up' (or the column "
-            "that is missing: y?)."
+            f"{along:.3g} m along the throw; expected most of the way along the "
+            "throw ('up', 'forward', or a column 'y')."
         )
 
 
@@ -187,16 +211,15 @@ def _check_elevator(
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
     effect = elevator_effect(campaign, motions)
-    other = "expected the other of trailing_edge_up and trailing_edge_down"
     if effect > SIGNIFICANT:
         raise InputError(
-            f"{campaign.path}: frame: a positive elevator turns the nose down (by "
-            f"{effect:.0f} standard errors), so its trailing edge goes down; elevator: "
-            f"{other} (or 'clock' is wrong)."
+            f"{campaign.path}: a positive elevator turns the nose down (by "
+            f"{effect:.0f} standard errors); expected another sign (frame: elevator) "
+            "or another 'clock'."
         )
     if follow_sign(campaign.flights, masks) < 0:
         raise InputError(
             f"{campaign.path}: frame: the elevator turns against its commands; "
-            f"command: {other}."
+            "expected the sign of one to be the other (command, elevator)."
         )
     return (_UNDECIDED.format("elevator"),) if effect > -SIGNIFICANT else ()
