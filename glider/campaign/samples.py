@@ -16,7 +16,7 @@ from glider.files import schema
 from glider.paths import cache_folder, models_path
 
 _FOLDER = "campaigns"
-HOW_TO_IMPORT = "'python -m glider import' makes one of other logs"
+HOW_TO_IMPORT = "'glider import' makes one of other logs"
 """Where a campaign is expected and something else is given."""
 
 _MOST_FILES = 10_000

@@ -286,7 +286,7 @@ def test_folder_without_flights_is_refused(folder, tmp_path):
     ):
         message = refusal(path)
         assert f"{path}: {words}" in message
-        assert not path.exists() or "python -m glider import" in message
+        assert not path.exists() or "glider import" in message
     for name in NAMES:
         (folder / name).unlink()
     assert f"{folder}: no flight_*.csv" in refusal(folder)
