@@ -1,6 +1,9 @@
 """Progress of work that takes its time: a line of text, and the share that is done."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TypeVar
+
+T = TypeVar("T")
 
 Progress = Callable[[str], None]
 """Takes a line of text as the work goes on; a `Step` where the share is known."""
@@ -20,6 +23,13 @@ class Step(str):
         step = super().__new__(cls, text)
         step.share = share
         return step
+
+
+def announced(items: Sequence[T], words: str, progress: Progress) -> Iterator[T]:
+    """Yields items, and announces each with the share of those before it."""
+    for number, item in enumerate(items):
+        progress(Step(f"{words} {item}", number / len(items)))
+        yield item
 
 
 class Stages:

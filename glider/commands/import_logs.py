@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from glider.commands.output import working
 from glider.errors import InputError
 
 DESCRIPTION = """\
@@ -58,7 +59,9 @@ def run(args: argparse.Namespace) -> int:
 
         if args.map.exists():
             raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
-        guess = guess_mapping(args.files)
+        with working() as progress:
+            progress("comparing axes and signs")
+            guess = guess_mapping(args.files)
         figure = args.map.with_suffix(".png")
         campaign = guess.campaign
         replace_file(figure, lambda path: save_import_figure(campaign, path))
@@ -71,7 +74,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out is missing; expected the folder to write.")
     from glider.campaign.importing.campaign_import import import_campaign
 
-    imported = import_campaign(args.files, args.map, args.out)
+    with working(is_even=True) as progress:
+        imported = import_campaign(args.files, args.map, args.out, progress=progress)
     print(imported.describe())
     count = len(imported.campaign.flights)
     empty = sum(not recording.flights for recording in imported.recordings)

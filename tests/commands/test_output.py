@@ -17,10 +17,13 @@ from rich.padding import Padding
 from rich.table import Table
 
 from glider.__main__ import main
+from glider.campaign.importing.campaign_import import import_campaign
+from glider.campaign.logs import POSE_COLUMNS, SERVO_COLUMNS
 from glider.campaign.samples import sample_names
 from glider.commands.output import output
 from glider.physics.effects import KINDS
 from glider.progress import Stages
+from tests.helpers.campaigns import campaign_path, first_flights
 
 ROOT = Path(__file__).parents[2]
 LONG = "A sentence that a program reads must stay one line of text. " * 5
@@ -125,6 +128,19 @@ def test_stages_never_go_back():
     stages.enter("trace")
     assert steps == ["trace", "is wind needed?", "writing", "trace"]
     assert [step.share for step in steps] == pytest.approx([0.2, 0.2, 0.9, 0.9])
+
+
+def test_an_import_announces_each_file(tmp_path):
+    files = [campaign_path("still_air") / f"{name}.csv" for name in first_flights(4)]
+    columns = {name: name for name in (*POSE_COLUMNS, *SERVO_COLUMNS)}
+    (tmp_path / "map.yaml").write_text(json.dumps({"columns": columns}))
+    steps = []
+    import_campaign(
+        files, tmp_path / "map.yaml", tmp_path / "throws", progress=steps.append
+    )
+    assert steps[:4] == [f"reading {file}" for file in files]
+    assert [step.share for step in steps[:4]] == [0.0, 0.25, 0.5, 0.75]
+    assert steps[4].startswith("cutting the flights out")
 
 
 def test_samples_as_json(capsys):

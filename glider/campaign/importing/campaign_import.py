@@ -23,6 +23,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
+from glider.progress import Progress, announced, silent
 
 _ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
 _REASONS = 3  # Why recordings have no flight: as many are listed.
@@ -75,7 +76,11 @@ class ImportResult:
 
 
 def import_campaign(
-    files: Sequence[Path | str], mapping: Path | str, out: Path | str
+    files: Sequence[Path | str],
+    mapping: Path | str,
+    out: Path | str,
+    *,
+    progress: Progress = silent,
 ) -> ImportResult:
     """Makes a campaign folder of logs, as a mapping specifies; reports what was done.
 
@@ -86,16 +91,19 @@ def import_campaign(
         files: logs of any known format; each may hold several flights.
         mapping: the MAP file: `columns:`, `units:`, `frame:`, `vehicle:`, ...
         out: the folder to write.
+        progress: called with each file that is read, and what comes after.
 
     Raises:
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
-    imported = read_flights(files, mapping)
+    imported = read_flights(files, mapping, progress)
     save_campaign(out, imported.campaign, {"import.txt": imported.describe() + "\n"})
     return imported
 
 
-def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResult:
+def read_flights(
+    files: Sequence[Path | str], mapping: Path | str, progress: Progress = silent
+) -> ImportResult:
     """Makes what `import_campaign` writes."""
     settings, claim = read_settings(Path(mapping))
     if claim is None:
@@ -103,7 +111,8 @@ def read_flights(files: Sequence[Path | str], mapping: Path | str) -> ImportResu
             f"{mapping}: has no 'columns:'; expected a mapping of the logs' columns "
             "(--guess proposes one)."
         )
-    recordings = _read_all([Path(file) for file in files], claim)
+    recordings = _read_all([Path(file) for file in files], claim, progress)
+    progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 
     def check(some: Sequence[Recording], claim: Mapping) -> ImportResult:
@@ -305,14 +314,17 @@ def _count(things: Sequence, what: str) -> str:
     return f"{len(things)} {what}" + ("" if len(things) == 1 else "s")
 
 
-def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:
+def _read_all(
+    files: Sequence[Path], mapping: Mapping, progress: Progress
+) -> list[Recording]:
     """Reads the recordings in files, in the order of their names.
 
     With `join: [poses_*.csv, servo_*.csv]` the files with the same text for * are one,
     its groups are named by the patterns, and each file has a clock of its own.
     """
     if not mapping.join:
-        return [r for file in sorted(files) for r in read_recordings(file)]
+        in_turn = announced(sorted(files), "reading", progress)
+        return [r for file in in_turn for r in read_recordings(file)]
     parts: dict[str, dict[str, Path]] = {}
     for file in sorted(files):
         pattern = next((p for p in mapping.join if fnmatch.fnmatch(file.name, p)), None)
@@ -331,7 +343,8 @@ def _read_all(files: Sequence[Path], mapping: Mapping) -> list[Recording]:
                 f"{next(iter(found.values()))}: there is no {lacking[0]} to join it "
                 f"with, as {mapping.source} says."
             )
-    return [_join(found, mapping.join) for _, found in sorted(parts.items())]
+    joined = [parts[key] for key in announced(sorted(parts), "reading", progress)]
+    return [_join(found, mapping.join) for found in joined]
 
 
 def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
