@@ -13,6 +13,7 @@ from glider.commands.parsing import (
     output_folder,
     propose_effects,
 )
+from glider.errors import expect
 
 DESCRIPTION = """\
 Finds what a glider's model lacks, from logs of its flights.
@@ -69,25 +70,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: the whole library)",
     )
     effects.completer = propose_effects  # type: ignore[attr-defined]
-    parser.add_argument(
-        "--trim",
-        metavar="SPEED|ALPHA",
-        help="take stability and control derivatives in the steady glide at this "
-        "airspeed, 6.5 [m/s], or angle of attack, 8deg (default: at the median state "
-        "of the flights)",
-    )
-    parser.add_argument(
-        "--chord",
-        metavar="METRES",
-        type=float,
-        help="reference length of moments and pitch rates (default: arm of the tail)",
-    )
+    for option, words in (
+        ("--trim", "airspeed [m/s] of the steady glide that derivatives are taken at"),
+        ("--chord", "reference length of derivatives [m]"),
+    ):
+        parser.add_argument(option, metavar="X", type=float, help=words)
     add_json(parser, "report.json instead of the summary")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     check_seed(args.seed)
+    for name, value in (("--trim", args.trim), ("--chord", args.chord)):
+        expect(value is None or value > 0.0, name, value, "a positive number")
     folder = output_folder(args.out, args.campaign)
     with working() as progress:
         from glider.sysid.pipeline import close_the_loop
@@ -99,14 +94,15 @@ def run(args: argparse.Namespace) -> int:
             held_out=args.held_out,
             seed=args.seed,
             effects=args.effects,
-            trim=args.trim,
-            chord=args.chord,
             progress=progress,
         )
     # Matplotlib takes half a second to import: not before the input is read.
     from glider.files.schema import json_text
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
+    from glider.sysid.derivatives import with_derivatives
+
+    result = with_derivatives(result, args.trim, args.chord)
 
     try:
         with working() as progress:

@@ -21,7 +21,7 @@ from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.progress import Stages
 from glider.sysid import outcome, result
-from glider.sysid.derivatives import derivatives_of
+from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
 from glider.sysid.fit.prediction import beginning_rows
 from glider.sysid.likelihood.model_fit import FitResult, fit_model
@@ -211,9 +211,7 @@ class Analysis:
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
         is_still = model.scales.air < STILL * FLOOR.air
-        glider = outcome.model_of(task, model, carried, signs, flights.campaign)
-        covariance = outcome.covariance_of(task, model, known)
-        return result.Result(
+        found = result.Result(
             campaign=logged.name,
             path=logged.path,
             flights=result.FlightNames(
@@ -227,9 +225,6 @@ class Analysis:
             outlying=evaluation.outlying,
             folds=() if held_out is None else held_out.folds,
             left=left,
-            derivatives=derivatives_of(
-                glider, covariance, after, settings["trim"], settings["chord"]
-            ),
             innovations=evaluation.innovations,
             candidates=traced.alone,
             combinations=tuple(
@@ -252,8 +247,8 @@ class Analysis:
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
             ),
-            model=glider,
-            covariance=covariance,
+            model=outcome.model_of(task, model, carried, signs, flights.campaign),
+            covariance=outcome.covariance_of(task, model, known),
             held_out=evaluation.held_out,
             residual_before=before,
             residual_after=after,
@@ -263,6 +258,7 @@ class Analysis:
             seed=settings["seed"],
             settings={**settings, "notes": list(vehicle.notes)},
         )
+        return with_derivatives(found)
 
     def _excluded(self, outlying: Mapping[str, str]) -> tuple[ExcludedRows, ...]:
         """All that is not used: rows that are faulty, flights that stand out."""

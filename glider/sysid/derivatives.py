@@ -1,214 +1,149 @@
 """Stability and control derivatives of a model, with standard errors.
 
-Coefficients and signs are those of textbooks: lift up, drag against the flight, nose-up
-moments, pitch rates and angles positive, and an elevator positive trailing edge down
-(elsewhere in this package angles turn the other way, see `glider.physics.state`). The
-glider flies through still air without angular acceleration; forces of added mass, which
-act on accelerations, are not included. All numbers come from the model's own dynamics,
-by complex steps.
+Signs are those of textbooks: lift up, drag against the flight, nose-up moments, pitch
+rates and angles, and an elevator with its trailing edge down are positive (elsewhere
+angles turn the other way, see `glider.physics.state`). All numbers come from the
+model's dynamics in still air, without the forces of added mass on accelerations.
 """
 
+import dataclasses
+import functools
 import math
-import re
 
 import numpy as np
 
-from glider.errors import InputError
-from glider.physics.compose import coefficient_slices, initial_extra
-from glider.physics.covariance import Covariance
+from glider.physics.compose import initial_extra
 from glider.physics.model import GliderModel
-from glider.physics.parameters import NUM_PARAMETERS, PARAMETER_NAMES
-from glider.sysid.result import Derivatives, Estimate, ResidualTable
+from glider.physics.parameters import PARAMETER_NAMES
+from glider.sysid.result import Derivatives, Estimate, Result
 
-COEFFICIENTS = ("C_L", "C_D", "C_m")
-VARIABLES = ("_alpha", "_q", "_delta_e")
-
-_TINY = 1e-30
-"""Length of a complex step."""
-
-_PART = 1e-3
-"""Step along a coefficient for the propagation of errors, in its standard errors."""
-
-_ROUNDING = 1e-8
-"""Relative standard error that is none."""
-
-_V, _ALPHA, _Q, _ELEVATOR, _CLIMB = range(5)
-"""Entries of a condition: airspeed [m/s], angle of attack [rad], pitch rate [rad/s],
-elevator and angle of climb [rad], all of them with the signs of textbooks."""
+_TINY = 1e-30  # Length of a complex step.
+_PART = 1e-3  # Step along a fitted number, in its standard errors.
+_ROUNDING = 1e-8  # Relative standard error that is none.
+_V, _ALPHA, _Q, _ELEVATOR, _CLIMB = range(5)  # Entries of a condition [m/s, rad, s].
 
 
-def parse_trim(text: str) -> tuple[int, float]:
-    """The entry of a condition that a trim fixes, "6.5" [m/s] or "8deg", and its value.
-
-    Raises:
-        InputError: it is neither.
-    """
-    found = re.fullmatch(r"\s*([-+]?[0-9.]+)\s*(deg|m/s|)\s*", text)
-    try:
-        value = float(found[1]) if found else math.nan
-    except ValueError:
-        value = math.nan
-    if found and found[2] == "deg" and abs(value) < 90.0:
-        return _ALPHA, math.radians(value)
-    if not (found and found[2] != "deg" and value > 0.0):
-        raise InputError(
-            f"the trim is '{text}'; expected an airspeed [m/s] such as 6.5, or an "
-            "angle of attack such as 8deg."
-        )
-    return _V, value
-
-
-def derivatives_of(
-    model: GliderModel,
-    covariance: Covariance | None,
-    flown: ResidualTable,
-    trim: str | None = None,
-    chord: float | None = None,
-) -> Derivatives:
-    """The derivatives of a model.
+def with_derivatives(
+    result: Result, trim: float | None = None, chord: float | None = None
+) -> Result:
+    """A result with the derivatives of its corrected model.
 
     Args:
-        model: of the glider.
-        covariance: of what was fitted; all else counts as exact.
-        flown: its flights: they are at their median state without a trim, and where
-            the glider has no steady glide at that trim.
-        trim: of a steady glide, see `parse_trim`.
+        result: of closing the loop.
+        trim: airspeed of the steady glide that they are taken at [m/s]. They are at
+            the median state of the flights without one, and where there is no such
+            glide.
         chord: reference length [m]; by default the arm of the tail.
     """
-    p = model.parameters
-    length, name = chord, "chord"
-    if length is None:
-        length, name = p.hinge_offset + p.elevator_offset, "arm of the tail"
+    model, covariance, flown = result.model, result.covariance, result.residual_after
+    p, words = model.parameters, "median state of the flights"
+    length = chord or p.hinge_offset + p.elevator_offset
     middle = {n: float(np.nanmedian(v)) for n, v in flown.variables.items()}
-    climb = -middle["pitch"] - middle["alpha"]
-    condition = np.array(
-        [middle["V"], middle["alpha"], 0.0, -middle["elevator"], climb]
-    )
-    glider = _Glider(model, tuple(middle[n] for n in ("t", "x", "z")), length)
-    words = "median state of the flights"
+    alpha, place = middle["alpha"], tuple(middle[n] for n in ("t", "x", "z"))
+    climb = -middle["pitch"] - alpha
+    condition = np.array([middle["V"], alpha, 0.0, -middle["elevator"], climb])
     if trim is not None:
-        steady = glider.steady_glide(*parse_trim(trim))
+        steady = _steady_glide(model, place, trim)
         if steady is None:
-            words += f", as the model has no steady glide at {trim}"
+            words += f", as the model has no steady glide at {trim:g} m/s"
         else:
             condition, words = steady, "steady glide"
-    values = glider.table(glider.numbers, condition)
-    std = glider.errors(condition, covariance).reshape(values.shape)
-    std[std < _ROUNDING * np.abs(values)] = 0.0
-    names = [c + by for c in COEFFICIENTS for by in ("", *VARIABLES)]
-    units = len(COEFFICIENTS) * ("-", "1/rad", "1/rad", "1/rad")
-    rows = zip(names, values.flat, std.flat, units, strict=True)
-    estimates = {n: Estimate(float(v), float(s), unit) for n, v, s, unit in rows}
-    return Derivatives(
+    numbers = np.concatenate(model.numbers[:2])
+    table = functools.partial(_table, model, place, condition, length)
+    values = table(numbers)
+    std = np.full(values.shape, math.nan)
+    if covariance is not None:
+        slopes = np.zeros((values.size, len(covariance.names)))
+        fitted = [*PARAMETER_NAMES]
+        fitted += [f"{e.kind}.{c.name}" for e in model.kinds for c in e.coefficients]
+        sizes = _PART * np.sqrt(np.diag(covariance.matrix))
+        for k, (name, size) in enumerate(zip(covariance.names, sizes, strict=True)):
+            if name in fitted and size > 0.0:
+                step = size * (np.arange(len(numbers)) == fitted.index(name))
+                change = table(numbers + step) - table(numbers - step)
+                slopes[:, k] = change / (2.0 * size)
+        std = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance.matrix, slopes))
+        std[std < _ROUNDING * np.abs(values)] = 0.0
+    by = {"": "-", "_alpha": "1/rad", "_q": "1/rad", "_delta_e": "1/rad"}
+    names = {c + v: unit for c in ("C_L", "C_D", "C_m") for v, unit in by.items()}
+    rows = zip(names.items(), values.tolist(), std.tolist(), strict=True)
+    found = Derivatives(
         condition=words,
         airspeed_m_s=float(condition[_V]),
         alpha_rad=float(condition[_ALPHA]),
         delta_e_rad=float(condition[_ELEVATOR]),
         area_m2=p.wing_area,
         length_m=length,
-        length=name,
-        values=estimates,
+        length="chord" if chord else "arm of the tail",
+        values={name: Estimate(v, s, unit) for (name, unit), v, s in rows},
     )
+    return dataclasses.replace(result, derivatives=found)
 
 
-class _Glider:
-    """A model at a time and place, with its coefficients' reference length [m]."""
+def _meet(
+    model: GliderModel,
+    numbers: np.ndarray,
+    place: tuple[float, ...],
+    condition: np.ndarray,
+) -> tuple:
+    """Flow, terms of the field, state and coefficients at a condition."""
+    chain, (t, x, z) = model.chain, place
+    speed, alpha, q, elevator, climb = condition
+    theta = chain.theta_of(numbers, model.residual_field)
+    velocity = speed * np.cos(climb), speed * np.sin(climb)
+    state = [x, z, -climb - alpha, -elevator, *velocity, -q]
+    flow = chain.flow_of(chain.motion_of(t, state, 0.0), 0.0, 0.0, theta.p)
+    state += initial_extra(model.kinds, flow, 0.0, theta.c)
+    return flow, chain.residual_terms(flow, theta.field), state, theta.c
 
-    def __init__(
-        self, model: GliderModel, place: tuple[float, ...], length: float
-    ) -> None:
-        self.model, self.place, self.length = model, place, length
-        numbers = model.numbers
-        self.numbers = np.concatenate([numbers.p, numbers.c])
 
-    def _meet(self, numbers: np.ndarray, condition: np.ndarray) -> tuple:
-        """Flow, terms of the field, state and coefficients at a condition."""
-        chain, (t, x, z) = self.model.chain, self.place
-        speed, alpha, q, elevator, climb = condition
-        theta = chain.theta_of(numbers, self.model.residual_field)
-        velocity = speed * np.cos(climb), speed * np.sin(climb)
-        state = [x, z, -climb - alpha, -elevator, *velocity, -q]
-        flow = chain.flow_of(chain.motion_of(t, state, 0.0), 0.0, 0.0, theta.p)
-        state += initial_extra(self.model.kinds, flow, 0.0, theta.c)
-        return flow, chain.residual_terms(flow, theta.field), state, theta.c
+def _table(
+    model: GliderModel,
+    place: tuple[float, ...],
+    condition: np.ndarray,
+    length: float,
+    numbers: np.ndarray,
+) -> np.ndarray:
+    """C_L, C_D and C_m, each with its derivatives by α, q l/2V and δ_e, (12,)."""
+    p = model.parameters
+    pressure = 0.5 * p.air_density * p.wing_area * condition[_V] ** 2
+    sine, cosine = np.sin(condition[_CLIMB]), np.cos(condition[_CLIMB])
+    columns = []
+    for entry, per in (
+        (_ALPHA, 1.0),
+        (_Q, 2.0 * condition[_V] / length),
+        (_ELEVATOR, 1.0),
+    ):
+        moved = condition + 1j * _TINY * (np.arange(5) == entry)
+        x, z, moment = model.chain.wrench(*_meet(model, numbers, place, moved))[2:5]
+        forces = [z * cosine - x * sine, -x * cosine - z * sine, -moment / length]
+        columns.append(per / _TINY * np.imag(forces))
+    return np.transpose([np.real(forces), *columns]).ravel() / pressure
 
-    def coefficients(self, numbers: np.ndarray, condition: np.ndarray) -> np.ndarray:
-        """C_L, C_D and C_m, referred to the model's nominal wing."""
-        flown = self._meet(numbers, condition)
-        x, z, moment = self.model.chain.wrench(*flown)[2:5]
-        sine, cosine = np.sin(condition[_CLIMB]), np.cos(condition[_CLIMB])
-        forces = [z * cosine - x * sine, -x * cosine - z * sine, -moment / self.length]
-        p = self.model.parameters
-        pressure = 0.5 * p.air_density * p.wing_area * condition[_V] ** 2
-        return np.array(forces) / pressure
 
-    def table(self, numbers: np.ndarray, condition: np.ndarray) -> np.ndarray:
-        """Coefficients and their derivatives by VARIABLES, (3, 4)."""
-        columns = [self.coefficients(numbers, condition)]
-        per = {_ALPHA: 1.0, _Q: 2.0 * condition[_V] / self.length, _ELEVATOR: 1.0}
-        for entry, size in per.items():
-            moved = condition.astype(complex)
-            moved[entry] += 1j * _TINY
-            slope = np.imag(self.coefficients(numbers, moved)) / _TINY
-            columns.append(size * slope)
-        return np.stack(columns, axis=1)
+def _steady_glide(
+    model: GliderModel, place: tuple[float, ...], speed: float
+) -> np.ndarray | None:
+    """The condition of a glide without acceleration at an airspeed.
 
-    def errors(
-        self, condition: np.ndarray, covariance: Covariance | None
-    ) -> np.ndarray:
-        """Standard errors of `table` (12,), by the delta method; NaN without any."""
-        if covariance is None:
-            return np.full(12, math.nan)
-        slices = coefficient_slices(self.model.kinds)
-        std = np.sqrt(np.diag(covariance.matrix))
-        slopes = np.zeros((12, len(std)))
-        for k, (name, size) in enumerate(zip(covariance.names, std, strict=True)):
-            place = self._place(name, slices)
-            if place is None or size == 0.0:
-                continue
-            ends = []
-            for step in (_PART * size, -_PART * size):
-                moved = self.numbers.copy()
-                moved[place] += step
-                ends.append(self.table(moved, condition))
-            slopes[:, k] = (ends[0] - ends[1]).ravel() / (2.0 * _PART * size)
-        return np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance.matrix, slopes))
+    None where there is none with the elevator within its limits.
+    """
+    from scipy.optimize import root  # It takes a tenth of a second.
 
-    def _place(self, name: str, slices: dict[str, slice]) -> int | None:
-        """Where a parameter or an acting coefficient is among the numbers."""
-        if name in PARAMETER_NAMES:
-            return PARAMETER_NAMES.index(name)
-        kind, _, coefficient = name.partition(".")
-        for acting in self.model.kinds:
-            if acting.kind == kind:
-                names = [c.name for c in acting.coefficients]
-                return NUM_PARAMETERS + slices[kind].start + names.index(coefficient)
-        return None
+    p, free = model.parameters, [_ALPHA, _ELEVATOR, _CLIMB]
+    condition = np.array([speed, 0.1, 0.0, 0.0, -0.2])
+    numbers, arm = np.concatenate(model.numbers[:2]), p.hinge_offset + p.elevator_offset
 
-    def steady_glide(self, entry: int, value: float) -> np.ndarray | None:
-        """The condition of a glide without acceleration that has a value in an entry.
+    def unbalanced(values: np.ndarray) -> np.ndarray:
+        condition[free] = values
+        *forces, turn = model.chain.accelerations(
+            *_meet(model, numbers, place, condition)
+        )
+        return np.array([*forces, turn * p.pitch_inertia / (p.mass * arm)])
 
-        None where there is none with the elevator within its limits.
-        """
-        from scipy.optimize import root  # It takes a tenth of a second.
-
-        p = self.model.parameters
-        weight, arm = p.mass * p.gravity, p.hinge_offset + p.elevator_offset
-        speed = math.sqrt(2.0 * weight / (p.air_density * p.wing_area))
-        condition = np.array([speed, 0.1, 0.0, 0.0, -0.2])
-        condition[entry] = value
-        free = [i for i in (_V, _ALPHA, _ELEVATOR, _CLIMB) if i != entry]
-
-        def unbalanced(values: np.ndarray) -> np.ndarray:
-            condition[free] = values
-            flow, terms, state, c = self._meet(self.numbers, condition)
-            *forces, turn = self.model.chain.accelerations(flow, terms, state, c)
-            return np.array([*forces, turn * p.pitch_inertia / (p.mass * arm)])
-
-        solution = root(unbalanced, condition[free])
-        condition[free] = solution.x
-        low, high = p.elevator_limits or (-math.pi / 2.0, math.pi / 2.0)
-        possible = condition[_V] > 0.0 and abs(condition[_ALPHA]) < math.pi / 2.0
-        if solution.success and possible and low <= -condition[_ELEVATOR] <= high:
-            return condition
-        return None
+    solution = root(unbalanced, condition[free])
+    condition[free] = solution.x
+    low, high = p.elevator_limits or (-math.pi / 2.0, math.pi / 2.0)
+    is_flown = low <= -condition[_ELEVATOR] <= high
+    is_flown &= abs(condition[_ALPHA]) < math.pi / 2.0
+    return condition if solution.success and is_flown else None

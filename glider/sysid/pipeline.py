@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
-from glider.errors import InputError, expect
+from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Stages, Step, silent
 
@@ -47,8 +47,6 @@ def close_the_loop(
     seed: int = 0,
     effects: Sequence[str] | None = None,
     own_effects: Sequence[EffectKind] = (),
-    trim: str | None = None,
-    chord: float | None = None,
     progress: Progress = silent,
 ) -> "Result":
     """Finds what a glider's model lacks, adds it, and measures the improvement.
@@ -63,9 +61,6 @@ def close_the_loop(
             `own_effects`.
         own_effects: kinds that the library lacks, of any stage but the log.
             They are traced and carried by the model like those of the library.
-        trim: of the steady glide that derivatives are taken at: "6.5" [m/s], or "8deg"
-            of angle of attack; by default, at the median state of the flights.
-        chord: reference length of derivatives [m]; by default the arm of the tail.
         progress: called with a line of text as the work goes on.
 
     Returns:
@@ -74,8 +69,11 @@ def close_the_loop(
     Raises:
         InputError: the campaign or an argument cannot be used.
     """
+    if not 0.0 < held_out < 1.0:
+        raise InputError(
+            f"the held-out fraction is {held_out:g}; expected one between 0 and 1."
+        )
     own = tuple(own_effects)
-    _check_numbers(held_out, trim, chord)
     _check_names(effects, own)
     progress(Step("read", 0.0))
     begin = time.perf_counter()
@@ -89,7 +87,6 @@ def close_the_loop(
     fitted, unseen = split_flights(campaign, held_out, seed)
     seconds = {"read": time.perf_counter() - begin}
 
-    from glider.sysid.analysis import Analysis
     from glider.sysid.replay.theta import layout_of
     from glider.sysid.replay.vehicle import make_vehicle
 
@@ -102,9 +99,9 @@ def close_the_loop(
         "held_out": held_out,
         **{k: None if v is None else list(v) for k, v in chosen.items()},
         "own_effects": [e.kind for e in own],
-        "trim": trim,
-        "chord": chord,
     }
+
+    from glider.sysid.analysis import Analysis
 
     analysis = Analysis(
         progress=Stages(progress, SHARES if vehicle.knows_forces else THROWN_SHARES),
@@ -118,17 +115,6 @@ def close_the_loop(
     with_signs = effects is None or ANGLE_SIGN.kind in effects
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         return analysis.run(kinds, with_signs, settings)
-
-
-def _check_numbers(held_out: float, trim: str | None, chord: float | None) -> None:
-    """Raises InputError unless the numbers that were asked for can be used."""
-    is_share = 0.0 < held_out < 1.0
-    expect(is_share, "the held-out fraction", held_out, "one between 0 and 1")
-    expect(chord is None or chord > 0.0, "the chord", chord, "a positive length [m]")
-    if trim is not None:
-        from glider.sysid.derivatives import parse_trim
-
-        parse_trim(trim)
 
 
 def _check_names(effects: Sequence[str] | None, own: tuple[EffectKind, ...]) -> None:

@@ -194,10 +194,9 @@ class PathErrors:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Fit of free rollouts, 100 (1 - |y - ŷ| / |y - mean y|) [%] over all flights.
+    """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts over all flights.
 
-    The mean is that of each flight: 100 is a perfect model, 0 one no better than that
-    mean, as in MATLAB's `compare`.
+    The mean is that of each flight; MATLAB's `compare` has the same.
     """
 
     x: Number = math.nan
@@ -247,18 +246,9 @@ class MeasurementNoise:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Derivatives:
-    """Stability and control derivatives, in the signs of textbooks.
+    """Stability and control derivatives, see `glider.sysid.derivatives`.
 
-    Attributes:
-        condition: where they are taken, in words.
-        airspeed_m_s: there.
-        alpha_rad: angle of attack there.
-        delta_e_rad: elevator there, positive trailing edge down.
-        area_m2: that coefficients refer to.
-        length_m: that moments and pitch rates refer to.
-        length: what that is.
-        values: C_L, C_D and C_m there, and by alpha, q (times length / 2 airspeed)
-            and delta_e: C_L_alpha, ...
+    `condition` and `length` are in words, `values` from C_L, C_L_alpha to C_m_delta_e.
     """
 
     condition: str
@@ -275,14 +265,8 @@ class Derivatives:
 class Innovations:
     """Correlations of innovations on held-out flights, by model and channel.
 
-    A model that is right leaves white noise: about 95 % of the correlations, but for
-    that of a channel with itself at no lag, are then within ± `band`.
-
-    Attributes:
-        lag_s: (lags,) from zero [s].
-        autocorrelation: model to channel (x, z, pitch) to (lags,).
-        with_elevator: the same with the elevator earlier by the lag; empty where there
-            is no servo.
+    `with_elevator` has the elevator earlier by the lag; it is empty without a servo. Of
+    white noise 95 % of them are within ± `band`.
     """
 
     lag_s: np.ndarray
