@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.errors import InputError, show
+from glider.errors import InputError, expect, show
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
@@ -45,6 +45,42 @@ class Flight:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class ServoLog:
+    """Where the columns of a servo come from, and how well their times are known.
+
+    Attributes:
+        angle: "measured", or "reconstructed": that of an ideal servo.
+        command: "logged" as rates; "converted": rates of an ideal servo that follows
+            commanded angles; "reconstructed": the rates of the measured angle.
+        clock_std: standard error of their times against those of the poses [s].
+        command_std: of the commands' times against those of the measured angle [s].
+    """
+
+    angle: str = "measured"
+    command: str = "logged"
+    clock_std: float = 0.0
+    command_std: float = 0.0
+
+    def __post_init__(self):
+        """Raises InputError where a value cannot be."""
+        for name, values in (
+            ("angle", ("measured", "reconstructed")),
+            ("command", ("logged", "converted", "reconstructed")),
+        ):
+            value, expected = getattr(self, name), f"one of {', '.join(values)}"
+            expect(value in values, f"servo: field '{name}'", value, expected)
+        for name in ("clock_std", "command_std"):
+            value = getattr(self, name)
+            known = 0.0 <= value < math.inf
+            expect(known, f"servo: field '{name}'", value, "a standard error in s")
+
+    @property
+    def at_rows(self) -> bool:
+        """Whether commands switch at rows: they are made of the angles there."""
+        return self.command != "logged"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Campaign:
     """The flights of one glider and what is known of it."""
 
@@ -57,6 +93,7 @@ class Campaign:
     pose_rate: float  # [Hz]; 1 / the median step of all flights if not given.
     command_rate: float | None  # [Hz]; None: commands change at rows.
     flights: tuple[Flight, ...]  # Sorted by name.
+    servo: ServoLog = ServoLog()
 
     @classmethod
     def from_arrays(

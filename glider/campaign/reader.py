@@ -6,6 +6,7 @@ what was expected. Irregular times and missing rows are fine. What campaign.yaml
 stays unknown.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -61,8 +62,9 @@ def map_flights(
     from glider.campaign.importing.campaign_import import map_flight
     from glider.campaign.importing.sign_checks import check_signs
 
-    tables = [map_flight(recording, mapping, campaign) for recording in recordings]
-    campaign = with_flights(campaign, tables)
+    mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
+    campaign = dataclasses.replace(campaign, servo=mapped[0][1])
+    campaign = with_flights(campaign, [table for table, _ in mapped])
     check_signs(campaign)
     return campaign
 

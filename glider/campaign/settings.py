@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from glider.campaign.importing.recording import Unit, scale_of
-from glider.campaign.logs import MAX_ANGLE, Campaign
+from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
 from glider.errors import InputError, expect, show
 from glider.files import schema
 from glider.physics.parameters import PARAMETER_NAMES, check_parameters
@@ -282,6 +282,7 @@ class Settings:
     vehicle: Vehicle = Vehicle()
     pose_rate: float | None = None
     command_rate: float | None = None
+    servo: ServoLog = ServoLog()
     columns: Columns | None = None
     units: Units | None = None
     frame: Frame | str | None = None
@@ -332,6 +333,7 @@ class Settings:
             pose_rate=math.nan if self.pose_rate is None else self.pose_rate,
             command_rate=self.command_rate,
             flights=(),
+            servo=self.servo,
         )
 
     def mapping(self, source: str) -> Mapping | None:

@@ -1,5 +1,6 @@
 """Writes campaign folders that `glider.campaign.reader` reads."""
 
+import dataclasses
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign import logs
-from glider.campaign.logs import Campaign, Flight
+from glider.campaign.logs import Campaign, Flight, ServoLog
 from glider.errors import InputError
 from glider.files import schema
 from glider.files.writing import replace_files
@@ -38,7 +39,9 @@ def save_campaign(
     }
     vehicle = {name: value for name, value in vehicle.items() if value is not None}
     rates = {"pose_rate": campaign.pose_rate, "command_rate": campaign.command_rate}
-    text = schema.yaml_text({"vehicle": vehicle, **rates})
+    servo = {"servo": dataclasses.asdict(campaign.servo)}
+    known = {} if campaign.servo == ServoLog() else servo
+    text = schema.yaml_text({"vehicle": vehicle, **rates, **known})
     files = {flight.name: flight_csv(flight) for flight in campaign.flights}
     files |= {name: words.encode() for name, words in (more or {}).items()}
     files["campaign.yaml"] = text.encode()

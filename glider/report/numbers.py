@@ -88,9 +88,11 @@ def in_degrees(c: Estimate) -> str:
     return f" ({math.degrees(c.value):.1f}°)"
 
 
-def format_spread(std: float, unit: str) -> str:
-    """A standard deviation, also in degrees for an angle."""
-    text = Unit(name=unit).text(std)
+def format_spread(std: float, unit: str, error: float = math.nan) -> str:
+    """A standard deviation, with its error if known, also in degrees for an angle."""
+    text = format_estimate(Estimate(std, error, unit))
+    if not math.isfinite(error):
+        text = Unit(name=unit).text(std)
     if unit != "rad" or not math.isfinite(std):
         return text
     return f"{text} ({format_angle(std)})"

@@ -181,7 +181,11 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
         if most is not None:
             largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
         rows.append(
-            (name_of(name), numbers.format_spread(spread.std, spread.unit), largest)
+            (
+                name_of(name),
+                numbers.format_spread(spread.std, spread.unit, spread.std_error),
+                largest,
+            )
         )
     return rows
 

@@ -37,7 +37,7 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
-from glider.sysid.verdict import find_doubt, judge
+from glider.sysid.verdict import find_clock_error, find_doubt, judge
 
 STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
@@ -206,9 +206,11 @@ class Analysis:
         corrected = evaluation.errors["corrected"]
         assert corrected is not None
         left = _left(task, judged, corrected, noise)
-        doubt = find_doubt(task, model)
+        clocks, is_large = find_clock_error(task, model)
         verdict, reason = judge(
-            traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
+            *(traced, signs, carried, held_out, evaluation.errors, effects, left),
+            find_doubt(task, model),
+            "".join(clocks) if is_large or not effects else "",
         )
         is_still = model.scales.air < STILL * FLOOR.air
         found = result.Result(
@@ -241,7 +243,7 @@ class Analysis:
             curves=outcome.curves_of(before, named),
             vehicle=outcome.vehicle_of(task, model, known),
             knows_forces=vehicle.knows_forces,
-            warnings=tuple(self._warnings(flights, evaluation, verdict)),
+            warnings=(*self._warnings(flights, evaluation, verdict), *clocks),
             set_aside=self._excluded(outlying),
             planarity={f: p.sentence for f, p in rolling if p is not None},
             noise=result.MeasurementNoise(
@@ -278,9 +280,11 @@ class Analysis:
                 f"{limits[1]:.3g} rad: it is assumed to stop at {stops[0]:.3g} and "
                 f"{stops[1]:.3g}."
             )
+        servo = flights.campaign.servo
         for record in flights.corrected:
+            unseen = record.has_servo and servo.angle == "measured"
             rows = beginning_rows(record, per_flight_trims=False)
-            if record.has_servo and not record.seen[:rows, 3].any():
+            if unseen and not record.seen[:rows, 3].any():
                 yield (
                     f"{record.name}: no elevator row counts in the beginning of the "
                     "flight, which its launch is fitted on; the elevator is assumed "

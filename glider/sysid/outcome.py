@@ -7,7 +7,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign
 from glider.physics.covariance import Covariance
-from glider.physics.effects import ANGLE_SIGN
+from glider.physics.effects import ANGLE_SIGN, POSE_LATENCY
 from glider.physics.effects.field import FIELD_UNITS, FieldData
 from glider.physics.model import GliderModel
 from glider.sysid import result
@@ -97,11 +97,19 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
         shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
-        if shows or (kind == "elevator_trim" and task.per_flight_trims):
+        fitted = model.scales
+        if kind == "elevator_trim" and task.per_flight_trims:
+            # The search along the attitude takes a scale for it that is a prior.
+            fitted, _ = scales.fit_scales(flights, fitted, (scale,))
+            shows = getattr(fitted, scale) > getattr(scales.FLOOR, scale)
+            own = scales.flight_values(flights, fitted)
+        if shows:
             column = scales.PER_FLIGHT.index((kind, coefficient))
             values = own[:, column].tolist()
+            std = getattr(fitted, scale)
             found[kind] = result.Spread(
-                std=getattr(model.scales, scale),
+                std=std,
+                std_error=std / math.sqrt(2.0 * len(values)),
                 unit=unit,
                 values=dict(zip(names, values, strict=True)),
             )
@@ -122,6 +130,8 @@ def effects_of(
     found = [] if signs.are_right else [_sign_entry(signs)]
     left = set(carried.terms)
     for name in model.kinds:
+        if name == POSE_LATENCY.kind and model.theta[layout.slots_of(name)[0]] < 0.0:
+            continue  # Not physical: the clocks differ, see `verdict.clock_error`.
         kind, support = layout.kinds[name], traced.weighed[name]
         mine = {t for t in carried.terms if name in FAMILIES[t].split()}
         left -= mine
@@ -235,7 +245,7 @@ def model_of(
     """Returns the corrected glider."""
     layout = task.layout
     effects = [] if signs.are_right else [sign_effect(signs)]
-    nuisance = {layout.slots[i][0] for i in task.vehicle.nuisance}
+    nuisance = {layout.slots[i][0] for i in task.vehicle.unknown}
     kinds = [kind for kind in layout.kinds if kind in nuisance - {*model.kinds}]
     for name in (*model.kinds, *kinds):
         kind = layout.kinds[name]
@@ -255,7 +265,7 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict:
     units = {"wing_offset": "m", "mass": "kg"}
     units["pitch_inertia"] = "m²" if is_per_mass else "kg m²"
     found = {}
-    for slot in task.vehicle.nuisance:
+    for slot in task.vehicle.unknown:
         kind, name = task.layout.slots[slot]
         label, unit = name, units.get(name, "m²/kg" if is_per_mass else "m²")
         if coefficient := task.coefficient(slot):
@@ -274,7 +284,7 @@ def covariance_of(
     """
     layout = task.layout
     mine = {i for kind in model.kinds for i in layout.slots_of(kind)}
-    mine |= set(task.vehicle.nuisance)
+    mine |= set(task.vehicle.unknown)
     rows = [k for k, slot in enumerate(known.free) if slot in mine]
     if not rows:
         return None

@@ -88,9 +88,10 @@ class FoundEffect(ReportedEffect):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Flight-to-flight variation: standard deviation, and each flight's value."""
+    """Flight-to-flight variation: standard deviation, its error, flights' values."""
 
     std: Number
+    std_error: Number = math.nan
     unit: str
     values: dict[str, Number]
 

@@ -9,6 +9,7 @@ clock that runs slow.
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
+from glider.physics.effects import POSE_LATENCY
 from glider.sysid.fit.folds import WORSE, Gains, HeldOut, ratio_of
 from glider.sysid.likelihood.model_fit import FitResult
 from glider.sysid.likelihood.scales import CEILING
@@ -46,6 +47,23 @@ GAIN_Z = 4.0
 
 WINDOW = 0.1
 """Time over which an elevator's travel is measured [s]."""
+
+
+def find_clock_error(task: Task, model: FitResult) -> tuple[tuple[str, ...], bool]:
+    """Advice where a model has poses logged before they happen, which cannot be.
+
+    Returns:
+        the advice, if any, and whether it is more than times of rows that are rounded.
+    """
+    slot = task.layout.index[POSE_LATENCY.kind, "latency"]
+    early, step = -model.theta[slot], np.median(np.diff(task.records[0].time))
+    if not early > 0.0:
+        return (), False
+    return (
+        f"The elevator's clock is {1e3 * early:.1f} ms ahead of that of the poses, as "
+        "no pose is logged before it happens: add that to 'clock' in the MAP of an "
+        "import, or subtract it from the times of the elevator and its commands.",
+    ), bool(early > 0.5 * step)
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:
@@ -118,6 +136,7 @@ def judge(
     effects: tuple[FoundEffect, ...],
     left: Residual,
     doubt: str | None,
+    clocks: str = "",
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
     kinds, right = traced.model.kinds, signs.are_right
@@ -128,6 +147,8 @@ def judge(
                 f"{', '.join(left.depends_on)}, and no effect explains it."
             )
         return "no_effect", "The flights show nothing beyond noise and moving air."
+    if clocks:
+        return "not_trusted", clocks
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
     doubt, as_plate = _over_baseline(held_out, errors), False

@@ -194,6 +194,7 @@ def test_json_has_the_schema_and_si_numbers():
         "spreads": {
             "elevator_trim": {
                 "std": 0.0203,
+                "std_error": None,
                 "unit": "rad",
                 "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             }

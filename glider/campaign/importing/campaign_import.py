@@ -3,6 +3,7 @@
 import dataclasses
 import fnmatch
 import itertools
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,11 +16,11 @@ from glider.campaign.importing.clock_offset import find_offsets, is_measured, sh
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
-from glider.campaign.importing.servo_logs import make_servo
+from glider.campaign.importing.servo_logs import Servo, make_servo
 from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
@@ -27,7 +28,12 @@ from glider.progress import Progress, announced, silent
 
 _ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
 _REASONS = 3  # Why recordings have no flight: as many are listed.
+_WARNING = "warning: "  # Beginning of a note that is one.
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
+_ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
+_SLOWEST = 0.35  # Delay and lag of a servo, or of poses, at most [s].
+_OFF, _SURE = 3.0, 5.0
+"""Standard errors by which a clock that is specified is in doubt, and is refuted."""
 
 
 class CutFlight(NamedTuple):
@@ -49,6 +55,7 @@ class CutRecording(NamedTuple):
     path: Path
     flights: tuple[CutFlight, ...]
     notes: tuple[str, ...]
+    servo: ServoLog = ServoLog()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -147,12 +154,18 @@ def _checked(
             f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
         )
     campaign = campaign_of_cuts(settings, cuts)
-    undecided = check_signs(campaign)
+    warnings = [n for c in cuts for n in c.notes if n.startswith(_WARNING)]
+    undecided = (
+        *(w.removeprefix(_WARNING) for w in warnings[:1]),
+        *check_signs(campaign),
+    )
     _check_rotation(recordings, claim, campaign)
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
 
-def map_flight(recording: Recording, mapping: Mapping, settings: Campaign) -> Table:
+def map_flight(
+    recording: Recording, mapping: Mapping, settings: Campaign
+) -> tuple[Table, ServoLog]:
     """Converts a recording that is one flight to a table in SI; nothing is cut."""
     parts = split_flights(recording, mapping.columns)
     if len(parts) > 1:
@@ -162,7 +175,7 @@ def map_flight(recording: Recording, mapping: Mapping, settings: Campaign) -> Ta
         )
     track = make_track(recording, mapping)
     [made] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
-    return made.flights[0].table
+    return made.flights[0].table, made.servo
 
 
 def cut_recordings(
@@ -185,7 +198,9 @@ def campaign_of_cuts(
         columns["time"] = columns["time"] - flight.span[0]
         name = f"flight_{len(tables):03d}.csv"
         tables.append(Table(path=flight.table.path, name=name, columns=columns))
-    return with_flights(settings, tables)
+    logs = (recording.servo for recording in recordings if recording.flights)
+    servo = max(logs, key=lambda log: log.clock_std, default=settings.servo)
+    return with_flights(dataclasses.replace(settings, servo=servo), tables)
 
 
 def _extract(
@@ -197,43 +212,85 @@ def _extract(
     """Makes tables of the flights that were cut out of recordings."""
     clocked = _on_one_clock(tracks, [cuts for cuts, _ in found], mapping)
     recordings = []
-    for (track, of_clock), (cuts, of_cuts) in zip(clocked, found, strict=True):
-        flights, notes = [], of_cuts + of_clock
+    for (track, of_clock, std), (cuts, of_cuts) in zip(clocked, found, strict=True):
+        flights, notes, log = [], of_cuts + of_clock, settings.servo
         for piece in cuts:
             flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
-            columns, note = _columns(flight, settings, mapping.source)
-            notes += [note] if note and note not in notes else []
+            columns, servo = _columns(flight, settings, mapping.source)
+            if servo is not None:
+                log = _with_clock(servo.log, track, std)
+                note = f"servo: {servo.note}"
+                notes += [note] if servo.note and note not in notes else []
             table = Table(path=track.path, columns=columns)
             flights.append(CutFlight(table, piece.why))
-        recordings.append(CutRecording(track.path, tuple(flights), tuple(notes)))
+        recordings.append(CutRecording(track.path, tuple(flights), tuple(notes), log))
     return tuple(recordings)
+
+
+def _with_clock(log: ServoLog, track: Track, std: float) -> ServoLog:
+    """Adds the standard error [s] of a clock that a servo's log was shifted by."""
+    name = "command_std" if is_measured(track) else "clock_std"
+    return dataclasses.replace(log, **{name: math.hypot(std, getattr(log, name))})
 
 
 def _on_one_clock(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
-) -> list[tuple[Track, list[str]]]:
-    """Recordings with all logs on their poses' clocks, each with notes on it."""
+) -> list[tuple[Track, list[str], float]]:
+    """Recordings with all logs on their poses' clocks, notes, and standard errors."""
     clock = mapping.clock or ("find" if any(map(_has_two_clocks, tracks)) else "same")
-    result: list[tuple[Track, list[str]]] = [(track, []) for track in tracks]
+    result: list[tuple[Track, list[str], float]] = [(t, [], 0.0) for t in tracks]
     if clock == "same":
         return result
-    if clock != "find":
-        notes = [f"clock: shifted by {clock:g} s, as specified"]
-        return [(shift(track, float(clock)), notes) for track in tracks]
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
+    pairs = [(tracks[i], [c.track for c in flights[i]]) for i in flying]
+    if clock != "find":
+        std, more = _check_clock(pairs, float(clock), mapping.source)
+        notes = [f"clock: shifted by {clock:g} s, as specified", *more]
+        return [(shift(track, float(clock)), notes, std) for track in tracks]
     if not flying:
         return result
-    offsets = find_offsets([(tracks[i], [c.track for c in flights[i]]) for i in flying])
+    offsets = find_offsets(pairs)
     for i, offset in zip(flying, offsets, strict=True):
-        error = "" if offset.std is None else f" ± {offset.std:.3f}"
+        std = offset.std
         note = (
-            f"clock: the elevator's is {offset.seconds:+.3f}{error} s ahead of that of "
-            f"the poses (correlation {offset.correlation:.2f}); it was shifted back"
+            f"clock: the elevator's is {offset.seconds:+.3f} ± {std:.3f} s ahead of "
+            f"that of the poses (correlation {offset.correlation:.2f}); it was shifted "
+            "back"
         )
-        if tracks[i].servo.elevator is None or not _has_two_clocks(tracks[i]):
+        if tracks[i].servo.elevator is None or is_measured(tracks[i]):
             note += ", and a delay of the servo, if any, with it"
-        result[i] = (shift(tracks[i], offset.seconds), [note])
+            std = _ABSORBED
+        result[i] = (shift(tracks[i], offset.seconds), [note], std)
     return result
+
+
+def _check_clock(
+    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
+) -> tuple[float, list[str]]:
+    """Standard error [s] of a clock that a mapping specifies, and notes on it.
+
+    An elevator that seems to act before it moves, or much later, refutes the clock.
+    """
+    decimals = f"{clock:.6f}".rstrip("0").partition(".")[2]
+    rounded = 10.0 ** -max(len(decimals), 2) / math.sqrt(12.0)
+    try:
+        offsets = find_offsets(flying)
+    except InputError:
+        return rounded, []
+    seconds, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
+    late, error = clock - seconds, math.hypot(std, rounded)
+    if abs(late) <= _OFF * error:
+        return rounded, []
+    found = (
+        f"the elevator turns the glider as if its clock were {seconds:.3f} ± {std:.3f} "
+        f"s ahead of that of the poses, and 'clock' is {clock:g}"
+    )
+    if not -_SURE * error <= late <= _SLOWEST:
+        raise InputError(f"{source}: {found}; expected {seconds:.3f}, or 'find'.")
+    late_by = (
+        f"{found}: a servo or poses that are {late:.3f} s late, or the wrong clock"
+    )
+    return abs(late), [f"{_WARNING}{late_by}"]
 
 
 def _has_two_clocks(track: Track) -> bool:
@@ -250,8 +307,8 @@ def _has_servo(track: Track) -> bool:
 
 def _columns(
     flight: Track, settings: Campaign, source: str
-) -> tuple[dict[str, np.ndarray], str]:
-    """Columns of a campaign's file, and what was made of servo logs."""
+) -> tuple[dict[str, np.ndarray], Servo | None]:
+    """Columns of a campaign's file, and the servo's."""
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
     columns = {"time": flight.time, "x": x, "z": z, "pitch": _centered(pitch)}
@@ -261,7 +318,7 @@ def _columns(
     if sideways is not None:
         roll, yaw = map(_centered, sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
-    return columns, f"servo: {servo.note}" if servo and servo.note else ""
+    return columns, servo
 
 
 def _centered(angle: np.ndarray) -> np.ndarray:

@@ -35,6 +35,10 @@ best, at least: else either may be right. A common offset of all recordings need
 _ONLY_COMMON = 1.5
 _NEAR = 0.25  # [s]
 _ITERATIONS = 10  # Of Gauss-Newton in all offsets.
+_COARSE = 0.015  # Standard error where none is known: of one flight alone [s].
+_FORM = 0.004
+"""Standard error beside that of the noise, as the elevator's effect has another form
+[s]: see tests/benchmarks/bench_clock.py."""
 _SEEDS = 4  # Recordings from which the elevator's effect is first estimated.
 _PEAKS = 3  # Offsets of each that are tried.
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
@@ -48,7 +52,7 @@ class Offset(NamedTuple):
 
     seconds: float
     correlation: float
-    std: float | None = None  # Standard error [s], where it is known.
+    std: float = _COARSE  # Standard error [s].
 
 
 class _Turning(NamedTuple):
@@ -96,9 +100,10 @@ def find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[Of
             last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
             track, offsets = turnings[0].track, np.arange(first, last, _STEP)
             common = _best(track, offsets, _follow_pitch(turnings), only=_ONLY_COMMON)
-            return [common] * len(recordings)
+            return _refine(turnings, [common] * len(recordings), common=True)
         return _find_separate(turnings)
-    return [_best(turnings[0].track, turnings[0].offsets, _follow_pitch(turnings))]
+    best = _best(turnings[0].track, turnings[0].offsets, _follow_pitch(turnings))
+    return _refine(turnings, [best])
 
 
 def shift(track: Track, seconds: float) -> Track:
@@ -125,11 +130,7 @@ def _find_separate(turnings: Sequence[_Turning]) -> list[Offset]:
             for t in turnings
         ]
         effect = _pool(turnings, [offset.seconds for offset in offsets])
-    closer, std = _refine(turnings, np.array([o.seconds for o in offsets]))
-    return [
-        Offset(float(s), offset.correlation, float(error))
-        for offset, s, error in zip(offsets, closer, std, strict=True)
-    ]
+    return _refine(turnings, offsets)
 
 
 def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
@@ -158,31 +159,35 @@ def _first_effect(turnings: Sequence[_Turning]) -> np.ndarray:
 
 
 def _refine(
-    turnings: Sequence[_Turning], offsets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets (m,) refined with the effect, by Gauss-Newton, and their errors."""
-    offsets, std = offsets.copy(), np.full(len(offsets), np.nan)
+    turnings: Sequence[_Turning], found: Sequence[Offset], *, common: bool = False
+) -> list[Offset]:
+    """Offsets refined with the effect, by Gauss-Newton, and their standard errors."""
+    place = np.zeros(len(found), int) if common else np.arange(len(found))
+    offsets, std = np.array([f.seconds for f in found]), np.full(len(found), _COARSE)
+    rate = 1.0 / np.median(np.diff(turnings[0].track.time))
     for _ in range(_ITERATIONS):
-        effect = _pool(turnings, offsets)
-        designs, rests = [], []
-        for k, (turning, offset) in enumerate(zip(turnings, offsets, strict=True)):
+        designs = []
+        for turning, offset, k in zip(turnings, offsets, place, strict=True):
             here = [turning.column(offset + d) for d in (-_STEP, 0.0, _STEP)]
             if any(column is None for column in here):
-                return offsets, std
+                return [f._replace(std=_COARSE) for f in found]
             before, column, after = np.array(here)
-            shifts = np.zeros((len(column), len(offsets)))
-            shifts[:, k] = effect[-1] * (after - before) / (2.0 * _STEP)
+            shifts = np.zeros((len(column), place[-1] + 1))
+            shifts[:, k] = (after - before) / (2.0 * _STEP)
             designs.append(np.column_stack([turning.base, column, shifts]))
-            rests.append(turning.target - designs[-1][:, :5] @ effect)
-        design, rest = np.concatenate(designs), np.concatenate(rests)
-        step = np.linalg.lstsq(design, rest, rcond=None)[0]
-        offsets += np.clip(step[5:], -_STEP, _STEP)
+        design = np.concatenate(designs)
+        design[:, 5:] *= _pool(turnings, offsets)[-1]
+        target = np.concatenate([turning.target for turning in turnings])
+        step = np.linalg.lstsq(design, target, rcond=None)[0]
+        offsets += np.clip(step[5:], -_STEP, _STEP)[place]
         # Rows within the window of one cubic are not independent.
-        rate = 1.0 / np.median(np.diff(turnings[0].time))
-        variance = np.mean((rest - design @ step) ** 2) * max(SPAN * rate, 1.0)
+        variance = np.mean((target - design @ step) ** 2) * max(SPAN * rate, 1.0)
         covariance = variance * np.linalg.pinv(design.T @ design)
-        std = np.sqrt(np.diagonal(covariance)[5:])
-    return offsets, std
+        std = np.sqrt(np.diagonal(covariance)[5:])[place]
+    return [
+        Offset(float(s), f.correlation, float(np.hypot(e, _FORM)))
+        for f, s, e in zip(found, offsets, std, strict=True)
+    ]
 
 
 def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -12,11 +12,11 @@ from scipy.signal import savgol_filter
 
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
 
-_FASTEST = 99.0  # Percentile of measured rates taken for the servo's limit [%].
+_JUMP = 2.0  # Share of its fastest rate above which a change of angle is a step.
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
@@ -28,6 +28,7 @@ class Servo(NamedTuple):
     elevator: np.ndarray  # (n,) [rad]
     command: np.ndarray  # (n,) [rad/s], held until the next row.
     note: str  # How they were made, where they were not logged so.
+    log: ServoLog = ServoLog()  # The same for the tracer.
 
 
 def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
@@ -50,8 +51,9 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         _check_covered(flight, elevator, source)
         measured = np.interp(flight.time, elevator.time, elevator.values[:, 0])
     if angles is not None:
-        asked, limit = _hold(flight, angles, source), settings.elevator_rate_limit
-        return _from_angles(flight.time, asked, measured, limit, source)
+        _check_covered(flight, angles, source)
+        limit = settings.elevator_rate_limit
+        return _from_angles(flight.time, angles, measured, limit, source)
     if measured is None:
         raise InputError(
             f"{source}: columns: no angle of the elevator is mapped; expected "
@@ -61,32 +63,39 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
     if rates is not None:
         return Servo(measured, _hold(flight, rates, source), "")
     note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
-    return Servo(measured, _rate_of(flight.time, measured), note)
+    rate = _rate_of(flight.time, measured)
+    return Servo(measured, rate, note, ServoLog(command="reconstructed"))
 
 
 def _from_angles(
     time: np.ndarray,
-    asked: np.ndarray,
+    angles: Stream,
     measured: np.ndarray | None,
     limit: float | None,
     source: str,
 ) -> Servo:
-    """Servo that goes to commanded angles (n,) at its limit."""
+    """Servo that goes to commanded angles at its limit.
+
+    A command shows in the first sample after it was given: half a step before on the
+    average, and at any time of that step.
+    """
     if limit is None:
         if measured is None:
             raise InputError(
                 f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
                 "angles are commanded, to make rates of them."
             )
-        rates = np.abs(_rate_of(time, measured))
-        limit = max(float(np.percentile(rates, _FASTEST)), _LEAST_LIMIT)
-    start = asked[0] if measured is None else measured[0]
-    angle, rate = _chase(time, asked, float(start), limit)
+        limit = max(float(np.max(np.abs(_rate_of(time, measured)))), _LEAST_LIMIT)
+    step = float(np.median(np.diff(angles.time)))
+    given, std = angles.time - 0.5 * step, step / np.sqrt(12.0)
+    angle, rate = _follow(time, given, angles.values[:, 0], limit)
     note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
-        return Servo(measured, rate, note)
+        log = ServoLog(command="converted", command_std=std)
+        return Servo(measured, rate, note, log)
     note += f"; the angle is that of an ideal servo, as it was not measured, {_HIDDEN}"
-    return Servo(angle, rate, note)
+    log = ServoLog(angle="reconstructed", command="converted", clock_std=std)
+    return Servo(angle, rate, note, log)
 
 
 def _hold(flight: Track, stream: Stream, source: str) -> np.ndarray:
@@ -113,14 +122,24 @@ def _rate_of(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.append(rate, rate[-1])
 
 
-def _chase(
-    time: np.ndarray, asked: np.ndarray, start: float, limit: float
+def _follow(
+    time: np.ndarray, given: np.ndarray, asked: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and rate (n,) of a servo that goes to asked angles at its limit."""
-    angle, rate = np.empty(len(time)), np.zeros(len(time))
-    angle[0] = start
-    for k, step in enumerate(np.diff(time)):
-        rate[k] = np.clip((asked[k] - angle[k]) / step, -limit, limit)
-        angle[k + 1] = angle[k] + rate[k] * step
-    rate[-1] = rate[-2]
-    return angle, rate
+    """Angle and rate (n,) at rows of a servo that goes to angles at its limit.
+
+    Each asked angle (m,) holds from the time (m,) when it was given to the next. Angles
+    that no servo could follow so are steps; others are samples of a path, which passes
+    them half a step later. The rates are the mean ones that lead from row to row.
+    """
+    steps = np.diff(given)
+    if np.any(np.abs(np.diff(asked)) > _JUMP * limit * steps):
+        grid = np.union1d(time, given[(given > time[0]) & (given < time[-1])])
+        goal = asked[np.maximum(latest_command(given, grid), 0)]
+        angle = np.full(len(grid), goal[0])
+        for k, reach in enumerate(limit * np.diff(grid)):
+            angle[k + 1] = angle[k] + np.clip(goal[k] - angle[k], -reach, reach)
+        angle = angle[np.searchsorted(grid, time)]
+    else:
+        angle = np.interp(time, given + 0.5 * np.median(steps), asked)
+    rate = np.diff(angle) / np.diff(time)
+    return angle, np.append(rate, rate[-1])

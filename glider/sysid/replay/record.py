@@ -132,14 +132,17 @@ def _record(
         # What was commanded before a gap that hides commands does not count.
         commanded = np.flatnonzero(piece == piece[good[0]])
         switches, commands = command_steps(
-            clock[commanded], flight.command[commanded], campaign.command_rate
+            clock[commanded],
+            flight.command[commanded],
+            campaign.command_rate,
+            at_rows=campaign.servo.at_rows,
         )
         trusted = commanded[turned[commanded]]
         for first in trusted[:1]:  # Its noise is what x[3] is for.
             travel = elevator_path(switches, commands, clock[[first]])
             rest = float(flight.elevator[first] - travel[0])
         elevator[place] = flight.elevator[rows]
-        seen[place, 3] = turned[rows]
+        seen[place, 3] = turned[rows] & (campaign.servo.angle == "measured")
     return Record(
         name=flight.name,
         has_servo=has_servo,

@@ -12,7 +12,8 @@ import numpy as np
 
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.compose import compose, initial_extra
-from glider.physics.effects import KINDS, LIBRARY, EffectKind, Replay
+from glider.physics.effects import LIBRARY, Coefficient, EffectKind, Replay
+from glider.physics.effects.effect import constant
 from glider.physics.model import GliderModel
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -25,6 +26,27 @@ from glider.physics.state import NUM_STATES
 OFFSET = 3
 """Index of the elevator's state: where a log is flown, x[OFFSET] is its constant offset
 from its replayed path [rad]."""
+
+
+def _replay_clocks(replay: Replay, poses: float, commands: float) -> Replay:
+    latency, delay = replay.latency + poses, replay.delay + commands
+    return replay._replace(latency=latency, delay=delay)
+
+
+CLOCK_OFFSET = EffectKind(
+    kind="clock_offset",
+    stage="sensor",
+    adds_to=("pose_x", "pose_z", "pose_pitch"),
+    coefficients=tuple(
+        Coefficient(name, "s", scale=0.02, lower=-0.3, upper=0.3)
+        for name in ("poses", "commands")
+    ),
+    formula=constant,  # Logs are replayed through it; no model has it.
+    words="clocks of a log that differ",
+    replay=_replay_clocks,
+)
+"""Times of poses against those of the servo's log, and of commands against those of the
+elevator: no effect of the glider, but unknowns of logs with such clocks."""
 
 
 class Layout:
@@ -49,9 +71,10 @@ class Layout:
 
     def __init__(self, user_kinds: tuple[EffectKind, ...]) -> None:
         check_user_effects(user_kinds)
-        flown = [e for e in (*LIBRARY, *user_kinds) if e.stage != "log"]
+        kinds = (*LIBRARY, *user_kinds, CLOCK_OFFSET)
+        flown = [e for e in kinds if e.stage != "log"]
         self.user_kinds = user_kinds
-        self.kinds = {**KINDS, **{e.kind: e for e in user_kinds}}
+        self.kinds = {e.kind: e for e in kinds}
         self.compiled_kinds = tuple(e for e in flown if not e.is_replayed)
         self.replayed_kinds = tuple(e for e in flown if e.is_replayed)
         self._coefficients = [

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, ServoLog
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
-from glider.sysid.replay.theta import LIBRARY_LAYOUT, Layout
+from glider.sysid.replay.theta import CLOCK_OFFSET, LIBRARY_LAYOUT, Layout
 
 _PER_MASS = ("wing_area", "elevator_area", "pitch_inertia")
 """Parameters that forces and moments show only per mass."""
@@ -61,6 +61,11 @@ class Vehicle:
     notes: tuple[str, ...]  # What was assumed, for the report.
     is_per_mass: bool  # Whether areas and inertia are per kilogram.
 
+    @property
+    def unknown(self) -> list[int]:
+        """Slots of the glider's unknown parameters: nuisances but clocks."""
+        return [i for i in self.nuisance if i not in clock_slots(self.layout)]
+
 
 def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle:
     """Sorts a campaign's vehicle into known and unknown."""
@@ -75,11 +80,27 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         unknown.append("mass")
     nuisance = [index["parameters", name] for name in unknown]
     dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
+    dropped.add(CLOCK_OFFSET.kind)
+    servo = campaign.servo
+    poses, commands = clock_slots(layout)
+    clocks = {poses: servo.clock_std, commands: servo.command_std}
+    clocks = {slot: std for slot, std in clocks.items() if std}
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
         dropped |= {"elevator_trim", "elevator_blowback"}
         if "elevator_area" in unknown:  # How the flow meets it is one with its size.
             dropped |= {"downwash", "stalled_downwash", "tail_wake"}
+    elif servo.command == "reconstructed":
+        hidden = [e.kind for e in layout.kinds.values() if e.stage == "actuator"]
+        dropped |= {*hidden}
+        clocks.pop(commands, None)
+        notes.append(
+            f"{', '.join(hidden)} were not tried: the commands were reconstructed from "
+            "the measured elevator."
+        )
+    if campaign.elevator == "servo" and clocks:
+        nuisance += clocks
+        notes.append(_of_clocks(servo))
     if campaign.elevator == "fixed" or (
         campaign.elevator == "fixed_per_flight" and "elevator_area" not in unknown
     ):
@@ -111,7 +132,7 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
         layout=layout,
         theta=theta,
         knows_forces={"mass", "wing_area", "elevator_area"} <= set(known),
-        prior_spread=_prior_spread(layout, theta, unknown) if unknown else None,
+        prior_spread=_prior_spread(layout, theta, unknown, clocks),
         nuisance=tuple(sorted(nuisance)),
         baseline_slots=tuple(sorted({*nuisance, *of_plate})),
         kinds=tuple(kind for kind in layout.kinds if kind not in dropped),
@@ -144,10 +165,38 @@ def _assumptions(
     return assumed, notes
 
 
+def clock_slots(layout: Layout) -> tuple[int, ...]:
+    """Slots of theta of clocks that differ: no parameters of the glider."""
+    return layout.slots_of(CLOCK_OFFSET.kind)
+
+
+def _of_clocks(servo: ServoLog) -> str:
+    """Says how well the times of a servo's log are known."""
+    known = [
+        f"those of {what} to ± {1e3 * std:.2g} ms"
+        for what, std in (
+            ("the servo against the poses", servo.clock_std),
+            ("the commands against the elevator", servo.command_std),
+        )
+        if std
+    ]
+    return (
+        f"The times of the servo's log are not known exactly, {' and '.join(known)}: "
+        "a delay that this explains cannot be found."
+    )
+
+
 def _prior_spread(
-    layout: Layout, theta: np.ndarray, unknown: Sequence[str]
-) -> np.ndarray:
+    layout: Layout,
+    theta: np.ndarray,
+    unknown: Sequence[str],
+    clocks: Mapping[int, float],
+) -> np.ndarray | None:
+    """Prior spread of theta; None where nothing is unknown."""
+    if not unknown and not clocks:
+        return None
     spread = PRIOR_SCALES * layout.scale
+    spread[list(clocks)] = list(clocks.values())
     for name in unknown:
         i = layout.index["parameters", name]
         relative = _RELATIVE_SPREAD.get(name, 0.5)

@@ -60,8 +60,7 @@ def assert_same(imported, campaign, name):
         assert np.allclose(true.time[rows] - true.time[0], time, atol=1e-5)
         x, z, pitch = (flight.pose - true.pose[rows]).T
         assert np.ptp(x) < 1e-5 and np.ptp(z) < 1e-5 and np.abs(pitch).max() < 1e-5
-        # Angles that were only commanded come a row later; found clocks are rough.
-        slack = {"ulog": 2, "motive": 3}.get(name, 0)
+        slack = 3 if name == "motive" else 0  # Found clocks are rough.
         near = np.stack(
             [np.roll(true.elevator, k)[rows] for k in range(-slack, slack + 1)]
         )
