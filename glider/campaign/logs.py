@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,23 +56,16 @@ class ServoLog:
         command_std: of the commands' times against those of the measured angle [s].
     """
 
-    angle: str = "measured"
-    command: str = "logged"
+    angle: Literal["measured", "reconstructed"] = "measured"
+    command: Literal["logged", "converted", "reconstructed"] = "logged"
     clock_std: float = 0.0
     command_std: float = 0.0
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
-        for name, values in (
-            ("angle", ("measured", "reconstructed")),
-            ("command", ("logged", "converted", "reconstructed")),
-        ):
-            value, expected = getattr(self, name), f"one of {', '.join(values)}"
-            expect(value in values, f"servo: field '{name}'", value, expected)
-        for name in ("clock_std", "command_std"):
-            value = getattr(self, name)
-            known = 0.0 <= value < math.inf
-            expect(known, f"servo: field '{name}'", value, "a standard error in s")
+        errors = [self.clock_std, self.command_std]
+        known = all(0.0 <= error < math.inf for error in errors)
+        expect(known, "servo: [clock_std, command_std]", errors, "standard errors in s")
 
     @property
     def at_rows(self) -> bool:

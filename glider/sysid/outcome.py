@@ -84,29 +84,23 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, result.Spread]:
     It is reported where it reaches the threshold of an effect, all else refitted.
     """
     flights = error_flights(task, model)
-    _, base = scales.fit_scales(flights, model.scales)
+    # Those of the model may be priors, as in the search along the attitude.
+    fitted, base = scales.fit_scales(flights, model.scales)
     found = {}
-    own = scales.flight_values(flights, model.scales)
+    own = scales.flight_values(flights, fitted)
     names = [record.name for record in task.records]
     for kind, (scale, coefficient, unit) in SPREAD_KINDS.items():
-        least = dataclasses.replace(
-            model.scales, **{scale: getattr(scales.FLOOR, scale)}
-        )
+        least = dataclasses.replace(fitted, **{scale: getattr(scales.FLOOR, scale)})
         others = [name for name in scales.NAMES if name != scale]
         lost = scales.fit_scales(flights, least, others)[1] - base
         slot = task.layout.index[kind, coefficient]
         least_std = LEAST_SPREAD * task.layout.scale[slot]
-        shows = lost > EVIDENCE_THRESHOLD and getattr(model.scales, scale) > least_std
-        fitted = model.scales
-        if kind == "elevator_trim" and task.per_flight_trims:
-            # The search along the attitude takes a scale for it that is a prior.
-            fitted, _ = scales.fit_scales(flights, fitted, (scale,))
-            shows = getattr(fitted, scale) > getattr(scales.FLOOR, scale)
-            own = scales.flight_values(flights, fitted)
-        if shows:
+        std = getattr(fitted, scale)
+        if lost > EVIDENCE_THRESHOLD and least_std < min(
+            std, getattr(model.scales, scale)
+        ):
             column = scales.PER_FLIGHT.index((kind, coefficient))
             values = own[:, column].tolist()
-            std = getattr(fitted, scale)
             found[kind] = result.Spread(
                 std=std,
                 std_error=std / math.sqrt(2.0 * len(values)),

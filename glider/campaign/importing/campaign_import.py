@@ -154,11 +154,9 @@ def _checked(
             f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
         )
     campaign = campaign_of_cuts(settings, cuts)
-    warnings = [n for c in cuts for n in c.notes if n.startswith(_WARNING)]
-    undecided = (
-        *(w.removeprefix(_WARNING) for w in warnings[:1]),
-        *check_signs(campaign),
-    )
+    notes = dict.fromkeys(note for c in cuts for note in c.notes)
+    warnings = [n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)]
+    undecided = *warnings, *check_signs(campaign)
     _check_rotation(recordings, claim, campaign)
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
@@ -218,7 +216,8 @@ def _extract(
             flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
             columns, servo = _columns(flight, settings, mapping.source)
             if servo is not None:
-                log = _with_clock(servo.log, track, std)
+                if settings.servo == ServoLog():  # Else it is specified.
+                    log = _with_clock(servo.log, track, std)
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
             table = Table(path=track.path, columns=columns)
@@ -287,10 +286,8 @@ def _check_clock(
     )
     if not -_SURE * error <= late <= _SLOWEST:
         raise InputError(f"{source}: {found}; expected {seconds:.3f}, or 'find'.")
-    late_by = (
-        f"{found}: a servo or poses that are {late:.3f} s late, or the wrong clock"
-    )
-    return abs(late), [f"{_WARNING}{late_by}"]
+    causes = f"a servo or poses that are {late:.3f} s late, or the wrong clock"
+    return abs(late), [f"{_WARNING}{found}: {causes}"]
 
 
 def _has_two_clocks(track: Track) -> bool:

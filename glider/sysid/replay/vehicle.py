@@ -6,12 +6,13 @@ to 1 kg, and areas and inertia are per kilogram.
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from glider.campaign.logs import Campaign, ServoLog
+from glider.campaign.logs import Campaign
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 from glider.sysid.replay.theta import CLOCK_OFFSET, LIBRARY_LAYOUT, Layout
 
@@ -82,8 +83,8 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     dropped = {name for name, kind in layout.kinds.items() if kind.stage == "log"}
     dropped.add(CLOCK_OFFSET.kind)
     servo = campaign.servo
-    poses, commands = clock_slots(layout)
-    clocks = {poses: servo.clock_std, commands: servo.command_std}
+    errors = servo.clock_std, servo.command_std
+    clocks = dict(zip(clock_slots(layout), errors, strict=True))
     clocks = {slot: std for slot, std in clocks.items() if std}
     if campaign.elevator != "servo":
         dropped |= {kind.kind for kind in layout.replayed_kinds}
@@ -93,14 +94,16 @@ def make_vehicle(campaign: Campaign, layout: Layout = LIBRARY_LAYOUT) -> Vehicle
     elif servo.command == "reconstructed":
         hidden = [e.kind for e in layout.kinds.values() if e.stage == "actuator"]
         dropped |= {*hidden}
-        clocks.pop(commands, None)
         notes.append(
             f"{', '.join(hidden)} were not tried: the commands were reconstructed from "
             "the measured elevator."
         )
-    if campaign.elevator == "servo" and clocks:
+    if clocks:
         nuisance += clocks
-        notes.append(_of_clocks(servo))
+        notes.append(
+            f"The servo's times are known to ± {1e3 * math.hypot(*errors):.2g} ms "
+            "only: a delay that this explains cannot be found."
+        )
     if campaign.elevator == "fixed" or (
         campaign.elevator == "fixed_per_flight" and "elevator_area" not in unknown
     ):
@@ -168,22 +171,6 @@ def _assumptions(
 def clock_slots(layout: Layout) -> tuple[int, ...]:
     """Slots of theta of clocks that differ: no parameters of the glider."""
     return layout.slots_of(CLOCK_OFFSET.kind)
-
-
-def _of_clocks(servo: ServoLog) -> str:
-    """Says how well the times of a servo's log are known."""
-    known = [
-        f"those of {what} to ± {1e3 * std:.2g} ms"
-        for what, std in (
-            ("the servo against the poses", servo.clock_std),
-            ("the commands against the elevator", servo.command_std),
-        )
-        if std
-    ]
-    return (
-        f"The times of the servo's log are not known exactly, {' and '.join(known)}: "
-        "a delay that this explains cannot be found."
-    )
 
 
 def _prior_spread(
