@@ -28,7 +28,7 @@ from glider.progress import Progress, announced, silent
 
 _ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
 _REASONS = 3  # Why recordings have no flight: as many are listed.
-_WARNING = "warning: "  # Beginning of a note that is one.
+_WARNING, _REFUTED = "warning: ", "refuted: "  # Beginnings of notes on a clock.
 _MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _SLOWEST = 0.35  # Delay and lag of a servo, or of poses, at most [s].
@@ -157,6 +157,8 @@ def _checked(
     notes = dict.fromkeys(note for c in cuts for note in c.notes)
     warnings = [n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)]
     undecided = *warnings, *check_signs(campaign)
+    for refuted in (n for n in notes if n.startswith(_REFUTED)):
+        raise InputError(f"{settings.path}: {refuted.removeprefix(_REFUTED)}")
     _check_rotation(recordings, claim, campaign)
     return ImportResult(campaign=campaign, recordings=cuts, undecided=undecided)
 
@@ -243,7 +245,7 @@ def _on_one_clock(
     flying = [i for i, cuts in enumerate(flights) if cuts and _has_servo(tracks[i])]
     pairs = [(tracks[i], [c.track for c in flights[i]]) for i in flying]
     if clock != "find":
-        std, more = _check_clock(pairs, float(clock), mapping.source)
+        std, more = _check_clock(pairs, float(clock))
         notes = [f"clock: shifted by {clock:g} s, as specified", *more]
         return [(shift(track, float(clock)), notes, std) for track in tracks]
     if not flying:
@@ -264,7 +266,7 @@ def _on_one_clock(
 
 
 def _check_clock(
-    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
+    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float
 ) -> tuple[float, list[str]]:
     """Standard error [s] of a clock that a mapping specifies, and notes on it.
 
@@ -285,7 +287,7 @@ def _check_clock(
         f"s ahead of that of the poses, and 'clock' is {clock:g}"
     )
     if not -_SURE * error <= late <= _SLOWEST:
-        raise InputError(f"{source}: {found}; expected {seconds:.3f}, or 'find'.")
+        return rounded, [f"{_REFUTED}{found}; expected {seconds:.3f}, or 'find'."]
     causes = f"a servo or poses that are {late:.3f} s late, or the wrong clock"
     return abs(late), [f"{_WARNING}{found}: {causes}"]
 

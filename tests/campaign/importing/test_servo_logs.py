@@ -142,7 +142,7 @@ def test_an_offset_that_was_found_has_a_standard_error(tmp_path, campaign):
 @pytest.mark.parametrize("clock", [0.25, 0.32, 0.9])
 def test_a_clock_that_no_servo_can_have_is_refused(tmp_path, campaign, clock):
     files, path = write(tmp_path, campaign, "two clocks", clock)
-    with pytest.raises(InputError, match=rf"'clock' is {clock:g}; expected 0\.3"):
+    with pytest.raises(InputError, match="'clock: find'"):
         read_flights(files, path)
 
 
