@@ -1,5 +1,6 @@
 """`import_campaign`: logs of other software in, a campaign folder out, step by step."""
 
+import contextlib
 import dataclasses
 import fnmatch
 import itertools
@@ -12,7 +13,12 @@ import numpy as np
 
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.advice import ORDERS, advise
-from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
+from glider.campaign.importing.clock_offset import (
+    Offset,
+    find_offsets,
+    is_measured,
+    shift,
+)
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
@@ -274,9 +280,10 @@ def _check_clock(
     """
     decimals = f"{clock:.6f}".rstrip("0").partition(".")[2]
     rounded = 10.0 ** -max(len(decimals), 2) / math.sqrt(12.0)
-    try:
+    offsets: list[Offset] = []
+    with contextlib.suppress(InputError):
         offsets = find_offsets(flying)
-    except InputError:
+    if not offsets:
         return rounded, []
     seconds, std = np.median([(o.seconds, o.std) for o in offsets], axis=0)
     late, error = clock - seconds, math.hypot(std, rounded)
