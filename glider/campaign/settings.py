@@ -195,6 +195,12 @@ class Frame:
         turn = "nose_up" if positive > 0.0 else "nose_down"
         return self.pitch not in ("", turn)
 
+    @property
+    def body(self) -> np.ndarray:
+        """Rows nose, left and top in the body's axes as they are logged (3, 3)."""
+        nose, top = unit_vector(self.nose), unit_vector(self.top)
+        return np.stack([nose, np.cross(top, nose), top])
+
 
 @dataclasses.dataclass(frozen=True)
 class Mapping:

@@ -20,6 +20,11 @@ from glider.campaign.importing.clock_offset import (
     shift,
 )
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
+from glider.campaign.importing.onboard_checks import (
+    Readings,
+    check_sensors,
+    read_sensors,
+)
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import Servo, make_servo
@@ -47,6 +52,7 @@ class CutFlight(NamedTuple):
 
     table: Table  # Its times are on the clock of the recording.
     why: str  # It begins and ends there.
+    readings: Readings  # Of the sensors on board.
 
     @property
     def span(self) -> tuple[float, float]:
@@ -159,10 +165,17 @@ def _checked(
             f"{settings.path}: no flight was found in {_count(cuts, 'recording')}: "
             f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
         )
+    readings = [flight.readings for cut in cuts for flight in cut.flights]
+    density = [r["air_density"] for r in readings if "air_density" in r]
+    vehicle = dict(settings.vehicle)
+    if density:
+        vehicle.setdefault("air_density", float(np.median(np.concatenate(density))))
+    settings = dataclasses.replace(settings, vehicle=vehicle)
     campaign = campaign_of_cuts(settings, cuts)
     notes = dict.fromkeys(note for c in cuts for note in c.notes)
     warnings = [n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)]
-    undecided = *warnings, *check_signs(campaign)
+    sensors = check_sensors(readings, str(settings.path))
+    undecided = *warnings, *sensors, *check_signs(campaign)
     for refuted in (n for n in notes if n.startswith(_REFUTED)):
         raise InputError(f"{settings.path}: {refuted.removeprefix(_REFUTED)}")
     _check_rotation(recordings, claim, campaign)
@@ -229,7 +242,8 @@ def _extract(
                 note = f"servo: {servo.note}"
                 notes += [note] if servo.note and note not in notes else []
             table = Table(path=track.path, columns=columns)
-            flights.append(CutFlight(table, piece.why))
+            readings = read_sensors(flight, settings.gravity)
+            flights.append(CutFlight(table, piece.why, readings))
         recordings.append(CutRecording(track.path, tuple(flights), tuple(notes), log))
     return tuple(recordings)
 

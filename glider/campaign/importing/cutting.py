@@ -59,7 +59,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
         expected = f"expected {_SLOWEST_LOG:g} s or less"
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
     powered = _is_powered(track)
-    if powered.any():
+    if any(powered[a : b + 1].any() for a, b in _parts(track, seen)):
         share = f"{100.0 * np.mean(powered):.0f} % of the rows"
         notes.append(f"{MOTOR} in {share}: they are cut off")
     parts = _parts(track, seen & ~powered)
@@ -130,9 +130,8 @@ def _find_flight(
     force = motion.acceleration + np.array([0.0, 0.0, gravity])
     push = np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3)
     energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
-    begin, start = part.time[0], "the body is seen from here on"
-    if motor_stopped:
-        start = "the motor is off from here on"
+    begin = part.time[0]
+    start = f"the {'motor is off' if motor_stopped else 'body is seen'} from here on"
     release = None if motor_stopped else _find_release(motion, energy, push)
     if release is not None:
         begin, start = release + _AFTER_RELEASE, f"a hand lets go at {release:.3f} s"

@@ -104,11 +104,7 @@ class Picker:
 
     def onboard(self) -> Onboard:
         """What is mapped of other sensors; also a throttle that the format fixes."""
-        known = self._recording.known
-        names = {q: known[q] for q in ("throttle",) if q in known}
-        names |= self._mapping.columns
-        sensors = {q: names[q] for q in Onboard._fields if q in names}
-        return Onboard(**{q: self._sensor(q, name) for q, name in sensors.items()})
+        return Onboard(*map(self._optional, Onboard._fields))
 
     def scalars(self, quantities: tuple[str, ...]) -> Stream:
         """Quantities of one group side by side."""
@@ -132,25 +128,26 @@ class Picker:
 
     def _optional(self, quantity: str) -> Stream | None:
         """The known rows of a quantity; None where the mapping has none."""
-        if quantity not in self._mapping.columns:
+        fixed = self._recording.known if quantity == "throttle" else {}
+        name = self._mapping.columns.get(quantity, fixed.get(quantity))
+        if name is None:
             return None
-        stream = self.scalars((quantity,)).known()
-        if len(stream.time) < 2:
-            raise self._error(quantity, "fewer than two rows of it have a number")
-        return stream
-
-    def _sensor(self, quantity: str, name: Names | Markers) -> Stream | None:
-        """A sensor's rows; a throttle without a number is a motor that is stopped."""
         if quantity in ("angular_velocity", "acceleration"):
             _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
         else:
             group, column = self._recording.find(str(name), self._field(quantity))
             found = group, [column]
         stream = self._stream((quantity,) * len(found[1]), found)
-        if quantity == "throttle":
+        if len(found[1]) == 3:
+            stream = stream._replace(values=stream.values @ self._mapping.frame.body.T)
+        elif quantity == "throttle":  # PX4 stops a motor by what is not a number.
             stream = stream._replace(values=np.nan_to_num(stream.values))
         known = stream.known()
-        return known if len(known.time) > 1 else None
+        if len(known.time) > 1:
+            return known
+        if quantity in Onboard._fields:  # Such as an airspeed that is never valid.
+            return None
+        raise self._error(quantity, "fewer than two rows of it have a number")
 
     def _quaternions(self, stream: Stream, axes: str, rotation: str | None) -> Stream:
         frame = self._mapping.frame

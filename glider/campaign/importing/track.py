@@ -48,15 +48,20 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     if planar:
         position = np.insert(position, 1, 0.0, axis=1)
     rotation = pitch = None
-    nose, top = unit_vector(frame.nose), unit_vector(frame.top)
-    body = np.stack([nose, np.cross(top, nose), top])
     if attitude.values.shape[1] == 4:
-        rotation = world @ _rotations(attitude, time) @ body.T
+        rotation = world @ _rotations(attitude, time) @ frame.body.T
         seen = np.isfinite(rotation).all(axis=(1, 2))
     else:
         pitch = _pitches(attitude, time)
         pitch *= 1.0 if (frame.pitch or frame.usual_pitch) == "nose_down" else -1.0
         seen = np.isfinite(pitch)
+    onboard = pick.onboard()
+    for quantity, stream in onboard._asdict().items():
+        if stream is not None and stream.clock != logged.clock:
+            raise InputError(
+                f"{recording.path}: columns: {quantity} (of {mapping.source}): its "
+                "clock is not that of the poses; expected both in one file."
+            )
     position = position @ world.T
     seen &= np.isfinite(position).all(axis=1)
     ahead, above = frame.tracked_point
@@ -75,7 +80,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         along_throw=along_throw,
         clock=logged.clock,
         servo=servo,
-        onboard=_in_body(pick.onboard(), body),
+        onboard=onboard,
     )
 
 
@@ -182,16 +187,6 @@ def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
     exact = np.isclose(time, known[index]) | np.isclose(time, known[index - 1])
     near = exact | (known[index] - known[index - 1] < _MAX_GAP)
     return near & (time >= known[0]) & (time <= known[-1])
-
-
-def _in_body(onboard: Onboard, body: np.ndarray) -> Onboard:
-    """The vectors of the sensors along nose, left and top, the rows of body (3, 3)."""
-    turned = {
-        name: stream._replace(values=stream.values @ body.T)
-        for name in ("angular_velocity", "acceleration")
-        if (stream := getattr(onboard, name)) is not None
-    }
-    return onboard._replace(**turned)
 
 
 def _signed(stream: Stream | None, positive: str) -> Stream | None:

@@ -102,10 +102,10 @@ def fly(
 
 
 def write(path: Path, flight: Motored, rng: np.random.Generator, wind: float = 0.0):
-    """Writes PX4's topics; the air moves along x with the wind [m/s]."""
+    """Writes PX4's topics; wind along x [m/s], nan for an airspeed that is invalid."""
     x, z, pitch, _, vx, vz, rate = flight.states.T
     rows = len(flight.time)
-    x = x + wind * flight.time
+    x = x + np.nan_to_num(wind) * flight.time
     place = np.column_stack([x, np.zeros(rows), z])
     place += rng.normal(size=place.shape) * 0.003
     angle = pitch + rng.normal(size=rows) * 0.001
@@ -119,7 +119,7 @@ def write(path: Path, flight: Motored, rng: np.random.Generator, wind: float = 0
     servos[:, 2] = flight.elevator / TRAVEL
     motors = np.full((rows, 12), np.nan)
     motors[:, 0] = np.where(flight.throttle > 0.0, flight.throttle, np.nan)
-    airspeed = np.hypot(vx, vz) + rng.normal(size=rows) * 0.2
+    airspeed = np.hypot(vx, vz) + 0.0 * wind + rng.normal(size=rows) * 0.2
     topics = {
         ("vehicle_local_position", "float x;float y;float z;"): place @ NED.T,
         ("vehicle_attitude", "float[4] q;"): np.column_stack([w, x, y, z]),

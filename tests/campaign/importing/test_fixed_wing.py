@@ -1,5 +1,7 @@
 """Logs of powered aircraft: gliding phases are flights, the rest is refused at once."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -100,3 +102,56 @@ def test_a_guess_finds_the_topics_and_the_servo_of_the_elevator(tmp_path, flown)
     path = tmp_path / "GUESS.yaml"
     path.write_text(text + "  elevator_rate_limit: 6.0\n")
     assert len(read_flights(files, path).campaign.flights) == COUNT
+
+
+@pytest.fixture(scope="module")
+def glides():
+    rng = np.random.default_rng(5)
+    return [fixed_wing.fly(rng, 0.0, GLIDE) for _ in range(COUNT)]
+
+
+def sensed(folder, flights, units="", **options):
+    text = fixed_wing.MAP.replace("units: {", f"units: {{{units}")
+    return read_flights(*write(folder, flights, text, **options))
+
+
+def test_right_sensors_say_nothing_and_give_the_density(tmp_path, glides):
+    imported = sensed(tmp_path, glides)
+    assert not any("airspeed" in w or "times" in w for w in imported.undecided)
+    assert imported.campaign.vehicle["air_density"] == pytest.approx(1.15)
+
+
+def test_the_airspeed_shows_the_wind(tmp_path, glides):
+    imported = sensed(tmp_path, glides, wind=-2.0)
+    [warning] = [w for w in imported.undecided if "airspeed" in w]
+    assert re.search(r"is -[12]\.\d\d to -1\.\d\d m/s off the airspeed of 13", warning)
+
+
+@pytest.mark.parametrize(
+    ("units", "words"),
+    [
+        ("angular_velocity: deg/s, ", r"57.* times as much as 'angular_velocity'"),
+        (
+            "angular_velocity: {gain: -1.0}, ",
+            "-0.99.* times as much as 'angular_velocity'",
+        ),
+        ("acceleration: g, ", "times as much as 'acceleration'"),
+        ("length: {gain: 0.7}, ", r"change 0\.7\d+ times as much as 'acceleration'"),
+        ("time: {gain: 1.25e-6}, ", "times as much as 'angular_velocity'"),
+    ],
+)
+def test_a_wrong_unit_shows_in_rates_or_accelerations(tmp_path, glides, units, words):
+    with pytest.raises(InputError, match=words):
+        sensed(tmp_path, glides, units)
+
+
+def test_an_airspeed_that_is_never_valid_is_none(tmp_path, glides):
+    imported = sensed(tmp_path, glides, wind=np.nan)
+    assert not any("airspeed" in words for words in imported.undecided)
+
+
+def test_a_rate_about_another_axis_is_reported(tmp_path, glides):
+    stem = "vehicle_angular_velocity.xyz"
+    axes = ", ".join(f'"{stem}[{k}]"' for k in (1, 0, 2))
+    files, path = write(tmp_path, glides, fixed_wing.MAP.replace(stem, f"[{axes}]"))
+    assert any("do not follow" in w for w in read_flights(files, path).undecided)

@@ -9,6 +9,7 @@ otherwise when it was recorded.
 import dataclasses
 import itertools
 import json
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,24 +28,18 @@ _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
 _LONGEST = 16  # Numbers of an array that become columns.
 
 _PX4 = {
-    "position": ("vehicle_local_position",),
-    "attitude": ("vehicle_attitude.q",),
-    "elevator_angle_command": (
-        "actuator_controls_0.control[1]",
-        "vehicle_torque_setpoint.xyz[1]",
-    ),
-    "throttle": (
-        "actuator_motors.control[0]",
-        "actuator_controls_0.control[3]",
-        "vehicle_thrust_setpoint.xyz[0]",
-    ),
-    "airspeed": ("airspeed_validated.true_airspeed_m_s",),
-    "angular_velocity": ("vehicle_angular_velocity.xyz",),
-    "acceleration": ("vehicle_acceleration.xyz",),
-    "air_density": ("vehicle_air_data.rho",),
+    "position": "vehicle_local_position",
+    "attitude": "vehicle_attitude.q",
+    "elevator_angle_command": "actuator_controls_0.control[1] "
+    "vehicle_torque_setpoint.xyz[1]",
+    "throttle": "actuator_motors.control[0] actuator_controls_0.control[3] "
+    "vehicle_thrust_setpoint.xyz[0]",
+    "airspeed": "airspeed_validated.true_airspeed_m_s",
+    "angular_velocity": "vehicle_angular_velocity.xyz",
+    "acceleration": "vehicle_acceleration.xyz",
+    "air_density": "vehicle_air_data.rho",
 }
-"""Topics of PX4 by quantity, the first that a log has; a pitch torque is what turns the
-elevator where no servo is known to be it."""
+"""Topics by quantity, the first that a log has."""
 _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
 
 Decoder = Callable[[bytes], object]
@@ -67,18 +62,16 @@ def read_ulog(path: Path) -> Recording:
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
     surfaces = [log.initial_parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
-    topics = dict(_PX4)
-    if _ELEVATOR in surfaces:
-        servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
-        topics["elevator_angle_command"] = (servo, *_PX4["elevator_angle_command"])
     names = [f"{group.name}.{name}" for group in groups for name in group.columns]
     known = {}
-    for quantity, fits in topics.items():
-        there = [
-            t for t in fits for n in names if n == t or n.startswith((f"{t}.", f"{t}["))
-        ]
-        if there:
-            known[quantity] = there[0]
+    if _ELEVATOR in surfaces:
+        servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
+        known = {"elevator_angle_command": servo} if servo in names else {}
+    for quantity, topics in _PX4.items():
+        for topic in topics.split():
+            is_its = re.compile(re.escape(topic) + r"($|[.\[])").match
+            if quantity not in known and any(map(is_its, names)):
+                known[quantity] = topic
     return Recording(path, tuple(groups), rotation="wxyz", known=known)
 
 

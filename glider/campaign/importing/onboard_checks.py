@@ -1,0 +1,127 @@
+"""Do sensors on board agree with the poses? Refused, or reported, where they do not.
+
+Gyros and accelerometers measure what the poses' derivatives are, so one confirms units
+and axes of the other without a model of the air; the airspeed shows wind. None of them
+is given to the tracer, which fits the poses.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import Rotation
+
+from glider.campaign.checks.motion import calc_motion
+from glider.campaign.importing.selection import Stream
+from glider.campaign.importing.track import Track, angles_of
+from glider.errors import InputError
+
+_SPAN = 0.5
+"""Time over which changes of velocity and pitch are compared [s]: 3 mm of noise leave,
+at 50 Hz, 0.08 m/s in a velocity, but 1.6 m/s² in an acceleration."""
+_ENOUGH = 20  # Changes below which nothing is concluded.
+_FOLLOWS = 0.5  # Correlation below which the poses do not follow a sensor.
+_WARNED = 0.05  # Part by which two scales may differ without a word.
+_REFUSED = 0.15  # ... and up to which the import goes on.
+_WINDY = 0.05
+"""Part of the airspeed that a wind must have to be reported: the forces of the air are
+10 % off those at the speed over ground."""
+
+Readings = dict[str, np.ndarray]
+"""Columns by the quantity of a sensor: the poses' and its changes of pitch [rad] or
+velocity [m/s]; speeds over ground and in the air [m/s]; the air's density [kg/m³]."""
+
+
+def read_sensors(flight: Track, gravity: float) -> Readings:
+    """What the sensors and the poses of a flight show of the same motion."""
+    turn, time, onboard = flight.rotation, flight.time, flight.onboard
+    pitch = angles_of(flight)[0][:, None]
+    turn = Rotation.from_euler("y", pitch).as_matrix() if turn is None else turn
+    stride = max(round(_SPAN / float(np.median(np.diff(time)))), 1)
+    motion = calc_motion(time, np.hstack([flight.position, pitch]), stride=stride)
+    readings = {}
+    if onboard.angular_velocity is not None:
+        # The axis of the pitch is level, and across the nose.
+        across = np.stack([-turn[:, 1, 0], turn[:, 0, 0]], axis=1)
+        across /= np.linalg.norm(across, axis=1, keepdims=True) + 1e-9
+        rate = np.einsum("nij,nj->ni", turn, _at(onboard.angular_velocity, time))
+        rate = np.sum(rate[:, :2] * across, axis=1, keepdims=True)
+        turned = motion.pose[:, 3:]
+        readings["angular_velocity"] = _changes(motion.time, turned, time, rate)
+    if onboard.acceleration is not None:
+        push = np.einsum("nij,nj->ni", turn, _at(onboard.acceleration, time))
+        push, velocity = push - [0.0, 0.0, gravity], motion.velocity[:, :3]
+        readings["acceleration"] = _changes(motion.time, velocity, time, push)
+    if onboard.airspeed is not None and len(motion.time):
+        speed = np.linalg.norm(motion.velocity[:, :3], axis=1, keepdims=True)
+        readings["airspeed"] = np.hstack([speed, _at(onboard.airspeed, motion.time)])
+    if onboard.air_density is not None:
+        readings["air_density"] = onboard.air_density.values
+    return readings
+
+
+def check_sensors(flights: Sequence[Readings], source: str) -> tuple[str, ...]:
+    """Reports wind, and scales that differ; raises InputError if they do by much."""
+    warnings = []
+    for quantity in ("angular_velocity", "acceleration"):
+        pairs = np.concatenate([f.get(quantity, np.empty((0, 2))) for f in flights])
+        if len(pairs) < _ENOUGH:
+            continue
+        ratio, off, correlation = _compare(pairs)
+        if correlation < _FOLLOWS:
+            words = (
+                f"the poses do not follow '{quantity}' (correlation {correlation:.2f})"
+            )
+            warnings.append(f"{words}: check its axes")
+        elif off > _WARNED:
+            words = (
+                f"the poses change {ratio:.3g} times as much as '{quantity}' says; "
+                "expected the same (units of time, length and sensor, 'nose', 'top')"
+            )
+            if off > _REFUSED:
+                raise InputError(f"{source}: {words}.")
+            warnings.append(words)
+    means = [np.mean(f["airspeed"], axis=0) for f in flights if "airspeed" in f]
+    ground, air = np.reshape(means, (-1, 2)).T
+    wind = ground - air
+    if len(wind) and np.sqrt(np.mean(wind**2)) > _WINDY * np.mean(air):
+        warnings.append(
+            f"the flights' speed over ground is {wind.min():+.2f} to {wind.max():+.2f} "
+            f"m/s off the airspeed of {np.mean(air):.3g} m/s: there is wind, or the "
+            "sensor or the unit of length is off (the tracer is not given the airspeed)"
+        )
+    return tuple(warnings)
+
+
+def _compare(pairs: np.ndarray) -> tuple[float, float, float]:
+    """Ratio of poses to sensors in pairs (k, 2), how far it is from 1, correlation.
+
+    Noise of the sensors lowers the slope of poses on sensors, noise of the poses that
+    of sensors on poses: the ratio is between both, and two standard errors off at most.
+    """
+    (poses, both), (_, sensors) = pairs.T @ pairs
+    correlation = abs(both) / max(np.sqrt(poses * sensors), 1e-12)
+    if correlation < _FOLLOWS:
+        return 1.0, 0.0, correlation
+    least, most = both / sensors, poses / both
+    error = 2.0 * np.sqrt((correlation**-2 - 1.0) / len(pairs))
+    if both < 0.0 or most * (1.0 + error) < 1.0:
+        return most, 1.0 - most * (1.0 + error), correlation
+    return least, least * (1.0 - error) - 1.0, correlation
+
+
+def _changes(
+    since: np.ndarray, states: np.ndarray, time: np.ndarray, rates: np.ndarray
+) -> np.ndarray:
+    """Changes of states at times, and of integrated rates, one below the other (m, 2).
+
+    Without their means: a sensor's bias changes all by the same.
+    """
+    summed = cumulative_trapezoid(rates, time, axis=0, initial=0.0)
+    both = np.diff(np.stack([states, _at(Stream(time, summed, ""), since)]), axis=1)
+    return (both - np.mean(both, axis=1, keepdims=True)).reshape(2, -1).T
+
+
+def _at(stream: Stream, time: np.ndarray) -> np.ndarray:
+    """A sensor's values at times (n, k)."""
+    return np.stack([np.interp(time, stream.time, v) for v in stream.values.T], axis=1)
