@@ -20,11 +20,7 @@ from glider.campaign.importing.clock_offset import (
     shift,
 )
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
-from glider.campaign.importing.onboard_checks import (
-    Readings,
-    check_sensors,
-    read_sensors,
-)
+from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import Servo, make_servo
@@ -52,7 +48,7 @@ class CutFlight(NamedTuple):
 
     table: Table  # Its times are on the clock of the recording.
     why: str  # It begins and ends there.
-    readings: Readings  # Of the sensors on board.
+    readings: dict[str, np.ndarray]  # Of `read_sensors`.
 
     @property
     def span(self) -> tuple[float, float]:

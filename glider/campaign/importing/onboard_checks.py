@@ -27,13 +27,13 @@ _WINDY = 0.05
 """Part of the airspeed that a wind must have to be reported: the forces of the air are
 10 % off those at the speed over ground."""
 
-Readings = dict[str, np.ndarray]
-"""Columns by the quantity of a sensor: the poses' and its changes of pitch [rad] or
-velocity [m/s]; speeds over ground and in the air [m/s]; the air's density [kg/m³]."""
 
+def read_sensors(flight: Track, gravity: float) -> dict[str, np.ndarray]:
+    """What the sensors and the poses of a flight show of the same motion.
 
-def read_sensors(flight: Track, gravity: float) -> Readings:
-    """What the sensors and the poses of a flight show of the same motion."""
+    By the quantity of a sensor, columns of the poses' and its changes of pitch [rad] or
+    velocity [m/s], of speeds over ground and in the air [m/s], or of the air's density.
+    """
     turn, time, onboard = flight.rotation, flight.time, flight.onboard
     pitch = angles_of(flight)[0][:, None]
     turn = Rotation.from_euler("y", pitch).as_matrix() if turn is None else turn
@@ -60,7 +60,9 @@ def read_sensors(flight: Track, gravity: float) -> Readings:
     return readings
 
 
-def check_sensors(flights: Sequence[Readings], source: str) -> tuple[str, ...]:
+def check_sensors(
+    flights: Sequence[dict[str, np.ndarray]], source: str
+) -> tuple[str, ...]:
     """Reports wind, and scales that differ; raises InputError if they do by much."""
     warnings = []
     for quantity in ("angular_velocity", "acceleration"):
