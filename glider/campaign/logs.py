@@ -67,11 +67,6 @@ class ServoLog:
         known = all(0.0 <= error < math.inf for error in errors)
         expect(known, "servo: [clock_std, command_std]", errors, "standard errors in s")
 
-    @property
-    def at_rows(self) -> bool:
-        """Whether commands switch at rows: they are made of the angles there."""
-        return self.command != "logged"
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Campaign:
@@ -133,6 +128,11 @@ class Campaign:
                 there, otherwise a time that starts again.
         """
         return _in_memory().from_frame(frame, vehicle, flight, name, settings)
+
+    @property
+    def switch_rate(self) -> float | None:
+        """Rate at which commands switch, as `command_steps` takes it [Hz]."""
+        return self.command_rate if self.servo.command == "logged" else math.inf
 
     @property
     def gravity(self) -> float:

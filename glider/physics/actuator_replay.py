@@ -69,11 +69,7 @@ def elevator_path(
 
 
 def command_steps(
-    time: np.ndarray,
-    command: np.ndarray,
-    command_rate: float | None,
-    *,
-    at_rows: bool = False,
+    time: np.ndarray, command: np.ndarray, command_rate: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns when the commands of a log switched, and to what.
 
@@ -88,9 +84,8 @@ def command_steps(
     Args:
         time: (n,) of the rows [s].
         command: (n,) as logged [rad/s].
-        command_rate: of the clock [Hz], or None where unknown.
-        at_rows: whether the commands switched at the rows: rates that were made of the
-            angles there.
+        command_rate: of the clock [Hz], or None where unknown; infinite where the
+            commands switched at the rows, made of the angles there.
 
     Returns:
         switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's
@@ -98,7 +93,7 @@ def command_steps(
     """
     rows = np.flatnonzero(np.diff(command)) + 1
     commands = np.concatenate([command[:1], command[rows]])
-    if at_rows:
+    if command_rate == np.inf:
         return time[np.concatenate([[0], rows])], commands
     after, before = time[rows], time[rows - 1]
     switches = 0.5 * (before + after)

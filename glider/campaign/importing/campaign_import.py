@@ -246,8 +246,9 @@ def _extract(
 
 def _with_clock(log: ServoLog, track: Track, std: float) -> ServoLog:
     """Adds the standard error [s] of a clock that a servo's log was shifted by."""
-    name = "command_std" if is_measured(track) else "clock_std"
-    return dataclasses.replace(log, **{name: math.hypot(std, getattr(log, name))})
+    if is_measured(track):
+        return dataclasses.replace(log, command_std=math.hypot(std, log.command_std))
+    return dataclasses.replace(log, clock_std=math.hypot(std, log.clock_std))
 
 
 def _on_one_clock(

@@ -23,7 +23,6 @@ from glider.campaign.importing.track import Track, planar_pose
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
-_FINE = 0.001  # ... around the best of them [s].
 _COVERED = 0.95  # Share of the flights that the other log must cover.
 _FOLLOWS = 0.5
 """Correlation above which one signal follows the other. Measured: 0.62 to 0.97 for the
@@ -216,10 +215,7 @@ def _best(
             f"not found (they correlate by {highest:.2f} at best, by {second:.2f} "
             "elsewhere); expected 'clock: SECONDS' or 'clock: same' in the mapping."
         )
-    fine = offsets[best] + np.arange(-_STEP, _STEP + _FINE / 2, _FINE)
-    correlations = list(map(follow, fine))
-    best = int(np.argmax(correlations))
-    return Offset(float(fine[best]), correlations[best])
+    return Offset(float(offsets[best]), highest)
 
 
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:

@@ -132,10 +132,7 @@ def _record(
         # What was commanded before a gap that hides commands does not count.
         commanded = np.flatnonzero(piece == piece[good[0]])
         switches, commands = command_steps(
-            clock[commanded],
-            flight.command[commanded],
-            campaign.command_rate,
-            at_rows=campaign.servo.at_rows,
+            clock[commanded], flight.command[commanded], campaign.switch_rate
         )
         trusted = commanded[turned[commanded]]
         for first in trusted[:1]:  # Its noise is what x[3] is for.

@@ -145,12 +145,7 @@ def measure_noise(
         seen = ~mask.elevator
         if np.count_nonzero(seen) >= _FEWEST_ROWS:
             assert flight.command is not None and flight.elevator is not None
-            tape = command_steps(
-                flight.time,
-                flight.command,
-                campaign.command_rate,
-                at_rows=campaign.servo.at_rows,
-            )
+            tape = command_steps(flight.time, flight.command, campaign.switch_rate)
             error = flight.elevator - elevator_path(*tape, flight.time)
             times.append(flight.time[seen])
             errors.append(error[seen, None])

@@ -96,8 +96,8 @@ def test_a_campaign_keeps_what_was_logged_of_the_servo(
         assert known.servo.clock_std == pytest.approx(expected.clock_std, rel=1e-3)
     assert "servo:" not in saved(tmp_path / "plain", campaign)
     flight, log = again.flights[0], again.servo
-    tape = flight.time, flight.command, again.command_rate
-    path = elevator_path(*command_steps(*tape, at_rows=log.at_rows), flight.time)
+    tape = flight.time, flight.command, again.switch_rate
+    path = elevator_path(*command_steps(*tape), flight.time)
     left = flight.elevator - path
     assert np.std(left) < 0.01  # Half a row too early: 0.02.
     [record, *_] = prepare(again.flights, again, measure_noise(again))
