@@ -55,17 +55,12 @@ def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
 
 def with_contents(page: str) -> Markup:
     """Gives each section of a page an anchor, and links to all below the header."""
-    links = []
-
-    def anchored(found: re.Match) -> str:
-        text = Markup(found[1]).striptags()
-        anchor = "section-" + "-".join(re.findall(r"\w+", text.lower()))
-        links.append(f'<a href="#{anchor}">{found[1]}</a>')
-        return f'<h2 id="{anchor}">{found[1]}</h2>'
-
-    page = re.sub(r"<h2>(.*?)</h2>", anchored, page)
-    contents = f'<nav class="contents" aria-label="Contents">{" ".join(links)}</nav>'
-    return Markup(page.replace("</header>", f"</header>\n{contents}", 1))
+    page, links = str(page), ""
+    for title in re.findall(r"<h2>(.*?)</h2>", page):
+        anchor = "section-" + "-".join(re.findall(r"\w+", title.lower()))
+        page = page.replace(f"<h2>{title}<", f'<h2 id="{anchor}">{title}<')
+        links += f'<a href="#{anchor}">{title}</a> '
+    return Markup(page.replace("</header>", f"</header>\n<nav>{links}</nav>", 1))
 
 
 TEMPLATES.filters["with_contents"] = with_contents

@@ -19,11 +19,8 @@ PITCH, ALONG = "rollout.pitch_rms_rad", "rollout_measured_pitch.position_rms_m"
 """Fields of `Errors`, as in report.json."""
 
 
-FIT = "Fit of free rollouts"
-"""Group of rows where more is better; they have no noise and no gain."""
-
-CHANNELS = ("x", "z", "pitch")
-"""Measured coordinates of a pose."""
+FIT, CHANNELS = "Fit of free rollouts", ("x", "z", "pitch")
+"""Group of rows where more is better, without noise and gain; and the rows."""
 
 
 class ErrorRow(NamedTuple):

@@ -20,7 +20,8 @@ from glider.sysid.result import Derivatives, Estimate, Result
 _TINY = 1e-30  # Length of a complex step.
 _PART = 1e-3  # Step along a fitted number, in its standard errors.
 _ROUNDING = 1e-8  # Relative standard error that is none.
-_V, _ALPHA, _Q, _ELEVATOR, _CLIMB = range(5)  # Entries of a condition [m/s, rad, s].
+# A condition: airspeed, angle of attack, pitch rate, elevator, climb, time, x, z [SI].
+_V, _ALPHA, _Q, _ELEVATOR, _CLIMB, *_PLACE = range(8)
 
 
 def with_derivatives(
@@ -39,17 +40,17 @@ def with_derivatives(
     p, words = model.parameters, "median state of the flights"
     length = chord or p.hinge_offset + p.elevator_offset
     middle = {n: float(np.nanmedian(v)) for n, v in flown.variables.items()}
-    alpha, place = middle["alpha"], tuple(middle[n] for n in ("t", "x", "z"))
-    climb = -middle["pitch"] - alpha
-    condition = np.array([middle["V"], alpha, 0.0, -middle["elevator"], climb])
+    airspeed, alpha, *place = (middle[n] for n in ("V", "alpha", "t", "x", "z"))
+    attitude = -middle["elevator"], -middle["pitch"] - alpha
+    condition = np.array([airspeed, alpha, 0.0, *attitude, *place])
     if trim is not None:
-        steady = _steady_glide(model, place, trim)
+        steady = _steady_glide(model, trim, condition[_PLACE])
         if steady is None:
             words += f", as the model has no steady glide at {trim:g} m/s"
         else:
             condition, words = steady, "steady glide"
     numbers = np.concatenate(model.numbers[:2])
-    table = functools.partial(_table, model, place, condition, length)
+    table = functools.partial(_table, model, condition, length)
     values = table(numbers)
     std = np.full(values.shape, math.nan)
     if covariance is not None:
@@ -80,15 +81,10 @@ def with_derivatives(
     return dataclasses.replace(result, derivatives=found)
 
 
-def _meet(
-    model: GliderModel,
-    numbers: np.ndarray,
-    place: tuple[float, ...],
-    condition: np.ndarray,
-) -> tuple:
+def _meet(model: GliderModel, numbers: np.ndarray, condition: np.ndarray) -> tuple:
     """Flow, terms of the field, state and coefficients at a condition."""
-    chain, (t, x, z) = model.chain, place
-    speed, alpha, q, elevator, climb = condition
+    speed, alpha, q, elevator, climb, t, x, z = condition
+    chain = model.chain
     theta = chain.theta_of(numbers, model.residual_field)
     velocity = speed * np.cos(climb), speed * np.sin(climb)
     state = [x, z, -climb - alpha, -elevator, *velocity, -q]
@@ -98,11 +94,7 @@ def _meet(
 
 
 def _table(
-    model: GliderModel,
-    place: tuple[float, ...],
-    condition: np.ndarray,
-    length: float,
-    numbers: np.ndarray,
+    model: GliderModel, condition: np.ndarray, length: float, numbers: np.ndarray
 ) -> np.ndarray:
     """C_L, C_D and C_m, each with its derivatives by α, q l/2V and δ_e, (12,)."""
     p = model.parameters
@@ -114,15 +106,15 @@ def _table(
         (_Q, 2.0 * condition[_V] / length),
         (_ELEVATOR, 1.0),
     ):
-        moved = condition + 1j * _TINY * (np.arange(5) == entry)
-        x, z, moment = model.chain.wrench(*_meet(model, numbers, place, moved))[2:5]
+        moved = condition + 1j * _TINY * (np.arange(8) == entry)
+        x, z, moment = model.chain.wrench(*_meet(model, numbers, moved))[2:5]
         forces = [z * cosine - x * sine, -x * cosine - z * sine, -moment / length]
         columns.append(per / _TINY * np.imag(forces))
     return np.transpose([np.real(forces), *columns]).ravel() / pressure
 
 
 def _steady_glide(
-    model: GliderModel, place: tuple[float, ...], speed: float
+    model: GliderModel, speed: float, place: np.ndarray
 ) -> np.ndarray | None:
     """The condition of a glide without acceleration at an airspeed.
 
@@ -131,14 +123,13 @@ def _steady_glide(
     from scipy.optimize import root  # It takes a tenth of a second.
 
     p, free = model.parameters, [_ALPHA, _ELEVATOR, _CLIMB]
-    condition = np.array([speed, 0.1, 0.0, 0.0, -0.2])
+    condition = np.array([speed, 0.1, 0.0, 0.0, -0.2, *place])
     numbers, arm = np.concatenate(model.numbers[:2]), p.hinge_offset + p.elevator_offset
 
     def unbalanced(values: np.ndarray) -> np.ndarray:
         condition[free] = values
-        *forces, turn = model.chain.accelerations(
-            *_meet(model, numbers, place, condition)
-        )
+        met = _meet(model, numbers, condition)
+        *forces, turn = model.chain.accelerations(*met)
         return np.array([*forces, turn * p.pitch_inertia / (p.mass * arm)])
 
     solution = root(unbalanced, condition[free])

@@ -9,12 +9,11 @@ from glider.campaign.logs import Campaign
 from glider.sysid import result
 from glider.sysid.fit import prediction
 from glider.sysid.fit.folds import HeldOut, flown_by, hold_out, predictable
-from glider.sysid.innovations import correlate
-from glider.sysid.likelihood.model_fit import FitResult, fit_model
-from glider.sysid.likelihood.scales import NAMES
+from glider.sysid.likelihood.model_fit import FitResult, error_flights, fit_model
+from glider.sysid.likelihood.scales import NAMES, whiten
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Record, Signs
-from glider.sysid.replay.replayed import make_table
+from glider.sysid.replay.replayed import logged_elevator, make_table
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.result import CALIBRATED, MODELS, ResidualTable
 from glider.sysid.search.force_search import forces_alone
@@ -23,6 +22,10 @@ from glider.sysid.verdict import AllErrors, changes_baseline_alone
 
 Models = Mapping[str, prediction.RolloutModel]
 """Models by name; the nominal one only where it is known."""
+
+CHANNELS = ("x", "z", "pitch")
+_LAGS = 25  # Largest lag of innovations [rows], in flights of three times as many.
+_Z95 = 1.96  # Standard deviations that 95 % of normal errors are within.
 
 Tables = tuple[ResidualTable, ResidualTable, ResidualTable]
 """Residual of the nominal model, of the named effects and of the corrected model."""
@@ -123,9 +126,7 @@ def evaluate(
         if of_outlying
         else None,
         folds=folds,
-        innovations=correlate(
-            task, {m: (fitted[m], kept.of(m)) for m in ("refitted", "corrected")}
-        ),
+        innovations=_innovations(task, fitted, kept),
         tables=_residual_tables(task, traced.model, models, explained),
     )
 
@@ -210,3 +211,44 @@ def _flights(
             )
         )
     return tuple(found)
+
+
+def _innovations(
+    task: Task, models: Mapping[str, FitResult], flights: SmoothedFlights
+) -> result.Innovations:
+    """Correlates innovations of models with themselves and with the elevator."""
+    own: dict[str, dict[str, np.ndarray]] = {}
+    moved: dict[str, dict[str, np.ndarray]] = {}
+    for name in ("refitted", "corrected"):
+        model, records = models[name], flights.of(name)
+        linear = error_flights(task.on(records), model)
+        left = [whiten(f, model.scales).innovations[:, :3, 0] for f in linear]
+        lags = min(_LAGS, min(map(len, left)) // 3)
+        own[name] = correlations(left, left, lags)
+        if all(record.has_servo for record in records):
+            elevator = [logged_elevator(record, model.theta) for record in records]
+            turned = [(angle - angle.mean())[:, None] for angle in elevator]
+            moved[name] = correlations(left, turned, lags)
+    rows = sum(np.sum(record.seen[:, 0]) for record in records)
+    return result.Innovations(
+        lag_s=float(np.median(np.diff(records[0].time))) * np.arange(lags + 1),
+        band=float(_Z95 / np.sqrt(rows)),
+        autocorrelation=own,
+        with_elevator=moved,
+    )
+
+
+def correlations(
+    late: Sequence[np.ndarray], early: Sequence[np.ndarray], lags: int
+) -> dict[str, np.ndarray]:
+    """Correlations of columns (n, 3) with earlier ones: by channel, (lags + 1,)."""
+    sums = [
+        sum(
+            np.sum(a[k:] * b[: len(b) - k], axis=0)
+            for a, b in zip(late, early, strict=True)
+        )
+        for k in range(lags + 1)
+    ]
+    squares = [sum(np.sum(c**2, axis=0) for c in columns) for columns in (late, early)]
+    found = np.array(sums) / np.sqrt(squares[0] * squares[1])
+    return dict(zip(CHANNELS, found.T, strict=True))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from glider.sysid.innovations import CHANNELS, correlations
+from glider.sysid.evaluation import CHANNELS, correlations
 
-FLIGHTS, ROWS, LAGS = 8, 120, 26
+FLIGHTS, ROWS, LAGS = 8, 120, 25
 BAND = 1.96 / np.sqrt(FLIGHTS * ROWS)
 
 
