@@ -34,7 +34,6 @@ QUANTITIES = {
     "airspeed": "speed",
     "angular_velocity": "rate",
     "acceleration": "acceleration",
-    "air_density": "density",
 }
 """Quantities that `columns:` may name, and the kind of unit of each."""
 

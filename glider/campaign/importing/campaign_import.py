@@ -162,11 +162,6 @@ def _checked(
             f"{listed}{'; ...' if len(reasons) > _REASONS else ''}."
         )
     readings = [flight.readings for cut in cuts for flight in cut.flights]
-    density = [r["air_density"] for r in readings if "air_density" in r]
-    vehicle = dict(settings.vehicle)
-    if density:
-        vehicle.setdefault("air_density", float(np.median(np.concatenate(density))))
-    settings = dataclasses.replace(settings, vehicle=vehicle)
     campaign = campaign_of_cuts(settings, cuts)
     notes = dict.fromkeys(note for c in cuts for note in c.notes)
     warnings = [n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)]

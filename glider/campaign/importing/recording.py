@@ -26,7 +26,6 @@ UNITS: dict[str, dict[str, float]] = {
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 0.514444},
     "acceleration": {"m/s2": 1.0, "g": 9.80665},
     "throttle": {"1": 1.0, "%": 0.01},
-    "density": {"kg/m3": 1.0},
 }
 _SPELLINGS = {
     "s": "sec second",
@@ -43,7 +42,6 @@ _SPELLINGS = {
     "deg/s": "°/s dps",
     "kn": "kt knot",
     "m/s2": "m/s² m/s^2",
-    "kg/m3": "kg/m³ kg/m^3",
 }
 _UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 _UNITS |= {unit: unit for units in UNITS.values() for unit in units}

@@ -58,7 +58,6 @@ class Onboard(NamedTuple):
     airspeed: Stream | None = None  # (n, 1) true airspeed [m/s].
     angular_velocity: Stream | None = None  # (n, 3) along the body's axes [rad/s].
     acceleration: Stream | None = None  # (n, 3) gravity not taken out [m/s²].
-    air_density: Stream | None = None  # (n, 1) [kg/m³]
 
 
 class Picker:

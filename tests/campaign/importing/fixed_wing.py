@@ -35,8 +35,7 @@ columns: {position: vehicle_local_position, attitude: vehicle_attitude.q,
           throttle: "actuator_motors.control[0]",
           airspeed: airspeed_validated.true_airspeed_m_s,
           angular_velocity: vehicle_angular_velocity.xyz,
-          acceleration: vehicle_acceleration.xyz,
-          air_density: vehicle_air_data.rho}
+          acceleration: vehicle_acceleration.xyz}
 units: {elevator_angle_command: {gain: 0.4}}
 frame: NED
 vehicle: {mass: 1.2, wing_area: 0.35, elevator_rate_limit: 6.0,
@@ -128,7 +127,6 @@ def write(path: Path, flight: Motored, rng: np.random.Generator, wind: float = 0
         ("vehicle_angular_velocity", "float[3] xyz;"): gyro,
         ("vehicle_acceleration", "float[3] xyz;"): felt,
         ("airspeed_validated", "float true_airspeed_m_s;"): airspeed[:, None],
-        ("vehicle_air_data", "float rho;"): np.full((rows, 1), 1.15),
     }
     stamp = np.round(1e6 * (flight.time + 9)).astype(np.uint64)
     surfaces = {"CA_SV_CS0_TYPE": 1, "CA_SV_CS1_TYPE": 2, "CA_SV_CS2_TYPE": 3}

@@ -9,7 +9,6 @@ otherwise when it was recorded.
 import dataclasses
 import itertools
 import json
-import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -37,7 +36,6 @@ _PX4 = {
     "airspeed": "airspeed_validated.true_airspeed_m_s",
     "angular_velocity": "vehicle_angular_velocity.xyz",
     "acceleration": "vehicle_acceleration.xyz",
-    "air_density": "vehicle_air_data.rho",
 }
 """Topics by quantity, the first that a log has."""
 _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
@@ -61,17 +59,13 @@ def read_ulog(path: Path) -> Recording:
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
+    names = {f"{group.name}.{name}" for group in groups for name in group.columns}
+    names |= {name.partition("[")[0] for name in names} | {g.name for g in groups}
+    known = {q: t for q, ts in _PX4.items() for t in reversed(ts.split()) if t in names}
     surfaces = [log.initial_parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
-    names = [f"{group.name}.{name}" for group in groups for name in group.columns]
-    known = {}
-    if _ELEVATOR in surfaces:
+    if _ELEVATOR in surfaces and "actuator_servos" in names:
         servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
-        known = {"elevator_angle_command": servo} if servo in names else {}
-    for quantity, topics in _PX4.items():
-        for topic in topics.split():
-            is_its = re.compile(re.escape(topic) + r"($|[.\[])").match
-            if quantity not in known and any(map(is_its, names)):
-                known[quantity] = topic
+        known["elevator_angle_command"] = servo
     return Recording(path, tuple(groups), rotation="wxyz", known=known)
 
 
