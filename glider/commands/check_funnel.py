@@ -25,9 +25,6 @@ FLIGHTS = 9000
 MOST_FLIGHTS = 1_000_000
 """Flights that fit the memory of any machine."""
 
-SEED = 0
-"""Default seed of the draws."""
-
 DESCRIPTION = """\
 Checks the certificate of a funnel: that its flight leads from a problem's launch to
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
@@ -75,8 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"and more (default: {FLIGHTS})"
     )
     add_number(parser, "--flights", words)
-    words = "with --confidence: of the draws; the same seed, the same flights "
-    add_number(parser, "--seed", f"{words}(default: {SEED})")
+    words = "with --confidence: of the draws; same seed, same flights (default: 0)"
+    add_number(parser, "--seed", words)
     add_json(parser, "JSON instead of sentences")
 
 
@@ -155,14 +152,13 @@ def _checked_options(args: argparse.Namespace) -> tuple[float | None, int, int]:
     if args.resume and not args.prove:
         raise InputError("--resume has no effect without --prove; expected both.")
     level = _level(args.confidence)
-    for name in ("box", "flights", "seed"):
-        value = getattr(args, name)
-        if level is None and value is not None and value is not False:
-            raise InputError(
-                f"--{name} has no effect without --confidence; expected both."
-            )
+    given = {"box": args.box or None, "flights": args.flights, "seed": args.seed}
+    for name, value in given.items():
+        if level is None and value is not None:
+            words = f"--{name} has no effect without --confidence; expected both."
+            raise InputError(words)
     flights = FLIGHTS if args.flights is None else args.flights
-    seed = SEED if args.seed is None else args.seed
+    seed = args.seed or 0
     expected = f"a number from 1 to {MOST_FLIGHTS:,}"
     expect(1 <= flights <= MOST_FLIGHTS, "--flights", flights, expected)
     check_seed(seed)

@@ -13,13 +13,10 @@ from glider.progress import Progress
 if TYPE_CHECKING:
     from rich.console import Console
 
-UNLIMITED = 100_000
-"""Width of what a program reads: each sentence is one line."""
-
 
 def line_width() -> int:
-    """Width by COLUMNS or of the terminal [columns]; unlimited without either."""
-    return shutil.get_terminal_size((UNLIMITED, 24)).columns
+    """Width by COLUMNS or of the terminal [columns]; without, a sentence is a line."""
+    return shutil.get_terminal_size((100_000, 24)).columns
 
 
 @contextmanager
