@@ -1,6 +1,6 @@
 """Progress of work that takes its time: a line of text, and the share that is done."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -30,22 +30,3 @@ def announced(items: Sequence[T], words: str, progress: Progress) -> Iterator[T]
     for number, item in enumerate(items):
         progress(Step(f"{words} {item}", number / len(items)))
         yield item
-
-
-class Stages:
-    """Announces stages whose usual shares of the time are known, in their order."""
-
-    def __init__(self, progress: Progress, shares: Mapping[str, float]) -> None:
-        """Announces to `progress`; the shares sum to one."""
-        self._progress, self._shares, self._done = progress, shares, 0.0
-
-    def enter(self, name: str, words: str = "") -> None:
-        """Begins a stage, or, at the share that it has reached, one again."""
-        names = list(self._shares)
-        before = sum(self._shares[n] for n in names[: names.index(name)])
-        self._done = max(self._done, before)
-        self(words or name)
-
-    def __call__(self, text: str) -> None:
-        """Announces a step of the stage."""
-        self._progress(Step(text, self._done))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from glider.progress import Progress
+from glider.progress import Progress, Step
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,14 +55,10 @@ def working(*, is_even: bool = False) -> Iterator[Progress]:
         task = bar.add_task("starting ...", total=None)
 
         def follow(text: str) -> None:
-            share = getattr(text, "share", None)
-            if share is not None and share < bar.tasks[0].completed:
-                bar.reset(task)
-            bar.update(
-                task,
-                description=f"{text} ...",
-                completed=share,
-                total=None if share is None else 1.0,
-            )
+            bar.update(task, description=f"{text} ...")
+            if isinstance(text, Step):
+                if text.share < bar.tasks[0].completed:
+                    bar.reset(task)  # Other work begins.
+                bar.update(task, completed=text.share, total=1.0)
 
         yield follow

@@ -28,7 +28,7 @@ from glider.experiments.known_funnel import (
 from glider.experiments.throw_limits import ThrowLimits, limits_flown
 from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, flown_throw, range_of
-from glider.progress import Progress, silent
+from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.record import prepare, signs_of
 from glider.sysid.replay.smoothing import Noise, measure_noise
@@ -134,7 +134,7 @@ def next_throw(
     known_name, what = findings.campaign, f"{campaign.path}: the report's campaign"
     expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
-        progress("reading the flights")
+        progress(Step("reading the flights", 0.0))
         campaign, task, noise = read_task(campaign, findings)
         if known:
             check_vehicle(known, campaign, task.vehicle)

@@ -19,7 +19,7 @@ from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
-from glider.progress import Stages
+from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Evaluation, SmoothedFlights, evaluate
@@ -42,6 +42,12 @@ from glider.sysid.verdict import find_clock_error, find_doubt, judge
 STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
 
+SHARES = {
+    **{"compile": 0.06, "signs": 0.08, "smooth": 0.12, "compare": 0.14, "trace": 0.15},
+    **{"refit": 0.85, "predict": 0.89, "weigh": 0.98},
+}
+"""Usual shares of the time when the stages begin, measured on the samples."""
+
 MOST_LOST = 0.25
 """Share of the flights that may lose by a correction without a warning."""
 
@@ -56,7 +62,7 @@ _UNLIKE = (
 class Analysis:
     """The stages in order, timed."""
 
-    progress: Stages  # Announces the stages, and the steps within them.
+    progress: Progress
     seconds: dict[str, float]  # Stage to wall-clock time; each stage adds its own.
     inspection: Inspection  # The campaign as it was read and checked.
     vehicle: Vehicle  # Of the campaign.
@@ -67,7 +73,7 @@ class Analysis:
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
         """Times a stage and announces it."""
-        self.progress.enter(name, words)
+        self.progress(Step(words or name, SHARES[name]))
         begin = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - begin

@@ -17,25 +17,11 @@ from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
-from glider.progress import Progress, Stages, Step, silent
+from glider.progress import Progress, Step, silent
 
 if TYPE_CHECKING:
     from glider.sysid.replay.vehicle import Vehicle
     from glider.sysid.result import Result
-
-SHARES = {
-    **{"read": 0.06, "compile": 0.02, "signs": 0.04, "smooth": 0.02, "compare": 0.01},
-    **{"trace": 0.25, "prune": 0.18, "simplify": 0.18, "support": 0.04, "bare": 0.05},
-    **{"refit": 0.04, "predict": 0.09, "weigh": 0.02},
-}
-"""Usual shares of the time that the stages take, measured on the samples."""
-
-THROWN_SHARES = {
-    **{"read": 0.07, "compile": 0.02, "signs": 0.04, "smooth": 0.07, "compare": 0.01},
-    **{"trace": 0.09, "support": 0.20, "bare": 0.03, "moment": 0.15, "refit": 0.0},
-    **{"predict": 0.22, "weigh": 0.10},
-}
-"""The same where forces are fitted along the measured attitude, of measured flights."""
 
 
 def close_the_loop(
@@ -104,7 +90,7 @@ def close_the_loop(
     from glider.sysid.analysis import Analysis
 
     analysis = Analysis(
-        progress=Stages(progress, SHARES if vehicle.knows_forces else THROWN_SHARES),
+        progress=progress,
         seconds=seconds,
         inspection=dataclasses.replace(inspection, warnings=warnings),
         vehicle=vehicle,

@@ -22,7 +22,6 @@ from glider.campaign.logs import POSE_COLUMNS, SERVO_COLUMNS
 from glider.campaign.samples import sample_names
 from glider.commands.output import output
 from glider.physics.effects import KINDS
-from glider.progress import Stages
 from tests.helpers.campaigns import campaign_path, first_flights
 
 ROOT = Path(__file__).parents[2]
@@ -116,18 +115,6 @@ def test_a_pipe_has_no_progress():
         cwd=ROOT,
     )
     assert (done.stdout, done.stderr) == ("done\n", "")
-
-
-def test_stages_never_go_back():
-    """Not even where one is entered again."""
-    steps = []
-    stages = Stages(steps.append, {"read": 0.2, "trace": 0.7, "write": 0.1})
-    stages.enter("trace")
-    stages("is wind needed?")
-    stages.enter("write", "writing")
-    stages.enter("trace")
-    assert steps == ["trace", "is wind needed?", "writing", "trace"]
-    assert [step.share for step in steps] == pytest.approx([0.2, 0.2, 0.9, 0.9])
 
 
 def test_an_import_announces_each_file(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from glider.campaign.logs import split_flights
 from glider.errors import InputError
 from glider.physics.effects import KINDS
+from glider.progress import Step
 from glider.sysid.pipeline import close_the_loop
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
@@ -208,6 +209,11 @@ def test_a_held_out_flight_that_stands_out_is_scored_apart(dragged):
     alone = result.outlying.errors["corrected"].position_rms_m
     assert alone > 20.0 * result.errors["corrected"].position_rms_m
     assert not any("again" in step for step in steps)
+    shares = [step.share for step in steps if isinstance(step, Step)]
+    assert len(shares) > 10
+    assert shares[0] == 0.0
+    assert shares == sorted(shares)  # Of the work that is done: it only grows.
+    assert shares[-1] < 1.0
     assert kinds_of(result) == ["profile_drag"]
     assert whole.outlying is None
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.progress import Stages
+from glider.progress import Progress, Step
 from glider.sysid.likelihood.candidates import Candidates, gather
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import (
@@ -120,7 +120,7 @@ def held_out_threshold(task: Task, kind: str) -> float:
 
 
 def search_forces(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Stages
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show."""
     start = start_of(task, noise, with_curves=False)
@@ -140,13 +140,13 @@ def search_forces(
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
-    progress.enter("support", "weighing the effects")
+    progress(Step("weighing the effects", 0.3))
     weighed = weigh(task, model, held_out_scorer, rng)
     bare = model
     if model.kinds:
-        progress.enter("bare", "fitting the flat plate alone")
+        progress(Step("fitting the flat plate alone", 0.5))
         bare = fit_model(task, bare_of(task, model), free_scales=())
-    progress.enter("moment", "fitting the moment")
+    progress(Step("fitting the moment", 0.53))
     return SearchResult(
         model=with_moment(task, model, noise),
         bare=with_moment(task, bare, noise),

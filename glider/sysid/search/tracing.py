@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from glider.progress import Stages
+from glider.progress import Progress, Step
 from glider.sysid.likelihood.model_fit import FitResult, start_of
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
@@ -27,7 +27,7 @@ HASTE = 0.01  # Share of a round's gain below which a new effect waits for the n
 
 
 def trace(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Stages
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
     """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
@@ -36,14 +36,14 @@ def trace(
     search = fits.Search(dataclasses.replace(task, kinds=usual or task.kinds), progress)
     start = start_of(task, noise, with_curves=True)
     model = by_sets(search, start)
-    progress.enter("prune", "weighing each effect")
+    progress(Step("weighing each effect", 0.4))
     model, evidence = moves.prune(search, model)
     while better := next(filter(None, (m(search, model) for m in moves.MOVES)), None):
         model, evidence = moves.prune(search, better)
     search.task = task
     if leaves_something(model) and (other := moves.with_forced(search, model, LATE)):
         model, evidence = moves.prune(search, by_sets(search, other))
-    progress.enter("simplify", "trying simpler models")
+    progress(Step("trying simpler models", 0.58))
     pruned, field = model, None
     if leaves_something(model):
         progress("looking for what else the residual depends on")
@@ -56,13 +56,13 @@ def trace(
         again = model if field is not None else by_sets(search, model)
         best = again if search.prefers(again, model) else model
         model, evidence = moves.prune(search, best)
-    progress.enter("support", "weighing the effects")
+    progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, evidence, rng)
     if field is not None:
         field = dataclasses.replace(field, model=model)
     bare = model
     if model.kinds or model.extra is not None or model.has_curves:
-        progress.enter("bare", "fitting the flat plate alone")
+        progress(Step("fitting the flat plate alone", 0.8))
         bare = search.fit(fits.bare_of(task, model))
     least = search.penalized_cost(bare)
     gains = {
