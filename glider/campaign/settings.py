@@ -180,19 +180,12 @@ class Frame:
 
     @property
     def turns_pitch(self) -> bool:
-        """Whether Euler angles' pitch means the opposite of a turn about the body's y.
-
-        InputError where a pitch is specified and y is not across nose and top.
-        """
-        across = np.cross(unit_vector("y"), unit_vector(self.nose))
-        positive = float(across @ unit_vector(self.top))
-        if self.pitch and not positive:
-            raise InputError(
-                f"frame: field 'pitch' is {show(self.pitch)} and has no effect where "
-                f"nose is {self.nose} and top is {self.top}; expected axes x and z."
-            )
-        turn = "nose_up" if positive > 0.0 else "nose_down"
-        return self.pitch not in ("", turn)
+        """Whether Euler angles' pitch is the opposite of a turn about the body's y."""
+        nose_moves = np.cross(unit_vector("y"), unit_vector(self.nose))
+        up = float(nose_moves @ unit_vector(self.top))
+        axes = "nose and top along x and z of the body"
+        expect(up or not self.pitch, "frame: field 'pitch'", self.pitch, axes)
+        return self.pitch not in ("", "nose_up" if up > 0.0 else "nose_down")
 
     @property
     def body(self) -> np.ndarray:
@@ -218,33 +211,28 @@ def _without_effect(
 ) -> Iterator[tuple[str, str]]:
     """Yields fields of a mapping that would be ignored, and why."""
     attitude, angles = columns.get("attitude"), columns.keys() & _ANGLES
+    usual, kinds = Frame(axes=frame.axes), set(QUANTITIES.values())
+    commands = columns.keys() & {"elevator_rate_command", "elevator_angle_command"}
+    on_board = columns.keys() & {"angular_velocity", "acceleration"}
     for whole, parts in (("position", {"x", "y", "z"}), ("attitude", _ANGLES)):
-        if whole in columns:
-            for name in sorted(columns.keys() & parts):
-                yield f"columns: '{name}'", f"beside '{whole}'"
-    if attitude is None and len(angles) < len(_ANGLES):
-        for name in sorted(angles - {"pitch"}):
-            yield f"columns: '{name}'", "without all of roll, pitch and yaw"
-    command = {"elevator_rate_command", "elevator_angle_command"} & columns.keys()
-    if len(command) > 1:
+        for name in sorted(columns.keys() & parts) if whole in columns else ():
+            yield f"columns: '{name}'", f"beside '{whole}'"
+    if len(commands) > 1:
         yield "columns: 'elevator_rate_command'", "beside 'elevator_angle_command'"
-    kinds = set(QUANTITIES.values())
     for name in sorted((units.keys() & QUANTITIES.keys()) - columns.keys() - kinds):
         yield f"units: '{name}'", "as 'columns:' does not have it"
-    usual, on_board = Frame(axes=frame.axes), {"angular_velocity", "acceleration"}
-    if (
-        attitude is None
-        and len(angles) < len(_ANGLES)
-        and not on_board & columns.keys()
-    ):
-        for name in ("nose", "top", "rotation"):
-            if getattr(frame, name) != getattr(usual, name):
-                yield f"frame: '{name}'", "where the attitude is a pitch alone"
-    if isinstance(attitude, Markers):
-        for name, plain in (("rotation", None), ("pitch", usual.usual_pitch)):
-            if getattr(frame, name) not in (None, "", plain):
-                yield f"frame: '{name}'", "where markers give the attitude"
-    if frame.command != frame.elevator and not command:
+    fields, why = (), ""
+    if attitude is None and angles != _ANGLES:
+        for name in sorted(angles - {"pitch"}):
+            yield f"columns: '{name}'", "without all of roll, pitch and yaw"
+        fields, why = ("nose", "top", "rotation"), "where the attitude is a pitch alone"
+    elif isinstance(attitude, Markers):
+        fields, why = ("pitch", "rotation"), "where markers give the attitude"
+    for name in () if on_board else fields:
+        default = usual.usual_pitch if name == "pitch" else getattr(usual, name)
+        if getattr(frame, name) not in (None, "", default):
+            yield f"frame: '{name}'", why
+    if frame.command != frame.elevator and not commands:
         yield "frame: 'command'", "where no command is mapped"
 
 

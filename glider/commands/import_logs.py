@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from glider.commands.output import working
+from glider.commands.parsing import add_json, add_path, add_switch
 from glider.errors import InputError
 
 DESCRIPTION = """\
@@ -37,35 +38,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MAP.yaml",
         help="columns, units and axes of the logs; with --guess: where to write them",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="CAMPAIGN",
-        help="the folder to write, without --guess",
-    )
-    parser.add_argument(
-        "--guess",
-        action="store_true",
-        help="propose a map and draw it, and import nothing",
-    )
+    add_path(parser, "--out", "CAMPAIGN", "the folder to write, without --guess")
+    add_switch(parser, "--guess", "propose a map and draw it, and import nothing")
+    add_switch(parser, "--force", "overwrite the map or the campaign that is there")
+    add_json(parser, "what was done, with the times of all flights, as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
+    from glider.files.schema import json_text
+
     if args.guess:
         from glider.campaign.importing.guess import guess_mapping
         from glider.files.writing import replace_file, write_text
         from glider.report.import_figure import save_import_figure
 
-        if args.map.exists():
-            raise InputError(f"--map {args.map}: exists; --guess writes a new file.")
+        figure = args.map.with_suffix(".png")
+        for file in (args.map, figure):
+            if file.exists() and not args.force:
+                raise InputError(f"{file}: exists; expected a new name for --map.")
         with working() as progress:
             progress("comparing axes and signs")
             guess = guess_mapping(args.files)
-        figure = args.map.with_suffix(".png")
         campaign = guess.campaign
         replace_file(figure, lambda path: save_import_figure(campaign, path))
         write_text(args.map, guess.text)
+        if args.json:
+            print(json_text({"map": args.map, "figure": figure, "text": guess.text}))
+            return 0
         print(guess.text, end="")
         print(f"Map: {args.map}; the flights as it reads them: {figure}")
         print("Check each line, then run the same with --out CAMPAIGN.")
@@ -75,11 +75,14 @@ def run(args: argparse.Namespace) -> int:
     from glider.campaign.importing.campaign_import import import_campaign
 
     with working(is_even=True) as progress:
-        imported = import_campaign(args.files, args.map, args.out, progress=progress)
-    print(imported.describe())
+        imported = import_campaign(
+            args.files, args.map, args.out, force=args.force, progress=progress
+        )
+    if args.json:
+        print(json_text({"campaign": args.out} | imported.report()))
+        return 0
+    print(imported.describe(details=False))
     count = len(imported.campaign.flights)
-    empty = sum(not recording.flights for recording in imported.recordings)
-    if empty:
-        print(f"{empty} of {len(imported.recordings)} recordings have no flight")
-    print(f"Campaign: {args.out}, {count} flight" + "s" * (count != 1))
+    words = f"{count} flight" + "s" * (count != 1), imported.empty
+    print(f"Campaign: {args.out}, {'; '.join(filter(None, words))}")
     return 0

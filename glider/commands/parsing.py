@@ -87,5 +87,8 @@ def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
     folder = out or Path("out", name, *parts)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; expected a folder.")
+    foreign = (folder / "model.yaml").exists() > (folder / "report.json").exists()
+    if foreign or (folder / "campaign.yaml").exists():
+        raise InputError(f"--out {folder}: is not of a report; expected a new folder.")
     check_writable(folder)
     return folder

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,20 +74,60 @@ class ImportResult:
     recordings: tuple[CutRecording, ...]
     undecided: tuple[str, ...]  # What the flights do not show of the mapping.
 
-    def describe(self) -> str:
-        """All of it as lines of text."""
-        lines = []
-        flights = iter(self.campaign.flights)
+    @property
+    def empty(self) -> str:
+        """How many recordings gave no flight; "" where each gave one."""
+        empty = sum(not recording.flights for recording in self.recordings)
+        words = f"{empty} of {_count(self.recordings, 'recording')} gave no flight"
+        return words if empty else ""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the flights do not show, and recordings without flights if most are."""
+        flying = sum(bool(recording.flights) for recording in self.recordings)
+        most = 2 * flying < len(self.recordings)
+        few = [f"{self.empty}; is 'frame:' right?"] if most else []
+        return [*self.undecided, *few]
+
+    def report(self) -> dict[str, Any]:
+        """All of it, as JSON has it; times are those of the recordings [s]."""
+        flights, names = [], (flight.name for flight in self.campaign.flights)
         for recording in self.recordings:
-            lines.append(f"{recording.path}: {_count(recording.flights, 'flight')}")
-            for cut_flight in recording.flights:
-                flight, (begin, end) = next(flights), cut_flight.span
-                rows = f"{begin:.3f}-{end:.3f} s, {len(flight.time)} rows"
-                lines.append(f"  {flight.name}  {rows}")
-                lines.append(f"    {cut_flight.why}")
-            lines += [f"  {note}" for note in recording.notes]
-        lines += [f"warning: {words}" for words in self.undecided]
+            for flight in recording.flights:
+                (begin, end), rows = flight.span, len(flight.table.columns["time"])
+                source = {"name": next(names), "recording": str(recording.path)}
+                span = {"begin": begin, "end": end, "rows": rows, "why": flight.why}
+                flights.append(source | span)
+        notes = {str(recording.path): recording.notes for recording in self.recordings}
+        return {"warnings": self.warnings, "flights": flights, "notes": notes}
+
+    def describe(self, *, details: bool = True) -> str:
+        """Warnings, a line for each file, common notes; in detail all flights, too."""
+        noted = [note for recording in self.recordings for note in recording.notes]
+        counts = {note: noted.count(note) for note in noted}
+        lines = [f"warning: {words}" for words in self.warnings]
+        for file, group in itertools.groupby(self.recordings, _file_of):
+            parts = list(group)
+            flights = [flight for part in parts for flight in part.flights]
+            rows = sum(len(flight.table.columns["time"]) for flight in flights)
+            of = f" of {len(parts)} parts" if len(parts) > 1 else ""
+            own = [n for part in parts for n in part.notes if counts[n] == 1]
+            words = [f"{_count(flights)}{of}, {rows} rows", *own[:2]]
+            lines.append(f"{file}: {'; '.join(words)}")
+        lines += [f"{n} recordings: {note}" for note, n in counts.items() if n > 1]
+        if details:
+            report = self.report()
+            row = "{name}: {recording}, {begin:.3f}-{end:.3f} s, {rows} rows: {why}"
+            lines += [row.format(**flight) for flight in report["flights"]]
+            for path, notes in report["notes"].items():
+                lines += [f"{path}: {note}" for note in notes]
         return "\n".join(map(printable, lines))
+
+
+def _file_of(recording: CutRecording) -> Path:
+    """The file of a recording, which may be a part of it."""
+    path = recording.path
+    return next((p for p in (path, *path.parents) if p.exists()), path)
 
 
 def import_campaign(
@@ -95,6 +135,7 @@ def import_campaign(
     mapping: Path | str,
     out: Path | str,
     *,
+    force: bool = False,
     progress: Progress = silent,
 ) -> ImportResult:
     """Makes a campaign folder of logs, as a mapping specifies; reports what was done.
@@ -106,11 +147,19 @@ def import_campaign(
         files: logs of any known format; each may hold several flights.
         mapping: the MAP file: `columns:`, `units:`, `frame:`, `vehicle:`, ...
         out: the folder to write.
+        force: whether to overwrite a campaign there; logs are never overwritten.
         progress: called with each file that is read, and what comes after.
 
     Raises:
         InputError: a log cannot be read or mapped, or the mapping is wrong.
     """
+    logs = {Path(file).resolve() for file in files}
+    for pattern in ("campaign.yaml", "import.txt", "flight_*.csv"):
+        for found in sorted(Path(out).glob(pattern)):
+            if not force or found.resolve() in logs:
+                raise InputError(
+                    f"{found}: exists; expected a new folder (or --force)."
+                )
     imported = read_flights(files, mapping, progress)
     save_campaign(out, imported.campaign, {"import.txt": imported.describe() + "\n"})
     return imported
@@ -379,8 +428,8 @@ def _sideways(campaign: Campaign) -> float:
     return float(np.sqrt(np.mean(np.concatenate(swings) ** 2))) if swings else 0.0
 
 
-def _count(things: Sequence, what: str) -> str:
-    return f"{len(things)} {what}" + ("" if len(things) == 1 else "s")
+def _count(things: Sequence, what: str = "flight") -> str:
+    return f"{len(things) or 'no'} {what}" + ("" if len(things) < 2 else "s")
 
 
 def _read_all(

@@ -5,8 +5,8 @@ Its flights are known by a column `flight`, or by a time that starts again.
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +20,6 @@ FEWEST_ROWS = 20
 """Of a flight: a clock that is behind for fewer rows has not started again."""
 
 Columns = Mapping[str, Any]  # Of a mapping, by quantity.
-
-
-class _Span(NamedTuple):
-    """Consecutive rows of a group that are of one flight."""
-
-    name: str
-    rows: slice
 
 
 def find_restarts(time: np.ndarray) -> list[int]:
@@ -58,61 +51,49 @@ def split_flights(recording: Recording, columns: Columns) -> list[Recording]:
     """
     if FLIGHT in columns:
         recording.find(columns[FLIGHT], "columns: flight")
-    spans = [list(_spans(recording, group, columns)) for group in recording.groups]
+    spans = [_spans(recording, group, columns) for group in recording.groups]
     longest = max(spans, key=len, default=[])
-    if len(longest) < 2 and not any(span.name for span in longest):
+    if len(longest) < 2 and not any(name for name, _ in longest):
         return [recording]
     parts = []
-    for k, span in enumerate(longest):
+    for k, (name, _) in enumerate(longest):
         groups = tuple(
-            _take(group, own[k].rows) if len(own) == len(longest) else group
+            _take(group, own[k][1]) if len(own) == len(longest) else group
             for group, own in zip(recording.groups, spans, strict=True)
         )
-        path = recording.path / span.name
+        path = recording.path / name
         parts.append(dataclasses.replace(recording, path=path, groups=groups))
     return parts
 
 
-def _spans(recording: Recording, group: Group, columns: Columns) -> Iterator[_Span]:
-    """Yields the rows of each flight of a group."""
-    rows = max((len(column.values) for column in group.columns.values()), default=0)
-    time = recording.find_times(group, columns.get("time", "time"), rows)
-    for label, run in _runs(recording, group, columns, rows):
-        starts = find_restarts(time.values[run]) if time else []
-        bounds = [run.start, *(run.start + start for start in starts), run.stop]
-        for k, (first, end) in enumerate(itertools.pairwise(bounds), 1):
-            count = f"part {k}" if len(bounds) > 2 else ""
-            name = " ".join(filter(None, (label, count)))
-            yield _Span(name, slice(first, end))
-
-
-def _runs(
-    recording: Recording, group: Group, columns: Columns, rows: int
+def _spans(
+    recording: Recording, group: Group, columns: Columns
 ) -> list[tuple[str, slice]]:
-    """Rows with the same cell in the column of flights, and what it says."""
-    name = columns.get(FLIGHT, FLIGHT)
+    """A name for each flight of a group, and its rows."""
+    rows = max((len(column.values) for column in group.columns.values()), default=0)
+    name, cells = columns.get(FLIGHT, FLIGHT), [""] * rows
     column = group.columns.get(name.removeprefix(f"{group.name}."))
-    whole = [("", slice(0, rows))]
-    if column is None:
-        return whole
-    cells = column.labels or [f"{v:g}" if np.isfinite(v) else "" for v in column.values]
+    if column is not None:
+        numbers = (f"{v:g}" if np.isfinite(v) else "" for v in column.values)
+        cells = column.labels or list(numbers)
     changes = [i for i in range(1, rows) if cells[i] != cells[i - 1]]
-    bounds = [0, *changes, rows]
-    runs = [
-        (f"{FLIGHT} {cells[a]}", slice(a, b))
-        for a, b in itertools.pairwise(bounds)
-        if cells[a]
-    ]
-    names = {label for label, _ in runs}
-    if len(names) == len(runs) and rows >= FEWEST_ROWS * len(runs):
-        return runs
-    if FLIGHT not in columns:  # It says something else, such as whether it flies.
-        return whole
-    raise InputError(
-        f"{recording.path}: columns: flight: '{name}' has {len(names)} values but "
-        f"changes {len(changes)} times in {rows} rows; expected the rows of a flight "
-        f"together, {FEWEST_ROWS} or more of each."
-    )
+    labels = [cells[i] for i in (0, *changes) if cells and cells[i]]
+    if len(set(labels)) < len(labels) or rows < FEWEST_ROWS * len(labels):
+        if FLIGHT in columns:
+            raise InputError(
+                f"{recording.path}: columns: flight: '{name}' has {len(set(labels))} "
+                f"values but changes {len(changes)} times in {rows} rows; expected the "
+                f"rows of a flight together, {FEWEST_ROWS} or more of each."
+            )
+        changes, labels = [], []  # It says something else, such as whether it flies.
+    time = recording.find_times(group, columns.get("time", "time"), rows)
+    starts = sorted({0, *changes, *(find_restarts(time.values) if time else [])})
+    pairs = list(itertools.pairwise((*starts, rows)))
+    if labels:
+        return [(f"{FLIGHT} {cells[a]}", slice(a, b)) for a, b in pairs if cells[a]]
+    if len(pairs) < 2:
+        return [("", slice(0, rows))]
+    return [(f"part {k}", slice(a, b)) for k, (a, b) in enumerate(pairs, 1)]
 
 
 def _take(group: Group, rows: slice) -> Group:

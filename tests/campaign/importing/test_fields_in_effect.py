@@ -105,7 +105,11 @@ def test_the_order_of_named_angles(tmp_path, campaign):
         ("mcap", {"units": {"attitude": "deg"}}, "units: 'attitude' has no effect"),
         ("c3d", {"frame": {"rotation": "ZYX"}}, "where markers give the attitude"),
         ("c3d", {"frame": {"pitch": "nose_up"}}, "where markers give the attitude"),
-        ("mat", {"frame": {"nose": "y", "pitch": "nose_up"}}, "expected axes x and z"),
+        (
+            "mat",
+            {"frame": {"nose": "y", "pitch": "nose_up"}},
+            "expected nose and top along x and z",
+        ),
         ("ulog", {"frame": {"pitch": "nose_down"}}, "frame: 'pitch' has no effect"),
     ],
 )

@@ -3,6 +3,7 @@
 import copy
 import functools
 import itertools
+import json
 from pathlib import Path
 
 import numpy as np
@@ -177,8 +178,72 @@ def test_command_line(tmp_path, campaign, capsys):
     assert main(["import", *files, "--map", str(path)]) == 2
     out = tmp_path / "campaign"
     assert main(["import", *files, "--map", str(path), "--out", str(out)]) == 0
-    assert "4 flights" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 5 and lines[0].startswith(f"{files[0]}: 1 flight, ")
+    assert lines[-1] == f"Campaign: {out}, 4 flights"
     assert main(["import", *files, "--guess", "--map", str(path)]) == 2
+
+
+def test_nothing_is_overwritten_without_force(tmp_path, campaign, capsys):
+    """Neither a campaign.yaml, which may be edited by hand, nor a map, nor a log."""
+    files = [str(f) for f in foreign.write_csv(tmp_path, campaign)]
+    path, out = tmp_path / "MAP.yaml", tmp_path / "out"
+    path.write_text(foreign.MAP_CSV + foreign.VEHICLE)
+    command = ["import", *files, "--map", str(path), "--out", str(out)]
+    assert main(command) == 0
+    edited = out / "campaign.yaml"
+    edited.write_text(edited.read_text() + "# mine\n")
+    capsys.readouterr()
+    assert main(command) == 2
+    assert f"{edited}: exists; expected a new folder" in capsys.readouterr().err
+    assert "# mine" in edited.read_text()
+    assert main([*command, "--force"]) == 0
+    assert "# mine" not in edited.read_text()
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    logs = [raw / f"flight_{k:03d}.csv" for k in range(len(files))]
+    for file, log in zip(files, logs, strict=True):
+        Path(file).rename(log)
+    before = [log.read_bytes() for log in logs]
+    words = [str(log) for log in logs]
+    for force in ([], ["--force"]):
+        command = ["import", *words, "--map", str(path), "--out", str(raw), *force]
+        assert main(command) == 2
+    assert [log.read_bytes() for log in logs] == before
+    guessed = tmp_path / "new.yaml"
+    guessed.with_suffix(".png").write_text("mine")
+    assert main(["import", *words, "--guess", "--map", str(guessed)]) == 2
+    assert not guessed.exists()
+    assert main(["import", *words, "--guess", "--map", str(guessed), "--force"]) == 0
+
+
+def test_recordings_without_a_flight_are_counted(tmp_path, campaign, capsys):
+    files = foreign.write_csv(tmp_path, campaign)
+    for file in files[1:]:
+        lines = file.read_bytes().split(b"\r\n")
+        still = lines[3].split(b";", 1)[1]
+        times = (line.split(b";", 1)[0] for line in lines[3:-1])
+        file.write_bytes(b"\r\n".join(lines[:3] + [t + b";" + still for t in times]))
+    path, out = tmp_path / "MAP.yaml", tmp_path / "out"
+    path.write_text(foreign.MAP_CSV + foreign.VEHICLE)
+    names = [str(file) for file in files]
+    command = ["import", *names, "--map", str(path), "--out"]
+    assert main([*command, str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    warnings = [line for line in lines if line.startswith("warning: ")]
+    assert lines[: len(warnings)] == warnings
+    few = "3 of 4 recordings gave no flight"
+    assert f"warning: {few}; is 'frame:' right?" in warnings
+    assert lines[-1] == f"Campaign: {out}, 1 flight; {few}"
+    assert f"{files[1]}: no flight, 0 rows" in (out / "import.txt").read_text()
+    assert main([*command, str(tmp_path / "again"), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["campaign"] == str(tmp_path / "again")
+    assert list(report["notes"]) == names
+    [flight] = report["flights"]
+    assert flight["recording"] == names[0]
+    assert flight["name"] == "flight_000.csv" and flight["end"] > flight["begin"]
+    assert few in " ".join(report["warnings"])
 
 
 def test_the_same_map_in_campaign_yaml(tmp_path, campaign):

@@ -64,6 +64,8 @@ def test_a_column_of_flights(tmp_path, campaign, words, step):
     assert_same(result.campaign, campaign, "csv")
     first = words.format(3)
     assert str(result.recordings[0].path) == f"{path}/flight {first}"
+    [line] = result.describe(details=False).splitlines()
+    assert line == f"{path}: 4 flights of 4 parts, {len(rows)} rows"
 
 
 def test_a_column_of_flights_with_another_name(tmp_path, campaign):

@@ -168,7 +168,7 @@ def test_the_sheets_of_a_workbook_give_back_the_flights(tmp_path, campaign):
     path.write_text(MAP_WORKBOOK + foreign.VEHICLE)
     imported = read_flights(files, path)
     assert_same(imported.campaign, campaign, "xlsx")
-    assert f"{files[0]}/Throw 2: 1 flight" in imported.describe()
+    assert f"flight_002.csv: {files[0]}/Throw 2, " in imported.describe()
 
 
 def test_a_workbook_with_dates(tmp_path, campaign):
