@@ -22,8 +22,6 @@ from glider.files import schema
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 
-_ROW = "\0row"  # Column of the rows' numbers, for messages.
-
 
 def from_arrays(
     flights: Sequence[Any] | Mapping[Any, Any],
@@ -54,37 +52,32 @@ def from_frame(
 def _campaign(
     recordings: Sequence[Recording], vehicle: Any, name: str, fields: dict[str, Any]
 ) -> Campaign:
+    """A campaign of recordings of one flight each."""
     if not recordings:
         raise InputError(f"{name}: holds no flight; expected at least one.")
-    data, source = _known(vehicle, name)
-    settings = schema.convert(data | fields, Settings, source)
-    campaign, mapping = settings.campaign(Path(name)), settings.mapping(source)
+    data = _known(vehicle) | fields
+    settings = schema.convert(schema.to_builtins(data), Settings, name)
+    campaign, mapping = settings.campaign(Path(name)), settings.mapping(name)
     logs = sorted(recordings, key=lambda recording: recording.path)
     if mapping is None:
         return with_flights(campaign, [_table(recording) for recording in logs])
-    for recording in logs:
-        del recording.groups[0].columns[_ROW]
     return map_flights(campaign, mapping, logs)
 
 
-def _known(vehicle: Any, name: str) -> tuple[dict[str, Any], str]:
-    """Fields of campaign.yaml that a vehicle gives, and what it is in messages."""
+def _known(vehicle: Any) -> dict[str, Any]:
+    """Fields of campaign.yaml that a vehicle gives."""
     if isinstance(vehicle, (str, Path)):
-        what = "a campaign.yaml, MAP or model.yaml"
-        data = schema.parse_yaml(schema.read_text(vehicle, what), str(vehicle))
-        if not isinstance(data, dict) or "parameters" not in data:
-            return data if isinstance(data, dict) else {}, str(vehicle)
+        text = schema.read_text(vehicle, "a campaign.yaml, MAP or model.yaml")
+        data = schema.parse_yaml(text, str(vehicle))
+        if isinstance(data, dict) and "parameters" not in data:
+            return data
         vehicle = GliderModel.load(vehicle)
     if isinstance(vehicle, GliderModel):
         vehicle = vehicle.parameters
     if isinstance(vehicle, GliderParameters):
         names = (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
         vehicle = {name: getattr(vehicle, name) for name in names}
-    return {"vehicle": {k: _plain(v) for k, v in (vehicle or {}).items()}}, name
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+    return {"vehicle": vehicle or {}}
 
 
 def _file_name(key: object) -> str:
@@ -110,7 +103,6 @@ def _recording(name: str, table: Any) -> Recording:
                 f"{name}: column '{own}' has {count} values; expected "
                 f"{rows[first]}, as in '{first}'."
             )
-    columns[_ROW] = Column(np.arange(rows.get(first, 0)))
     return Recording(Path(name), (Group("", columns),))
 
 
@@ -131,8 +123,8 @@ def _columns(name: str, values: Any) -> dict[str, Column]:
 
 
 def _table(recording: Recording) -> Table:
-    """The table of a recording whose columns have the names of a campaign's files."""
+    """The table of a recording, whose columns are those of a campaign's files."""
     [group] = recording.groups
-    columns = {n: c.labels or c.values for n, c in group.columns.items() if n != _ROW}
-    rows = group.columns[_ROW].values.tolist()
-    return Table(path=recording.path, columns=columns, lines=rows)
+    columns = {name: c.labels or c.values for name, c in group.columns.items()}
+    rows = max((len(column) for column in columns.values()), default=0)
+    return Table(path=recording.path, columns=columns, lines=range(rows))

@@ -182,11 +182,11 @@ def test_errors_name_the_flight_and_the_column(campaign, change, words):
         Campaign.from_arrays(arrays)
 
 
-def test_errors_of_a_frame_name_its_row(campaign):
+def test_errors_of_a_frame_name_the_row_of_the_flight(campaign):
     table = table_of(campaign, [0, 1, 2, 3])
     row = len(campaign.flights[0].time) + 5
     table["z"][row] = np.inf
-    with pytest.raises(InputError, match=f"flight_001.csv: column 'z', row {row}: "):
+    with pytest.raises(InputError, match=r"flight_001.csv: column 'z', row 5: "):
         Campaign.from_frame(table)
 
 
