@@ -13,16 +13,13 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from glider.campaign.importing.recording import UNITS, Recording
-from glider.campaign.importing.sign_checks import CLEARLY, misfit_in_all
+from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_in_all
 from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
 _MOST_RECORDINGS = 6  # That changes are tried on.
 _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
-_TRAVEL = 0.5  # Usual travel of an elevator [rad].
 _MOST_COLUMNS = 12  # That are tried as y.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _SCALARS = ("x", "y", "z", "pitch", "elevator", "elevator_rate_command")
@@ -39,7 +36,6 @@ class _Trial(NamedTuple):
     rows: int  # Of the flights that it makes.
     undecided: int  # Warnings.
     misfit: float  # Of forces and moments.
-    unlike: float  # Log of the elevator's travel over a usual one: no misfit has it.
 
 
 def advise(
@@ -49,24 +45,21 @@ def advise(
     some = _some(recordings)
     if not some or _try("", claim, some, check) is not None:
         return error  # It is about other recordings.
-    trials = []
+    trials: list[_Trial] = []
     for part, fields in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
             changed = _changed(claim, part, fields)
-            if changed != claim:
-                trials.append(_try(_words(part, fields), changed, some, check))
-    trials = [trial for trial in trials if trial is not None]
+            new = changed != claim
+            if new and (trial := _try(_words(part, fields), changed, some, check)):
+                trials.append(trial)
     most = max((trial.rows for trial in trials), default=0)
     likely = [trial for trial in trials if 2 * trial.rows > most]
     if not likely:
         return error
-    best, *others = sorted(likely, key=lambda t: (t.undecided, t.misfit, t.unlike))
-    same = best.misfit, best.unlike  # As `up` and `top` may have the same result.
-    near = [
-        trial.words
-        for trial in others
-        if trial.misfit < CLEARLY * best.misfit and (trial.misfit, trial.unlike) != same
-    ][:1]
+    best, *others = sorted(likely, key=lambda t: (t.undecided, t.misfit))
+    # `up` and `top` may have the same result: only another one is a rival.
+    rivals = (t for t in others if best.misfit < t.misfit < CLEARLY * best.misfit)
+    near = [trial.words for trial in rivals][:1]
     words = " or ".join(f"'{choice}'" for choice in (best.words, *near))
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
@@ -77,18 +70,13 @@ def _try(
     """What a mapping makes of recordings; None where a check refuses it."""
     try:
         imported = check(recordings, mapping)
-        misfit = misfit_in_all(imported.campaign)
     except InputError:
         return None
-    flights = imported.campaign.flights
-    travel = [np.ptp(f.elevator) for f in flights if f.elevator is not None]
-    return misfit and _Trial(
-        words=words,
-        rows=sum(len(flight.time) for flight in flights),
-        undecided=len(imported.undecided),
-        misfit=round(misfit, 6),
-        unlike=abs(round(np.log(max(travel, default=_TRAVEL) / _TRAVEL), 3)),
-    )
+    flights, misfit = imported.campaign.flights, misfit_in_all(imported.campaign)
+    if misfit is None or len(flights) < MIN_FLIGHTS:
+        return None
+    rows = sum(len(flight.time) for flight in flights)
+    return _Trial(words, rows, len(imported.undecided), round(misfit, 6))
 
 
 def _some(recordings: Sequence[Recording]) -> list[Recording]:
@@ -104,13 +92,13 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Part]]:
     """Yields single changes of a mapping: the part, and its fields that change."""
     columns, signs = claim.columns, FRAME_CHOICES["elevator"][0]
     yield "clock", {"clock": "find"}
-    for kind in (*UNITS, *(name for name in columns if name not in UNITS)):
-        for unit in UNITS[QUANTITIES.get(kind, kind)]:
-            yield "units", {kind: unit}
+    angles = [name for name in columns if QUANTITIES[name] == "angle"]
+    for name in ("length", "time", "angle", "rate", *angles):
+        for unit in UNITS[QUANTITIES.get(name, name)]:
+            yield "units", {name: unit}
     frames: list[Part] = [{"up": up} for up in AXES]
     if any(name.startswith("elevator") for name in columns):
-        pairs = itertools.product(signs, repeat=2)
-        frames += [{"elevator": own, "command": other} for own, other in pairs]
+        frames += [{"elevator": e, "command": c} for e in signs for c in signs]
     if "attitude" in columns or "yaw" in columns:
         pairs = itertools.permutations(AXES, 2)
         frames += [{"nose": nose, "top": top} for nose, top in pairs]

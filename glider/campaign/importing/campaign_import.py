@@ -24,7 +24,12 @@ from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import Servo, make_servo
-from glider.campaign.importing.sign_checks import CLEARLY, check_signs, misfit_of
+from glider.campaign.importing.sign_checks import (
+    CLEARLY,
+    MIN_FLIGHTS,
+    check_signs,
+    misfit_of,
+)
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign, ServoLog
@@ -36,7 +41,6 @@ from glider.progress import Progress, announced, silent
 _ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
 _REASONS = 3  # Why recordings have no flight: as many are listed.
 _WARNING, _REFUTED = "warning: ", "refuted: "  # Beginnings of notes on a clock.
-_MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _SLOWEST = 0.35  # Delay and lag of a servo, or of poses, at most [s].
 _OFF, _SURE = 3.0, 5.0
@@ -394,7 +398,7 @@ def _check_rotation(
     """Refuses an order of Euler angles where another makes better flights."""
     order = claim.frame.rotation
     own = misfit_of(campaign)
-    few = len(campaign.flights) < _MIN_FLIGHTS
+    few = len(campaign.flights) < MIN_FLIGHTS
     if order is None or len(order) != 3 or few or own is None:
         return
     roll = _sideways(campaign)

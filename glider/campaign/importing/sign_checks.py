@@ -23,13 +23,11 @@ from glider.errors import InputError
 
 CLEARLY = 1.2  # Ratio of misfits above which the data contradict the mapping.
 SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect has a sign.
-_MIN_FLIGHTS = 3  # One flight alone may fit anything.
+MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
 _LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
-_FALL = 0.6
-"""Part of gravity by which a fitted fall may be off; see `checks.frame` for margins."""
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ITERATIONS = 5  # Of Huber's weights.
 _UNDECIDED = "the flights do not show which sign the {} has: check that it is right"
@@ -78,17 +76,13 @@ def misfit_of(campaign: Campaign) -> float | None:
 def misfit_in_all(campaign: Campaign) -> float | None:
     """Misfit of forces, times that of moments if there is an elevator; see `misfit_of`.
 
-    None where the flights do not fall down, too.
+    None where there are no flights.
     """
-    misfit, gravity = misfit_of(campaign), campaign.gravity
-    if misfit is None:
-        return None
+    misfit = misfit_of(campaign)
+    if misfit is None or campaign.elevator != "servo":
+        return misfit
     motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
-    fall = forces.fit_forces(forces.join(list(motions.values())), signs=(1,)).constant
-    if np.hypot(fall[0], fall[1] + gravity) > _FALL * gravity:
-        return None
-    servo = campaign.elevator == "servo"
-    return misfit * _fit_elevator(campaign, motions)[1] if servo else misfit
+    return misfit * _fit_elevator(campaign, motions)[1]
 
 
 def elevator_effect(campaign: Campaign, motions: Motions) -> float:
@@ -163,7 +157,7 @@ def _check_pitch(
             "the way that the flights go; expected pitch 0 to mean the nose along the "
             "throw (frame: nose, pitch)."
         )
-    many = len(campaign.flights) >= _MIN_FLIGHTS
+    many = len(campaign.flights) >= MIN_FLIGHTS
     own = forces.fit_forces(motion, down, signs=(1,)).misfit
     turned = forces.fit_forces(motion, down, signs=(-1,)).misfit
     for axis, toward in (("-z", (0, 1)), ("x", (-1, 0)), ("-x", (1, 0))):

@@ -129,9 +129,9 @@ def test_no_advice_where_nothing_flies(tmp_path):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", foreign.FORMATS)
+@pytest.mark.parametrize("name", ["csv", "mat", "ulog"])
 def test_any_wrong_map_is_refused_with_the_right_advice(name, tmp_path):
-    """All errors of a sign or an axis, one at a time, in six formats."""
+    """All errors of a sign or an axis, one at a time, in three formats."""
     campaign = foreign.flights("attached_lift")
     write, text = foreign.FORMATS[name]
     files, path = write(tmp_path, campaign), tmp_path / "MAP.yaml"
