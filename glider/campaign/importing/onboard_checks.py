@@ -66,17 +66,19 @@ def check_sensors(
     warnings = []
     for quantity in ("angular_velocity", "acceleration"):
         pairs = np.concatenate([f.get(quantity, np.empty((0, 2))) for f in flights])
+        if len(pairs) < _ENOUGH:
+            continue
         (poses, both), (_, sensors) = pairs.T @ pairs + 1e-12
         ratio, correlation = both / sensors, both / np.sqrt(poses * sensors)
-        error = abs(ratio) * np.sqrt((correlation**-2 - 1.0) / max(len(pairs), 1))
+        error = np.sqrt(max(poses / sensors - ratio**2, 0.0) / len(pairs))
         off = abs(ratio - 1.0) - 2.0 * error
         words = (
             f"the poses change {ratio:.3g} ± {error:.1g} times as much as '{quantity}' "
             "says; expected 1 (units of time, length and sensor; its axes; nose, top)"
         )
-        if len(pairs) >= _ENOUGH and off > _REFUSED:
+        if off > _REFUSED:
             raise InputError(f"{source}: {words}.")
-        if len(pairs) >= _ENOUGH and (off > _WARNED or abs(correlation) < _FOLLOWS):
+        if off > _WARNED or abs(correlation) < _FOLLOWS:
             warnings.append(words)
     means = [np.mean(f["airspeed"], axis=0) for f in flights if "airspeed" in f]
     ground, air = np.reshape(means, (-1, 2)).T
@@ -99,7 +101,8 @@ def _changes(
     """
     summed = cumulative_trapezoid(rates, time, axis=0, initial=0.0)
     both = np.diff(np.stack([states, _at(Stream(time, summed, ""), since)]), axis=1)
-    return (both - np.mean(both, axis=1, keepdims=True)).reshape(2, -1).T
+    mean = np.sum(both, axis=1, keepdims=True) / max(both.shape[1], 1)
+    return (both - mean).reshape(2, -1).T
 
 
 def _at(stream: Stream, time: np.ndarray) -> np.ndarray:

@@ -151,6 +151,13 @@ def test_a_wrong_unit_shows_in_rates_or_accelerations(
         sensed(tmp_path, glides, units)
 
 
+def test_short_flights_are_not_judged_by_their_sensors(tmp_path):
+    rng = np.random.default_rng(5)
+    short = [fixed_wing.fly(rng, 0.0, duration) for duration in (0.4, 0.6, 1.0)]
+    imported = sensed(tmp_path, short, "angular_velocity: deg/s, ")
+    assert len(imported.campaign.flights) == len(short)
+
+
 def test_an_airspeed_that_is_never_valid_is_none(tmp_path, glides):
     imported = sensed(tmp_path, glides, wind=np.nan)
     assert not any("airspeed" in words for words in imported.undecided)
