@@ -29,16 +29,10 @@ GROUPS = EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicl
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SavedReport(Report):
-    """A report as it was saved.
+    """A report as it was saved."""
 
-    Attributes:
-        path: of its report.json.
-        given: parameters of the vehicle that were specified, if model.yaml is beside
-            it; None where they are unknown.
-    """
-
-    path: Path
-    given: GliderParameters | None
+    path: Path  # Of its report.json.
+    given: GliderParameters | None  # Specified ones, where a model.yaml has them.
 
 
 def load_report(path: Path) -> SavedReport:
@@ -56,31 +50,41 @@ def load_report(path: Path) -> SavedReport:
     return SavedReport(**vars(report), path=file, given=given)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Difference:
-    """A number in two reports.
+    """A number in two reports."""
 
-    Attributes:
-        group: EFFECTS, SPREADS or VEHICLE.
-        kind: of the effect; of the vehicle its number, of a spread what differs.
-        name: of the coefficient; empty where the kind says all.
-        unit: of all its numbers.
-        first: in the first report, None where it has none.
-        second: in the second.
-        change: second less first with its standard error, None where one is missing.
-        z: change over its standard error; NaN where that is not known.
-        note: what else to know, or nothing.
-    """
-
-    group: str
-    kind: str
-    name: str
-    unit: str
-    first: Estimate | None
+    group: str  # EFFECTS, SPREADS or VEHICLE.
+    kind: str  # Of the effect; of the vehicle its number, of a spread what differs.
+    name: str  # Of the coefficient; empty where the kind says all.
+    first: Estimate | None  # In the first report, None where it has none.
     second: Estimate | None
-    change: Estimate | None
-    z: float
-    note: str = ""
+    note: str  # What else to know, or nothing.
+
+    @property
+    def unit(self) -> str:
+        """Unit of all its numbers."""
+        [unit, *_] = self.units
+        return unit
+
+    @property
+    def units(self) -> list[str]:
+        """Units in the reports that have the number."""
+        return [e.unit for e in (self.first, self.second) if e is not None]
+
+    @property
+    def change(self) -> Estimate | None:
+        """Second less first with its standard error; None where one is missing."""
+        if self.first is None or self.second is None or len(set(self.units)) > 1:
+            return None
+        std = math.hypot(self.first.std, self.second.std)
+        return Estimate(self.second.value - self.first.value, std, self.unit)
+
+    @property
+    def z(self) -> float:
+        """Change over its standard error; NaN where that is not known."""
+        change = self.change
+        return change.value / change.std if change and change.std > 0.0 else math.nan
 
     @property
     def words(self) -> str:
@@ -95,19 +99,13 @@ class Difference:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Two reports and what differs between them.
-
-    Attributes:
-        differences: of all numbers that either has.
-        z_significant: threshold above which a change counts.
-        notes: sentences on how far the two may be compared.
-    """
+    """Two reports and what differs between them."""
 
     first: SavedReport
     second: SavedReport
-    differences: tuple[Difference, ...]
-    z_significant: float
-    notes: tuple[str, ...]
+    differences: tuple[Difference, ...]  # Of all numbers that either has.
+    z_significant: float  # Threshold above which a change counts.
+    notes: tuple[str, ...]  # On how far the two may be compared.
 
     @property
     def reports(self) -> tuple[SavedReport, SavedReport]:
@@ -134,7 +132,11 @@ def compare(first: SavedReport, second: SavedReport) -> Comparison:
     differences = []
     for key in order:
         note = _absence(key[1], first, second) if key[0] == EFFECTS else ""
-        differences.append(_difference(key, a.get(key), b.get(key), note))
+        found = Difference(*key, a.get(key), b.get(key), note)
+        if len(set(found.units)) > 1:
+            note = f"units differ: {' and '.join(found.units)}"
+            found = dataclasses.replace(found, note=note)
+        differences.append(found)
     count = sum(math.isfinite(d.z) for d in differences)
     return Comparison(
         first=first,
@@ -178,28 +180,3 @@ def _absence(kind: str, first: Report, second: Report) -> str:
     if instead := [other for other in others if other in rivals]:
         return f"may be its {join(instead, ' or ')}: indistinguishable on these flights"
     return "" if kind in second.candidates else "not tried there"
-
-
-def _difference(
-    key: Key, first: Estimate | None, second: Estimate | None, note: str
-) -> Difference:
-    some = first or second
-    assert some is not None
-    change, z = None, math.nan
-    if first and second and first.unit != second.unit:
-        note = f"units differ: {first.unit} and {second.unit}"
-    elif first and second:
-        std = math.hypot(first.std, second.std)
-        change = Estimate(second.value - first.value, std, first.unit)
-        z = change.value / std if std > 0.0 else math.nan
-    return Difference(
-        group=key[0],
-        kind=key[1],
-        name=key[2],
-        unit=some.unit,
-        first=first,
-        second=second,
-        change=change,
-        z=z,
-        note=note,
-    )

@@ -81,18 +81,11 @@ def load_json(schema: type[T], path: Path | str, what: str) -> T:
 
 
 def convert(data: object, schema: type[T], source: str) -> T:
-    """Fills a schema from lists, dicts, strings and numbers.
+    """Fills a dataclass, or a type built of them, from what YAML or JSON holds.
 
-    An integer does for a float, null in an array of numbers is NaN. InputErrors of
-    a schema's own __post_init__ pass as they are, with the source before them.
-
-    Args:
-        data: as YAML or JSON have it.
-        schema: a dataclass, or a type built of them.
-        source: the file, for the message.
-
-    Raises:
-        InputError: a field is unknown, missing or of another type.
+    An integer does for a float, null in an array of numbers is NaN. InputError if a
+    field is unknown, missing, of another type, or refused by a schema's own
+    __post_init__: with `source`, the file, before it.
     """
     for place, name, known in _unknown_fields(data, inspect.type_info(schema), ""):
         near = difflib.get_close_matches(str(name), known, n=1, cutoff=0.7)

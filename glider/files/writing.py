@@ -62,20 +62,11 @@ def replace_file(path: Path, write: Callable[[Path], object]) -> None:
 def replace_files(
     folder: Path, files: Mapping[str, bytes | None], *, last: str
 ) -> None:
-    """Writes files of a folder: all of them, or it stays as it was.
+    """Writes files of a folder, None for one to remove: all, or it stays as it was.
 
-    Everything is written into a temporary folder within it and then moved. Where the
-    moving is cut short, the file `last` is not there. Other files stay.
-
-    Args:
-        folder: made where it is not there.
-        files: path within the folder to content; None for a file to remove.
-        last: of these files: it is removed first and comes last, so that where it is,
-            the others are too.
-
-    Raises:
-        InputError: if the folder is a file.
-        OSError: it cannot be written, or the disk is full.
+    Everything is written into a temporary folder within it and then moved. The file
+    `last` is removed first and comes last: where it is, the others are too. Other files
+    stay. InputError if the folder is a file.
     """
     was_there = folder.is_dir()
     _nearest_folder(folder)
