@@ -15,6 +15,7 @@ from glider.commands import (
     next_throw,
     samples,
 )
+from glider.commands.parsing import CommandParser
 from glider.errors import INTERRUPTED, INTERRUPTED_CODE, InputError, os_error_line
 
 COMMANDS = {
@@ -104,7 +105,9 @@ def make_parser() -> argparse.ArgumentParser:
         help="print what makes the TAB key complete commands, samples and effects: "
         'put eval "$(glider --print-completion bash)" into ~/.bashrc',
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(
+        required=True, metavar="COMMAND", parser_class=CommandParser
+    )
     for name, (command, words) in COMMANDS.items():
         subparser = commands.add_parser(
             name,

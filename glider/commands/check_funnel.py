@@ -5,13 +5,7 @@ import math
 from pathlib import Path
 
 from glider.commands.output import working
-from glider.commands.parsing import (
-    add_json,
-    add_number,
-    add_path,
-    add_switch,
-    check_seed,
-)
+from glider.commands.parsing import CommandParser, check_seed
 from glider.errors import InputError, expect
 from glider.progress import Step
 
@@ -48,33 +42,33 @@ is not a funnel.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_argument("funnel", type=Path, help="file of a funnel (.npz)")
     words = "model or vehicle that the funnel must be of (default: any)"
-    add_path(parser, "--model", "YAML", words)
+    parser.add_path("--model", "YAML", words)
     words = "problem that it must solve (default: the article's)"
-    add_path(parser, "--problem", "YAML", words)
+    parser.add_path("--problem", "YAML", words)
     words = "the problem's hook must accept every state of its last set"
-    add_switch(parser, "--hook", words)
+    parser.add_switch("--hook", words)
     words = "check every N-th time or interval only, and the last (default: all)"
-    add_number(parser, "--every", words, 1)
+    parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
-    add_switch(parser, "--prove", words)
+    parser.add_switch("--prove", words)
     words = "with --prove: record what is proven in FILE, and continue from it"
-    add_path(parser, "--resume", "FILE", words)
+    parser.add_path("--resume", "FILE", words)
     words = f"fly gliders that the data allow with this probability (default: {LEVEL})"
     parser.add_argument("--confidence", metavar="P", nargs="?", const=LEVEL, help=words)
     words = "with --confidence: a box of intervals instead of an ellipsoid"
-    add_switch(parser, "--box", words)
+    parser.add_switch("--box", words)
     words = (
         "with --confidence: flights before the climb, which adds half as many again "
         f"and more (default: {FLIGHTS})"
     )
-    add_number(parser, "--flights", words)
+    parser.add_number("--flights", words)
     words = "with --confidence: of the draws; same seed, same flights (default: 0)"
-    add_number(parser, "--seed", words)
-    add_json(parser, "JSON instead of sentences")
+    parser.add_number("--seed", words)
+    parser.add_json("JSON instead of sentences")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,16 +3,7 @@
 import argparse
 
 from glider.commands.output import output, working
-from glider.commands.parsing import (
-    add_campaign,
-    add_json,
-    add_out,
-    add_seed,
-    check_seed,
-    names,
-    output_folder,
-    propose_effects,
-)
+from glider.commands.parsing import CommandParser, check_seed, names, output_folder
 from glider.errors import expect
 
 DESCRIPTION = """\
@@ -39,11 +30,11 @@ exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be wr
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
-    add_campaign(parser)
+    parser.add_campaign()
     files = "report.json, report.html, model.yaml and figures/"
-    add_out(parser, files, "out/CAMPAIGN")
+    parser.add_out(files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "--flights", metavar="FILE,...", type=names, help="use only these flights"
@@ -61,21 +52,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.3,
         help="share of the flights that are held out to measure errors (default: 0.3)",
     )
-    add_seed(parser, "of the split into fitted and held-out flights")
-    effects = parser.add_argument(
-        "--effects",
-        metavar="NAME,...",
-        type=names,
-        help="try only these effects; others cannot be found then "
-        "(default: the whole library)",
-    )
-    effects.completer = propose_effects  # type: ignore[attr-defined]
+    parser.add_seed("of the split into fitted and held-out flights")
+    words = "try only these effects; others cannot be found then (default: all)"
+    parser.add_effects("--effects", words)
     for option, words in (
         ("--trim", "airspeed [m/s] of the steady glide that derivatives are taken at"),
         ("--chord", "reference length of derivatives [m]"),
     ):
         parser.add_argument(option, metavar="X", type=float, help=words)
-    add_json(parser, "report.json instead of the summary")
+    parser.add_json("report.json instead of the summary")
 
 
 def run(args: argparse.Namespace) -> int:

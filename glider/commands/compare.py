@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from glider.commands.output import output
-from glider.commands.parsing import add_json, add_out
+from glider.commands.parsing import CommandParser
 
 DESCRIPTION = """\
 Compares the reports of two campaigns value by value: did last week's change to the
@@ -15,7 +15,7 @@ exit code: 0 when it ran, whatever changed; 2 when a report cannot be used.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     for name, letter in (("first", "A"), ("second", "B")):
         parser.add_argument(
@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar=letter,
             help="folder that close-the-loop wrote, or its report.json",
         )
-    add_out(parser, "comparison.html and comparison.json", "out/A_B")
-    add_json(parser, "comparison.json, no tables")
+    parser.add_out("comparison.html and comparison.json", "out/A_B")
+    parser.add_json("comparison.json, no tables")
 
 
 def run(args: argparse.Namespace) -> int:

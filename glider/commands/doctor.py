@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from glider.commands.output import line_width
-from glider.commands.parsing import add_json
+from glider.commands.parsing import CommandParser
 
 DESCRIPTION = """\
 Checks this installation and says how to fix what does not work: Python, libraries and
@@ -185,9 +185,9 @@ CHECKS = {
 """What is checked to how, the quick ones first."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
-    add_json(parser, "JSON instead of sentences")
+    parser.add_json("JSON instead of sentences")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from glider.commands.output import working
-from glider.commands.parsing import add_json, add_path, add_switch
+from glider.commands.parsing import CommandParser
 from glider.errors import InputError
 
 DESCRIPTION = """\
@@ -28,7 +28,7 @@ maps by example.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_argument("files", metavar="FILES", type=Path, nargs="+", help="the logs")
     parser.add_argument(
@@ -38,10 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MAP.yaml",
         help="columns, units and axes of the logs; with --guess: where to write them",
     )
-    add_path(parser, "--out", "CAMPAIGN", "the folder to write, without --guess")
-    add_switch(parser, "--guess", "propose a map and draw it, and import nothing")
-    add_switch(parser, "--force", "overwrite the map or the campaign that is there")
-    add_json(parser, "what was done, with the times of all flights, as JSON")
+    parser.add_path("--out", "CAMPAIGN", "the folder to write, without --guess")
+    parser.add_switch("--guess", "propose a map and draw it, and import nothing")
+    parser.add_switch("--force", "overwrite the map or the campaign that is there")
+    parser.add_json("what was done, with the times of all flights, as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,16 +3,7 @@
 import argparse
 
 from glider.commands.output import output, working
-from glider.commands.parsing import (
-    add_campaign,
-    add_json,
-    add_number,
-    add_out,
-    add_path,
-    add_seed,
-    check_seed,
-    output_folder,
-)
+from glider.commands.parsing import CommandParser, check_seed, output_folder
 from glider.errors import expect
 
 DESCRIPTION = """\
@@ -47,19 +38,19 @@ exit code: 0 when it ran, 2 when the input cannot be used.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
-    add_campaign(parser)
+    parser.add_campaign()
     words = "folder that close-the-loop wrote of it (default: closes the loop first)"
-    add_path(parser, "--report", "DIR", words)
-    add_number(parser, "--launches", "how many throws to propose (default: 3)", 3)
-    add_path(parser, "--limits", "FILE.yaml", "limits of the throws")
+    parser.add_path("--report", "DIR", words)
+    parser.add_number("--launches", "how many throws to propose (default: 3)", 3)
+    parser.add_path("--limits", "FILE.yaml", "limits of the throws")
     words = "funnel that every throw keeps inside (default: none)"
-    add_path(parser, "--funnel", "FILE.npz", words)
+    parser.add_path("--funnel", "FILE.npz", words)
     files = "commands_N.csv, next_throw.json and next_throw.png"
-    add_out(parser, files, "out/CAMPAIGN/next_throw")
-    add_seed(parser, "of the search")
-    add_json(parser, "next_throw.json, no sentences")
+    parser.add_out(files, "out/CAMPAIGN/next_throw")
+    parser.add_seed("of the search")
+    parser.add_json("next_throw.json, no sentences")
 
 
 def run(args: argparse.Namespace) -> int:

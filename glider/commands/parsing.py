@@ -22,7 +22,7 @@ def _propose_campaigns(prefix: str, **typed: object) -> Iterable[str]:
     return [*propose_samples(), *FilesCompleter("zip")(prefix)]
 
 
-def propose_effects(prefix: str, **typed: object) -> Iterable[str]:
+def _propose_effects(prefix: str, **typed: object) -> Iterable[str]:
     """Effects, also after others and a comma, for the TAB key."""
     from glider.physics.effects import KINDS
 
@@ -30,50 +30,48 @@ def propose_effects(prefix: str, **typed: object) -> Iterable[str]:
     return [before + comma + kind for kind in KINDS if kind not in before.split(",")]
 
 
-def add_campaign(parser: argparse.ArgumentParser) -> None:
-    """Adds the campaign that a command works on."""
-    words = "folder of flight logs, its .zip, or a sample"
-    campaign = parser.add_argument("campaign", type=Path, help=words)
-    campaign.completer = _propose_campaigns  # type: ignore[attr-defined]
-
-
 def names(text: str) -> list[str]:
     """Splits names at commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def add_path(
-    parser: argparse._ActionsContainer, name: str, metavar: str, words: str
-) -> None:
-    """Adds an option for a file or folder."""
-    parser.add_argument(name, type=Path, metavar=metavar, help=words)
+class CommandParser(argparse.ArgumentParser):
+    """A parser with arguments that several commands have."""
 
+    def add_campaign(self) -> None:
+        """Adds the campaign that a command works on."""
+        words = "folder of flight logs, its .zip, or a sample"
+        campaign = self.add_argument("campaign", type=Path, help=words)
+        campaign.completer = _propose_campaigns  # type: ignore[attr-defined]
 
-def add_out(parser: argparse.ArgumentParser, files: str, default: str) -> None:
-    """Adds --out, the folder of what a command writes."""
-    add_path(parser, "--out", "DIR", f"where to write {files} (default: {default})")
+    def add_effects(self, name: str, words: str) -> None:
+        """Adds an option for names of effects."""
+        effects = self.add_argument(name, metavar="NAME,...", type=names, help=words)
+        effects.completer = _propose_effects  # type: ignore[attr-defined]
 
+    def add_path(self, name: str, metavar: str, words: str) -> None:
+        """Adds an option for a file or folder."""
+        self.add_argument(name, type=Path, metavar=metavar, help=words)
 
-def add_switch(parser: argparse._ActionsContainer, name: str, words: str) -> None:
-    """Adds an option without a value."""
-    parser.add_argument(name, action="store_true", help=words)
+    def add_out(self, files: str, default: str) -> None:
+        """Adds --out, the folder of what a command writes."""
+        self.add_path("--out", "DIR", f"where to write {files} (default: {default})")
 
+    def add_switch(self, name: str, words: str) -> None:
+        """Adds an option without a value."""
+        self.add_argument(name, action="store_true", help=words)
 
-def add_json(parser: argparse._ActionsContainer, words: str) -> None:
-    """Adds --json, which prints that instead of text for people."""
-    add_switch(parser, "--json", f"print {words}")
+    def add_json(self, words: str) -> None:
+        """Adds --json, which prints that instead of text for people."""
+        self.add_switch("--json", f"print {words}")
 
+    def add_number(self, name: str, words: str, default: int | None = None) -> None:
+        """Adds an option for an integer."""
+        self.add_argument(name, metavar="N", type=int, default=default, help=words)
 
-def add_number(
-    parser: argparse.ArgumentParser, name: str, words: str, default: int | None = None
-) -> None:
-    """Adds an option for an integer."""
-    parser.add_argument(name, metavar="N", type=int, default=default, help=words)
-
-
-def add_seed(parser: argparse.ArgumentParser, words: str) -> None:
-    """Adds --seed, of what is drawn at random; see `check_seed`."""
-    add_number(parser, "--seed", f"{words} (default: 0)", 0)
+    def add_seed(self, words: str) -> None:
+        """Adds --seed, of what is drawn at random; see `check_seed`."""
+        self.add_number("--seed", f"{words} (default: 0)", 0)
 
 
 def check_seed(seed: int) -> None:

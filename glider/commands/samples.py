@@ -2,8 +2,9 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
-from glider.commands.parsing import add_json, add_path, add_switch, propose_samples
+from glider.commands.parsing import CommandParser, propose_samples
 from glider.errors import InputError
 
 DESCRIPTION = """\
@@ -13,15 +14,16 @@ start from. With --tables, closes the loop on each and prints a line of results.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     name = parser.add_argument("name", nargs="?", help="a sample (default: all)")
     name.completer = propose_samples  # type: ignore[attr-defined]
     what = parser.add_mutually_exclusive_group()
-    add_path(what, "--out", "DIR", "write the named sample there, as CSV")
+    words = "write the named sample there, as CSV"
+    what.add_argument("--out", type=Path, metavar="DIR", help=words)
     words = "close the loop on each, or on the named one; takes minutes"
-    add_switch(what, "--tables", words)
-    add_json(what, "the list as JSON")
+    what.add_argument("--tables", action="store_true", help=words)
+    what.add_argument("--json", action="store_true", help="print the list as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
