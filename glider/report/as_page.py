@@ -21,8 +21,7 @@ from glider.report.wording import TEMPLATES
 
 STATIC = Path(__file__).parent / "static"
 
-_SHORT = 8
-"""Numbers up to which a column is written where it stands."""
+_SHORT = 8  # Numbers up to which a column is written where it stands.
 
 
 def render_page(

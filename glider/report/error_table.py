@@ -122,8 +122,7 @@ STANDS_OUT = 2.5
 """A flight stands out where its error is so many times the median. Of errors like a
 half-normal's, one in eleven would; of RMS over a flight, fewer."""
 
-MOST = 5
-"""Flights that the table shows, the worst."""
+MOST = 5  # Flights that the table shows, the worst.
 
 
 class FlightRow(NamedTuple):

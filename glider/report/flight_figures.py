@@ -14,17 +14,13 @@ from glider.report.plots.style import LABELS
 from glider.report.wording import name_of
 from glider.sysid.result import HeldOutFlight, Result, Spread
 
-MOST_SHOWN = 4
-"""Held-out flights that are shown without being asked for."""
+MOST_SHOWN = 4  # Held-out flights that are shown without being asked for.
 
 MOST_FLIGHTS = 120
 """Held-out flights that a page holds: the best and the worst, and between."""
 
-_ROWS = 120
-"""Rows that are drawn of a flight at most."""
-
-_MOST_NAMES = 3
-"""Flights that are named beside their value: those farthest off."""
+_ROWS = 120  # Rows that are drawn of a flight at most.
+_MOST_NAMES = 3  # Flights that are named beside their value: those farthest off.
 
 
 def shown_flights(result: Result, count: int = MOST_SHOWN) -> list[HeldOutFlight]:

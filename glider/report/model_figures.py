@@ -13,15 +13,12 @@ from glider.report.error_table import bounded
 from glider.report.numbers import DEGREE, MILLIMETRE, Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
-from glider.report.plots.binning import symlog
 from glider.report.plots.style import LABELS, TERMS, VARIABLES
 from glider.sysid.result import Curve, ResidualTable, Result
 
-WIDE = 60.0
-"""Width of a panel that stands alone in its row [rem]."""
-
-BAND = 2.0
-"""Standard errors on either side of a curve."""
+WIDE = 60.0  # Width of a panel that stands alone in its row [rem].
+_LEAST_PERCENT = 1e-3  # Evidence that is drawn as none.
+BAND = 2.0  # Standard errors on either side of a curve.
 
 RESIDUALS = {
     "along the wing": Unit(name="m/s²"),
@@ -123,18 +120,17 @@ def _short(value: float) -> str:
 
 
 def evidence_figure(result: Result) -> spec.Figure | None:
-    """Evidence of each kind when tried alone, the strongest on top."""
+    """Evidence of each kind when tried alone, the best on top."""
     if not result.candidates:
         return None
-    values, kinds = result.candidates, {e.kind for e in result.effects}
+    kinds = {e.kind for e in result.effects}
     confused = {k for e in result.effects for k in e.indistinguishable_from}
-    finite = [v for v in values.values() if math.isfinite(v)]
-    low, high = min([*finite, 0.0]), max([*finite, 100.0])
-    ranked = sorted(
-        values, key=lambda k: values[k] if math.isfinite(values[k]) else -math.inf
-    )
+    found = {k: v if math.isfinite(v) else 0.0 for k, v in result.candidates.items()}
+    best = max(*found.values(), 1e-9)
+    ranked = sorted(found, key=lambda kind: found[kind])
+    percent = np.array([max(100.0 * found[kind] / best, 0.0) for kind in ranked])
+    texts = [f"{share:.2g} %".replace("1e+02", "100") for share in percent]
     names = [k.replace("_", " ") for k in ranked]
-    lengths = [symlog(values[k]) if math.isfinite(values[k]) else 0.0 for k in ranked]
     keys = {
         "chosen": "in the corrected model",
         "confused": "indistinguishable from it",
@@ -144,13 +140,11 @@ def evidence_figure(result: Result) -> spec.Figure | None:
     for place, kind in enumerate(ranked):
         key = "confused" if kind in confused else "other"
         groups.setdefault("chosen" if kind in kinds else key, []).append(place)
-    ticks = [0.0, *(high / 10.0**k for k in range(int(math.log10(high / 2.0))))]
-    texts = [_percent(values[kind], high) for kind in ranked]
     bars = [
         spec.Bars(
             key=key,
             places=np.array(places, dtype=float),
-            values=np.array(lengths)[places],
+            values=np.maximum(percent, _LEAST_PERCENT)[places],
             texts=[texts[p] for p in places],
             hover="%{hovertext}",
             names=[f"{names[p]}: {texts[p]}" for p in places],
@@ -164,23 +158,15 @@ def evidence_figure(result: Result) -> spec.Figure | None:
         title="",
         marks=bars,
         x=spec.Axis(
-            label="evidence when tried alone, of the best",
-            range=(symlog(low) - (0.4 if low < 0.0 else 0.0), symlog(high) + 0.6),
-            ticks={symlog(t): _percent(t, high) for t in ticks},
+            "evidence when tried alone [% of the best]",
+            (_LEAST_PERCENT, 300.0),
+            is_log=True,
         ),
         y=spec.Axis(range=(-0.6, len(names) - 0.4), ticks=dict(enumerate(names))),
         height=80 + 21 * len(names),
     )
     shown = {key: label for key, label in keys.items() if key in groups}
     return spec.Figure(keys=shown, panels=[panel], columns=1, least_width=WIDE)
-
-
-def _percent(value: float, whole: float) -> str:
-    """A share in percent of two digits."""
-    share = 100.0 * value / whole
-    if not math.isfinite(share):
-        return "none"
-    return f"{share:.0f} %" if abs(share) >= 10.0 else f"{share:.2g} %"
 
 
 def curves_figure(result: Result) -> spec.Figure | None:

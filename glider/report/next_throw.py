@@ -33,20 +33,14 @@ SMALL = 1.0 / 3.0
 """Scatter by the coefficients over that by the air below which the air dominates: they
 then add less than 6 % to it."""
 
-_LEAST_GAIN = 0.02
-"""Least gain of probability by throws that are worth flying."""
-
-_NAMED = 0.01
-"""Probability above which an explanation is named."""
+_LEAST_GAIN = 0.02  # Least gain of probability by throws that are worth flying.
+_NAMED = 0.01  # Probability above which an explanation is named.
 
 _INSEPARABLE = 3.0
 """Expected log-evidence below which explanations stay indistinguishable [nats]."""
 
-_COLORS = (BLUE, RED, GREEN, ORANGE, PURPLE)
-"""Of the proposed throws in turn."""
-
-_LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
-"""Of the explanations in turn."""
+_COLORS = (BLUE, RED, GREEN, ORANGE, PURPLE)  # Of the proposed throws in turn.
+_LINES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))  # Of the explanations in turn.
 
 
 def is_one_left(proposal: Proposal) -> bool:

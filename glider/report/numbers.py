@@ -9,8 +9,7 @@ MISSING = "–"
 
 DIVERGES = "diverges"
 
-DIVERGED = 1e5
-"""An error above this [SI] only means that the model diverged."""
+DIVERGED = 1e5  # An error above this [SI] only means that the model diverged.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -11,13 +11,9 @@ from rich.text import Text
 
 from glider.report import wording
 from glider.report.error_table import FIT, columns_of, error_rows
-from glider.report.numbers import MISSING, format_angle, format_length
+from glider.report.numbers import MISSING
 from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
-
-_MOST_EXCLUDED = 5
-"""Further ones are in the report."""
-
 
 Writer = Callable[..., None]
 
@@ -40,49 +36,20 @@ def print_summary(result: Result, console: Console) -> None:
         write(sentence)
     write()
     for effect in wording.effect_views(result):
-        _write_effect(effect, write)
+        name, *lines = wording.say("effect", effect)
+        write(name, "bold")
+        for line in lines:
+            write(line, indent=2)
+        write()
     for sentence in (*wording.differences(result), *wording.say("air", result)):
         write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
-    for name, value in wording.vehicle_rows(result):
-        write(f"Vehicle: {name} = {value}")
+    for sentence in wording.say("vehicle", result):
+        write(sentence)
     write()
     console.print(_errors_table(result, console))
     write()
-    noise = format_length(result.noise.position_m)
-    write(f"Noise: {noise}, {format_angle(result.noise.pitch_rad)}.")
-    for warning in result.warnings:
-        write(f"Warning: {warning}")
-    for rows in result.set_aside[:_MOST_EXCLUDED]:
-        write(f"Excluded: {wording.excluded_words(rows)}")
-    more = len(result.set_aside) - _MOST_EXCLUDED
-    if more > 0:
-        write(f"Excluded: {more} more, see report.html.")
-    for note in wording.notes_of(result):
-        write(f"Note: {note}")
-
-
-def _write_effect(effect: dict[str, Any], write: Writer) -> None:
-    write(f"{effect['words']} ({effect['kind']})", "bold")
-    for name, value in effect["coefficients"]:
-        write(f"{name} = {value}", indent=2)
-    if effect["more"]:
-        write(f"and {effect['more']} more in model.yaml", indent=2)
-    for name, spread in effect["spread"]:
-        write(f"{name} varies from flight to flight by {spread}", indent=2)
-    write(
-        f"evidence {effect['evidence']} nats, {effect['share']} of all; bootstrap "
-        f"inclusion {effect['inclusion']}",
-        indent=2,
-    )
-    if not effect["shape_fits"]:
-        write("shape not the library's", indent=2)
-    if effect["confused"]:
-        write(f"indistinguishable from: {'; '.join(effect['confused'])}", indent=2)
-    elif not effect["is_unexplained"]:
-        write("indistinguishable from: nothing in the library", indent=2)
-    if effect["depends_on"]:
-        write(f"varies with: {', '.join(effect['depends_on'])}", indent=2)
-    write()
+    for sentence in wording.say("footnotes", result):
+        write(sentence)
 
 
 def make_table(console: Console, *headings: str, **style: Any) -> Table:

@@ -3,7 +3,6 @@
 Sentences are in templates/sentences.txt, errors in `error_table`.
 """
 
-import dataclasses
 import math
 from collections.abc import Iterable, Sized
 from typing import Any, NamedTuple
@@ -11,7 +10,6 @@ from typing import Any, NamedTuple
 import jinja2
 import numpy as np
 
-from glider.campaign.checks.masks import ExcludedRows
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_noise
@@ -21,8 +19,7 @@ _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
 
 _MOST_PAIRS = 8
-_WORTH_SHOWING = 0.5
-"""Least |correlation| of a pair that is shown."""
+_WORTH_SHOWING = 0.5  # Least |correlation| of a pair that is shown.
 
 
 def headline(result: Result) -> str:
@@ -68,16 +65,9 @@ def name_of(text: str) -> str:
     return text.replace("_", " ")
 
 
-def excluded_words(s: ExcludedRows) -> str:
-    """Which rows were not used, and why."""
-    rows = "all rows" if s.rows == "all" else f"lines {s.rows}"
-    return f"{s.file}, {rows}: {s.why}"
-
-
 def notes_of(result: Result) -> list[str]:
     """Assumptions, as sentences."""
-    notes = result.settings.get("notes", ())
-    return list(notes) if isinstance(notes, (list, tuple)) else [str(notes)]
+    return list(result.settings.get("notes", ()))
 
 
 def effect_views(result: Result) -> list[dict[str, Any]]:
@@ -160,17 +150,6 @@ def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
     ]
 
 
-def derivative_rows(result: Result) -> list[tuple[str, list[str]]]:
-    """Each aerodynamic coefficient: its name, its value and its derivatives."""
-    found = {} if result.derivatives is None else result.derivatives.values
-    texts = [
-        numbers.format_estimate(dataclasses.replace(e, unit="")) for e in found.values()
-    ]
-    names = [name for name in found if name.count("_") == 1]
-    columns = len(texts) // max(len(names), 1)
-    return [(n, texts[i * columns :][:columns]) for i, n in enumerate(names)]
-
-
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     """Flight-to-flight variations: name, standard deviation, the largest value."""
     rows = []
@@ -233,7 +212,10 @@ TEMPLATES.globals |= {
     "from_to": _from_to,
     "inf": math.inf,
     "join": join,
+    "notes_of": notes_of,
+    "vehicle_rows": vehicle_rows,
     "length": lambda r, value: unit_beside_noise(r, value).text(value),
+    "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,
     "numbers": lambda value: ", ".join(f"{v:g}" for v in np.atleast_1d(value)),

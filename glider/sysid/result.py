@@ -193,7 +193,7 @@ class PathErrors:
     position_rms_m: Number
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Fit:
     """100 (1 - |y - ŷ| / |y - mean y|) [%] of free rollouts over all flights.
 

@@ -28,7 +28,6 @@ from glider.report.plots.style import COLORS, LABELS
 from glider.report.wording import (
     combination_rows,
     correlation_rows,
-    derivative_rows,
     differences,
     headline,
     remarks,
@@ -462,11 +461,8 @@ def test_derivatives_have_their_condition_reference_and_errors():
     assert "Reference area 0.0885 m² (wing), reference length l = 0.14 m (chord)" in (
         text
     )
-    assert derivative_rows(make_result()) == [
-        ("C_L", 4 * ["5.123 ± 0.012"]),
-        ("C_D", 4 * ["5.123 ± 0.012"]),
-        ("C_m", 4 * ["5.123"]),
-    ]
+    assert text.count("5.123 ± 0.012") == 8
+    assert text.count("5.123") == 12
     without = to_html(make_result(derivatives=None, innovations=None))
     assert "Stability and control" not in without
 

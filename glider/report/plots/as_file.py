@@ -25,14 +25,9 @@ from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
 from glider.report.plots.style import COLORS, FRAME, GRID
 
-WIDTH, DPI = 720.0, 110.0
-"""Of a picture, and its dots per inch."""
-
-_PIXEL = 72.0 / 92.0
-"""Of a page."""
-
-_LETTER, _LINE = 5.2, 12.2
-"""Width of a letter and height of a line."""
+WIDTH, DPI = 720.0, 110.0  # Of a picture, and its dots per inch.
+_PIXEL = 72.0 / 92.0  # Of a page.
+_LETTER, _LINE = 5.2, 12.2  # Width of a letter and height of a line.
 
 
 class Text(NamedTuple):

@@ -1,12 +1,10 @@
 """What many points become in a figure: bins, few points, limits of an axis."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-_POINTS = 1500
-"""Largest number of points that a cloud shows; its medians take all."""
+_POINTS = 1500  # Largest number of points that a cloud shows; its medians take all.
 
 
 def bounds(
@@ -70,13 +68,3 @@ def binned_quantiles(
     step = ordered[np.ceil(place).astype(int)] - ordered[below]
     means = np.bincount(index, x, bins)[full] / count[full]
     return means, ordered[below] + (place - below) * step
-
-
-def symlog(value: float, linear: float = 10.0, share: float = 0.6) -> float:
-    """Place of a value on an axis that is linear up to `linear`.
-
-    share · v / linear there, and share + log₁₀(|v| / linear) beyond, with v's sign.
-    """
-    if abs(value) <= linear:
-        return share * value / linear
-    return math.copysign(share + math.log10(abs(value) / linear), value)

@@ -89,8 +89,7 @@ VARIABLES = {
 }
 """Variable to its axis label and the factor from SI."""
 
-FRAME, GRID = "#444444", "#E4E4E4"
-"""Colours of axes."""
+FRAME, GRID = "#444444", "#E4E4E4"  # Colours of axes.
 
 STYLE: Any = {
     "axes.axisbelow": True,

@@ -178,16 +178,12 @@ def errors_of(
 
 def _fit(records: Sequence[Record], predictions: Sequence[Prediction]) -> Fit:
     """Returns how much of the flights' motion predictions explain."""
-    missed, moved = np.zeros(3), np.zeros(3)
-    for record, predicted in zip(records, predictions, strict=True):
-        seen = record.seen[:, 0]
-        pose = record.pose[seen]
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-            missed += np.sum((pose - predicted.pose[seen]) ** 2, axis=0)
-        moved += np.sum((pose - pose.mean(axis=0)) ** 2, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, z, pitch = map(float, 100.0 * (1.0 - np.sqrt(missed / moved)))
-    return Fit(x=x, z=z, pitch=pitch)
+    rows = [(r.seen[:, 0], r, p) for r, p in zip(records, predictions, strict=True)]
+    missed = np.concatenate([(r.pose - p.pose)[seen] for seen, r, p in rows])
+    moved = np.concatenate([r.pose[s] - r.pose[s].mean(axis=0) for s, r, _ in rows])
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        rest = np.linalg.norm(missed, axis=0) / np.linalg.norm(moved, axis=0)
+    return Fit(*(100.0 * (1.0 - rest)).tolist())
 
 
 def flight_errors(record: Record, predicted: Prediction) -> tuple[float, float]:
