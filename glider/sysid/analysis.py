@@ -16,7 +16,7 @@ import numpy as np
 from glider.campaign.checks.clocks import check_limits
 from glider.campaign.checks.inspection import Inspection
 from glider.campaign.checks.masks import ALL, ExcludedRows
-from glider.campaign.checks.planarity import planarity
+from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.progress import Progress, Step
@@ -203,7 +203,7 @@ class Analysis:
         model, judged, held_out = traced.model, traced.judged, evaluation.folds
         before, named, after = evaluation.tables
         logged = self.inspection.campaign
-        rolling = [(f.name, planarity(f)) for f in logged.flights]
+        rolling = [(f.name, describe_planarity(f)) for f in logged.flights]
         with self.stage("weigh", "standard errors"):
             carried = outcome.carried_of(task, model, uncertainty_of(task, judged))
             known = uncertainty_of(task, with_allowed_curves(task, judged))
@@ -251,7 +251,7 @@ class Analysis:
             knows_forces=vehicle.knows_forces,
             warnings=(*self._warnings(flights, evaluation, verdict), *clocks),
             set_aside=self._excluded(outlying),
-            planarity={f: p.sentence for f, p in rolling if p is not None},
+            planarity={name: words for name, words in rolling if words},
             noise=result.MeasurementNoise(
                 position_m=noise.position, pitch_rad=noise.pitch
             ),

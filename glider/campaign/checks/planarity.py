@@ -1,7 +1,5 @@
 """How planar a throw is: its roll, yaw and sideways speed, where they are logged."""
 
-import dataclasses
-
 import numpy as np
 
 from glider.campaign.checks.motion import calc_motion
@@ -16,32 +14,8 @@ LEAST_IN_PLANE = 0.5
 more of the wing's force acts out of the plane than in it."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Planarity:
-    """The largest departures of a throw from the plane of x and z."""
-
-    roll: float  # Largest |roll| [rad].
-    yaw: float  # Largest |yaw| [rad].
-    sideways: float  # RMS of the speed along y over that of the whole speed [-].
-
-    @property
-    def tilt(self) -> float:
-        """One number: the largest of the angles, of the course too [rad]."""
-        return max(self.roll, self.yaw, float(np.arcsin(min(self.sideways, 1.0))))
-
-    @property
-    def sentence(self) -> str:
-        """What a report says."""
-        fits = "planar" if self.tilt <= PLANAR else "not planar"
-        degrees = np.degrees([self.roll, self.yaw])
-        return (
-            f"{fits}: roll up to {degrees[0]:.0f}°, yaw up to {degrees[1]:.0f}°, "
-            f"{100 * self.sideways:.0f} % of the speed sideways"
-        )
-
-
-def planarity(flight: Flight) -> Planarity | None:
-    """How planar a throw is; None where y, roll and yaw are not logged.
+def describe_planarity(flight: Flight) -> str | None:
+    """How planar a throw is, in a sentence; None where y, roll and yaw are not logged.
 
     A straight throw that is not along the log's x shows as yaw and sideways speed.
     """
@@ -50,10 +24,13 @@ def planarity(flight: Flight) -> Planarity | None:
     y, roll, yaw = flight.attitude.T
     motion = calc_motion(flight.time, np.column_stack([flight.pose[:, :2], y]))
     square = np.mean(motion.velocity**2, axis=0) if len(motion.time) else np.ones(3)
-    return Planarity(
-        roll=float(np.max(np.abs(roll))),
-        yaw=float(np.max(np.abs(yaw))),
-        sideways=float(np.sqrt(square[2] / max(np.sum(square), 1e-12))),
+    sideways = min(float(np.sqrt(square[2] / max(np.sum(square), 1e-12))), 1.0)
+    angles = np.max(np.abs([roll, yaw]), axis=1)
+    planar = max(*angles, np.arcsin(sideways)) <= PLANAR
+    degrees = np.degrees(angles)
+    return (
+        f"{'planar' if planar else 'not planar'}: roll up to {degrees[0]:.0f}°, yaw up "
+        f"to {degrees[1]:.0f}°, {100 * sideways:.0f} % of the speed sideways"
     )
 
 

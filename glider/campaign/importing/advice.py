@@ -13,6 +13,8 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+import yaml
+
 from glider.campaign.importing.recording import UNITS, Recording
 from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_in_all
 from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
@@ -24,18 +26,17 @@ _MOST_COLUMNS = 12  # That are tried as y.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 _SCALARS = ("x", "y", "z", "pitch", "elevator", "elevator_rate_command")
 
-Part = dict[str, Any]  # Fields of one part of a mapping and their new values.
 Check = Callable[[Sequence[Recording], Mapping], Any]
 """Makes an `ImportResult` of recordings; InputError if they are refused."""
 
 
 class _Trial(NamedTuple):
-    """A change that passes all checks."""
+    """What a change makes of recordings."""
 
-    words: str  # As in a MAP file.
-    rows: int  # Of the flights that it makes.
     undecided: int  # Warnings.
     misfit: float  # Of forces and moments.
+    rows: int  # Of the flights.
+    words: str  # The change as in a MAP file.
 
 
 def advise(
@@ -43,20 +44,20 @@ def advise(
 ) -> InputError:
     """Adds to a refusal which change of the mapping passes all checks, if one does."""
     some = _some(recordings)
-    if not some or _try("", claim, some, check) is not None:
+    if not some or _try("", claim, some, check):
         return error  # It is about other recordings.
-    trials: list[_Trial] = []
-    for part, fields in _changes(claim, some[0]):
+    trials: list[_Trial | None] = []
+    for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
-            changed = _changed(claim, part, fields)
-            new = changed != claim
-            if new and (trial := _try(_words(part, fields), changed, some, check)):
-                trials.append(trial)
-    most = max((trial.rows for trial in trials), default=0)
-    likely = [trial for trial in trials if 2 * trial.rows > most]
+            if (changed := _changed(claim, part, value)) != claim:
+                text = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
+                trials.append(_try(text.strip()[1:-1], changed, some, check))
+    passed = sorted(filter(None, trials))
+    most = max((trial.rows for trial in passed), default=0)
+    likely = [trial for trial in passed if 2 * trial.rows > most]
     if not likely:
         return error
-    best, *others = sorted(likely, key=lambda t: (t.undecided, t.misfit))
+    best, *others = likely
     # `up` and `top` may have the same result: only another one is a rival.
     rivals = (t for t in others if best.misfit < t.misfit < CLEARLY * best.misfit)
     near = [trial.words for trial in rivals][:1]
@@ -76,7 +77,7 @@ def _try(
     if misfit is None or len(flights) < MIN_FLIGHTS:
         return None
     rows = sum(len(flight.time) for flight in flights)
-    return _Trial(words, rows, len(imported.undecided), round(misfit, 6))
+    return _Trial(len(imported.undecided), round(misfit, 6), rows, words)
 
 
 def _some(recordings: Sequence[Recording]) -> list[Recording]:
@@ -88,15 +89,15 @@ def _some(recordings: Sequence[Recording]) -> list[Recording]:
     return list(recordings[: sum(count <= _MOST_ROWS for count in rows)])
 
 
-def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Part]]:
-    """Yields single changes of a mapping: the part, and its fields that change."""
+def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
+    """Yields single changes of a mapping: a part, and its new value or fields."""
     columns, signs = claim.columns, FRAME_CHOICES["elevator"][0]
-    yield "clock", {"clock": "find"}
+    yield "clock", "find"
     angles = [name for name in columns if QUANTITIES[name] == "angle"]
     for name in ("length", "time", "angle", "rate", *angles):
         for unit in UNITS[QUANTITIES.get(name, name)]:
             yield "units", {name: unit}
-    frames: list[Part] = [{"up": up} for up in AXES]
+    frames: list[dict[str, str]] = [{"up": up} for up in AXES]
     if any(name.startswith("elevator") for name in columns):
         frames += [{"elevator": e, "command": c} for e in signs for c in signs]
     if "attitude" in columns or "yaw" in columns:
@@ -118,16 +119,10 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Part]]:
         yield "columns", {one: columns[other], other: columns[one]}
 
 
-def _changed(claim: Mapping, part: str, fields: Part) -> Mapping:
-    """The mapping with fields of a part changed; InputError where they exclude one."""
-    if part == "clock":
-        return dataclasses.replace(claim, **fields)
-    if part != "frame":
-        return dataclasses.replace(claim, **{part: getattr(claim, part) | fields})
-    return dataclasses.replace(claim, frame=dataclasses.replace(claim.frame, **fields))
-
-
-def _words(part: str, fields: Part) -> str:
-    """A change as in a MAP file."""
-    listed = ", ".join(f"{name}: {value}" for name, value in fields.items())
-    return listed if part == "clock" else f"{part}: {{{listed}}}"
+def _changed(claim: Mapping, part: str, value: Any) -> Mapping:
+    """The mapping with a part changed; InputError where its fields exclude another."""
+    if part == "frame":
+        value = dataclasses.replace(claim.frame, **value)
+    elif part != "clock":
+        value = getattr(claim, part) | value
+    return dataclasses.replace(claim, **{part: value})
