@@ -4,6 +4,7 @@ A table is a mapping, a frame of pandas or polars, a pyarrow table, a structured
 anything with named columns.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,6 @@ from glider.campaign.reader import map_flights
 from glider.campaign.settings import Settings
 from glider.errors import InputError
 from glider.files import schema
-from glider.physics.model import GliderModel
-from glider.physics.parameters import PARAMETER_NAMES, GliderParameters
 
 
 def from_arrays(
@@ -69,15 +68,12 @@ def _known(vehicle: Any) -> dict[str, Any]:
     if isinstance(vehicle, (str, Path)):
         text = schema.read_text(vehicle, "a campaign.yaml, MAP or model.yaml")
         data = schema.parse_yaml(text, str(vehicle))
-        if isinstance(data, dict) and "parameters" not in data:
-            return data
-        vehicle = GliderModel.load(vehicle)
-    if isinstance(vehicle, GliderModel):
-        vehicle = vehicle.parameters
-    if isinstance(vehicle, GliderParameters):
-        names = (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
-        vehicle = {name: getattr(vehicle, name) for name in names}
-    return {"vehicle": vehicle or {}}
+        if not isinstance(data, dict) or "parameters" not in data:
+            return data if isinstance(data, dict) else {"vehicle": data}
+        vehicle = data["parameters"]
+    vehicle = getattr(vehicle, "parameters", vehicle)  # Of a GliderModel.
+    is_known = dataclasses.is_dataclass(vehicle) and not isinstance(vehicle, type)
+    return {"vehicle": dataclasses.asdict(vehicle) if is_known else vehicle or {}}
 
 
 def _file_name(key: object) -> str:

@@ -95,14 +95,12 @@ class Campaign:
         """Makes a campaign of flights in memory, with the checks that files have.
 
         Args:
-            flights: a list, or a dict by name, of tables with one flight each: dicts of
-                arrays, data frames, structured arrays. Their columns are those of
-                `flight_*.csv` in SI units, unless `columns` maps them.
-            vehicle: what is known of it: a dict as in campaign.yaml, a `GliderModel` or
-                its parameters, or a campaign.yaml, MAP or model.yaml by its path.
+            flights: a list, or a dict by name, of tables of one flight each: dicts of
+                arrays, data frames, structured arrays, columns as in `flight_*.csv`.
+            vehicle: a dict as in campaign.yaml, a `GliderModel` or its parameters, or
+                the path of a campaign.yaml, MAP or model.yaml.
             name: of the campaign.
-            settings: other fields of campaign.yaml or a MAP: `command_rate`, `columns`,
-                `units`, `frame`, ...
+            settings: other fields of these files: `command_rate`, `columns`, ...
 
         Raises:
             InputError: a flight cannot be used; it is named, and the column.

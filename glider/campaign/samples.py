@@ -67,16 +67,12 @@ def campaign_folder(campaign: Path | str) -> Path:
             return _unpacked(archive)
     if str(path) in sample_names():
         return _unpacked(models_path(_FOLDER, f"{path}.zip"))
-    names = ", ".join(sample_names())
+    found, how = "does not exist", ""
     if path.exists():
-        raise InputError(
-            f"{path}: is not a folder; expected a campaign folder ({HOW_TO_IMPORT}) "
-            f"or the name of a sample ({names})."
-        )
-    raise InputError(
-        f"{path}: does not exist; expected a campaign folder, or the name of a sample "
-        f"({names})."
-    )
+        found, how = "is not a folder", f" ({HOW_TO_IMPORT})"
+    names = ", ".join(sample_names())
+    expected = f"a campaign folder{how} or the name of a sample ({names})"
+    raise InputError(f"{path}: {found}; expected {expected}.")
 
 
 def copy_sample(name: str, out: Path) -> None:

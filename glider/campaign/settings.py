@@ -116,18 +116,7 @@ else:
 class Frame:
     """Axes and signs of a log; "" stands for those of the preset `axes`.
 
-    Attributes:
-        axes: "ENU" or "NED".
-        up: axis of the log that points up, e.g. "-z".
-        forward: axis along the throw; "throw": along each flight's own way.
-        nose: axis of the body that points to the nose, where attitudes are logged.
-        top: axis of the body that points up in level flight.
-        pitch: what a positive pitch means, where the attitude is logged as angles.
-        elevator: what a positive elevator means.
-        command: what a positive command means; by default the same.
-        rotation: how the attitude is logged: an order of Euler angles about the turning
-            axes, e.g. "ZYX", an order of a quaternion's numbers, or "rotation_vector".
-        tracked_point: ahead of and above the center of mass [m].
+    What the fields mean is in FRAME_CHOICES; `rotation` is how an attitude is logged.
     """
 
     axes: str = "ENU"
@@ -155,9 +144,7 @@ class Frame:
             expect(known, f"frame: field '{name}'", value, expected)
         euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
         known = euler or self.rotation in (None, *_ROTATIONS)
-        expected = (
-            f"an order of Euler angles, as ZYX, or one of {', '.join(_ROTATIONS)}"
-        )
+        expected = f"an order of Euler angles, as ZYX, or {', '.join(_ROTATIONS)}"
         expect(known, "frame: field 'rotation'", self.rotation, expected)
         for one, other in (("up", "forward"), ("nose", "top")):
             a, b = getattr(self, one), getattr(self, other)
@@ -166,10 +153,7 @@ class Frame:
                     f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
                     "expected two different axes."
                 )
-        point, expected = (
-            self.tracked_point,
-            "[ahead, above] of the center of mass in m",
-        )
+        point, expected = self.tracked_point, "[ahead, above] of the mass center in m"
         known = len(point) == 2 and all(map(math.isfinite, point))
         expect(known, "frame: field 'tracked_point'", point, expected)
 
@@ -221,7 +205,8 @@ def _without_effect(
         yield "columns: 'elevator_rate_command'", "beside 'elevator_angle_command'"
     for name in sorted((units.keys() & QUANTITIES.keys()) - columns.keys() - kinds):
         yield f"units: '{name}'", "as 'columns:' does not have it"
-    fields, why = (), ""
+    fields: tuple[str, ...] = ()
+    why = ""
     if attitude is None and angles != _ANGLES:
         for name in sorted(angles - {"pitch"}):
             yield f"columns: '{name}'", "without all of roll, pitch and yaw"
@@ -304,14 +289,6 @@ class Settings:
         expect(known, "field 'join'", join, expected)
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
-        if self.columns is not None:
-            columns, units = given(self.columns), given(self.units or Units())
-            frame = self.frame or Frame()
-            assert isinstance(frame, Frame)
-            for field, why in _without_effect(columns, units, frame):
-                raise InputError(
-                    f"{field} has no effect {why}; expected no such field."
-                )
 
     def campaign(self, folder: Path) -> Campaign:
         """Campaign without flights; its pose_rate is nan where it is not given."""
@@ -336,6 +313,9 @@ class Settings:
         assert not isinstance(self.frame, str)
         columns, units = given(self.columns or Columns()), given(self.units or Units())
         frame, join = self.frame or Frame(), tuple(self.join or ())
+        for field, why in _without_effect(columns, units, frame):
+            words = f"{field} has no effect {why}; expected no such field."
+            raise InputError(f"{source}: {words}")
         return Mapping(source, columns, units, frame, self.clock, join)
 
 

@@ -7,9 +7,10 @@ import dataclasses
 import difflib
 import importlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -123,13 +124,15 @@ class Recording:
             for letters in (axes, axes.upper()):
                 names = [spelling.format(name=address, axis=a) for a in letters]
                 if all(name in known for name in names):
-                    pairs = [self.find(name, field) for name in names]
-                    return pairs[0][0], [column for _, column in pairs]
+                    return self.find_each(names, field)
         return None
 
-    def find_times(
-        self, group: Group, named: str | list[str], rows: int
-    ) -> Column | None:
+    def find_each(self, names: Sequence[str], field: str) -> Vector:
+        """Finds columns side by side, by their addresses."""
+        pairs = [self.find(name, field) for name in names]
+        return pairs[0][0], [column for _, column in pairs]
+
+    def find_times(self, group: Group, named: Any, rows: int) -> Column | None:
         """Finds the times of a group's rows, of which there are as many."""
         names = [named] if isinstance(named, str) else named
         for name in names:
@@ -171,10 +174,7 @@ class Scale:
 
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
-        both, numbers = (
-            [self.gain, self.zero],
-            "finite numbers, and a gain other than 0",
-        )
+        both, numbers = [self.gain, self.zero], "finite numbers, the gain other than 0"
         fits = self.gain and all(map(math.isfinite, both))
         expect(fits, "units: [gain, zero]", both, numbers)
 

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from glider.campaign.importing.recording import (
     Column,
-    Group,
     Recording,
     Vector,
     scale_of,
@@ -134,8 +133,7 @@ class Picker:
         if quantity in ("angular_velocity", "acceleration"):
             _, found = self._find(quantity, name, ("xyz", "012"), "with x, y, z")
         else:
-            group, column = self._recording.find(str(name), self._field(quantity))
-            found = group, [column]
+            found = self._recording.find_each([str(name)], self._field(quantity))
         stream = self._stream((quantity,) * len(found[1]), found)
         if len(found[1]) == 3:
             stream = stream._replace(values=stream.values @ self._mapping.frame.body.T)
@@ -229,8 +227,7 @@ class Picker:
                 if found is not None:
                     return axes, found
             elif not isinstance(name, Markers) and len(name) == len(axes):
-                pairs = [self._recording.find(part, field) for part in name]
-                return axes, (pairs[0][0], [column for _, column in pairs])
+                return axes, self._recording.find_each(name, field)
         raise self._error(quantity, f"no columns '{name}' {what} were found")
 
     def _stream(
@@ -244,35 +241,26 @@ class Picker:
             reason = "its columns have different lengths; expected the same"
             raise self._error(quantities[0], reason)
         values = np.stack(parts, axis=1)
-        time = self._scaled("time", self._times(group, quantities[0], len(values)))
-        if starts := find_restarts(time):
-            raise self._error(
-                "time",
-                f"it starts again at value {starts[0] + 1} in '{group.name}' "
-                f"({time[starts[0]]:.9g} s); expected as many restarts in each table",
-            )
+        named = self._mapping.columns.get("time", "time")
+        times = self._recording.find_times(group, named, len(values))
+        if times is None:
+            reason = f"no column of times was found for '{quantities[0]}'"
+            raise self._error("time", f"{reason} (named {named!r})")
+        time = self._scaled("time", times)
         known = np.isfinite(time)
         time, values = time[known], values[known]
         later = np.diff(time, prepend=-np.inf) > 0.0
-        if len(later) and np.mean(later) < 0.9:
-            row = int(np.argmin(later))
+        starts = find_restarts(time)
+        if starts or (len(later) and np.mean(later) < 0.9):
+            row = starts[0] if starts else int(np.argmin(later))
             raise self._error(
                 "time",
                 f"it does not increase at value {row + 1} ({time[row]:.9g} s); "
-                "expected the rows in the order of their times",
+                "expected the rows in the order of their times, and as many restarts "
+                "in each table",
             )
         ahead = time > np.maximum.accumulate(np.r_[-np.inf, time[:-1]])[: len(time)]
         return Stream(time[ahead], values[ahead], group.clock)
-
-    def _times(self, group: Group, quantity: str, rows: int) -> Column:
-        """The times of a group's rows."""
-        named = self._mapping.columns.get("time", "time")
-        assert not isinstance(named, Markers)
-        column = self._recording.find_times(group, named, rows)
-        if column is None:
-            reason = f"no column of times was found for '{quantity}' (named {named!r})"
-            raise self._error("time", reason)
-        return column
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""

@@ -20,7 +20,7 @@ from glider.campaign.importing.recording import Column, Group, Recording, need
 from glider.campaign.importing.splitting import find_restarts
 from glider.errors import InputError
 
-_TIME = "time"
+_TIME, _STAMP = "time", "\0stamp"
 _STAMPS = ("header.stamp", "timestamp", "stamp")
 _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
@@ -129,31 +129,27 @@ class _Topics:
 
     def __init__(self) -> None:
         self.rows: dict[str, list[dict[str, float]]] = defaultdict(list)
-        self._times: dict[str, list[tuple[float, float]]] = defaultdict(list)
 
     def add(self, topic: str, recorded: int, message: object) -> None:
         """Adds a message, and when it was recorded [ns]."""
         row = dict(_leaves("", message))
-        self._times[topic].append((next(_stamps(row), 0.0), recorded * 1e-9))
-        self.rows[topic].append(row)
+        times = {_STAMP: next(_stamps(row), 0.0), _TIME: recorded * 1e-9}
+        self.rows[topic].append(row | times)
 
     def recording(self, path: Path) -> Recording:
         """All topics, each in the order of its times, from restart to restart."""
         groups = []
         for topic, rows in self.rows.items():
-            stamps, recorded = np.array(self._times[topic]).T
-            times = stamps if np.any(stamps > 0.0) else recorded
-            parts = np.split(np.arange(len(times)), find_restarts(times))
-            order = np.concatenate(
-                [p[np.argsort(times[p], kind="stable")] for p in parts]
-            )
+            own = [row.pop(_STAMP) for row in rows]
+            times = np.array(own if any(own) else [row[_TIME] for row in rows])
+            part = np.searchsorted(find_restarts(times), range(len(times)), "right")
+            order = np.lexsort([times, part])
             names = dict.fromkeys(name for row in rows for name in row)
-            values = {
-                n: np.array([rows[i].get(n, np.nan) for i in order]) for n in names
+            columns = {
+                n: Column(np.array([rows[i].get(n, np.nan) for i in order]))
+                for n in names
             }
-            values[_TIME] = times[order]
-            columns = {name: Column(column) for name, column in values.items()}
-            columns[_TIME] = Column(values[_TIME], "s")
+            columns[_TIME] = Column(times[order], "s")
             groups.append(Group(topic, columns, _TIME))
         if not groups:
             raise InputError(f"{path}: holds no message that can be read.")
