@@ -77,7 +77,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
             notes.append(f"{span}: {found}")
     if not len(seen):
         notes.append("the body is never seen")
-    elif not parts and not powered.any():
+    elif not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
     if lost := int(np.sum(~seen)):

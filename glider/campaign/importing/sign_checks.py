@@ -189,14 +189,12 @@ def _other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]
     """The other logged angles at the rows of the joined motions."""
     angles: dict[str, list[np.ndarray]] = {}
     for flight in campaign.flights:
-        columns = {}
-        if flight.attitude is not None:
-            columns = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
-        if flight.elevator is not None:
-            columns["elevator"] = flight.elevator
-        for name, values in columns.items():
-            at = np.interp(motions[flight.name].time, flight.time, values)
-            angles.setdefault(name, []).append(at)
+        none = None, None, None
+        _, roll, yaw = none if flight.attitude is None else flight.attitude.T
+        for name, values in ("roll", roll), ("yaw", yaw), ("elevator", flight.elevator):
+            if values is not None:
+                at = np.interp(motions[flight.name].time, flight.time, values)
+                angles.setdefault(name, []).append(at)
     return {name: np.concatenate(parts) for name, parts in angles.items()}
 
 

@@ -390,7 +390,7 @@ def test_motive_exports_of_measured_throws(tmp_path):
 def test_a_real_ulog_that_shows_no_flight(tmp_path):
     path = tmp_path / "MAP.yaml"
     path.write_text(foreign.MAP_ULOG + "vehicle: {elevator_rate_limit: 10.0}\n")
-    with pytest.raises(InputError, match="no flight was found"):
+    with pytest.raises(InputError, match="nothing moves like a flight"):
         read_flights([FORMATS / "sample_log_small.ulg"], path)
 
 
