@@ -1,11 +1,15 @@
 """A campaign keeps where its servo columns come from, and how well they are timed."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
+from glider.campaign.importing.selection import ServoLogs, Stream
+from glider.campaign.importing.servo_logs import make_servo
+from glider.campaign.importing.track import Track
 from glider.campaign.logs import ServoLog
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
@@ -183,3 +187,29 @@ def test_poses_logged_before_they_happen_are_a_clock_not_an_effect(campaign):
     assert result.verdict == "not_trusted"
     ahead = float(result.reason.partition("clock is ")[2].partition(" ms")[0])
     assert ahead == pytest.approx(20.0, abs=2.0)  # [ms]; commands come at rows.
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_small_steps_of_commanded_angles_keep_their_size(campaign, measured):
+    """Not 0.83 of it, as where each rate begins half a row early or at a tick."""
+    time = np.arange(0.0, 4.0, 1.0 / 120.0)
+    given = np.arange(0.0, 4.0, 0.02)
+    asked = np.where((given > 1.0) & (given < 2.0), 0.05, 0.0)
+    angles = Stream(given, asked[:, None], "servo")
+    elevator = Stream(time, np.interp(time, given, asked)[:, None], "poses")
+    track = Track(
+        path=Path("log.csv"),
+        time=time,
+        position=np.zeros((len(time), 3)),
+        rotation=None,
+        pitch=np.zeros(len(time)),
+        along_throw=False,
+        clock="poses",
+        servo=ServoLogs(elevator if measured else None, angle_command=angles),
+    )
+    servo = make_servo(track, campaign, "MAP.yaml")
+    known = dataclasses.replace(campaign, command_rate=50.0, servo=servo.log)
+    tape = command_steps(time, servo.command, known.switch_rate)
+    path = elevator_path(*tape, time)
+    assert path[time > 2.5] == pytest.approx(0.0, abs=1e-9)
+    assert path[(time > 1.2) & (time < 1.8)] == pytest.approx(0.05, abs=1e-9)
