@@ -159,13 +159,8 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
         largest = numbers.MISSING
         if most is not None:
             largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
-        rows.append(
-            (
-                name_of(name),
-                numbers.format_spread(spread.std, spread.unit, spread.std_error),
-                largest,
-            )
-        )
+        std = numbers.format_spread(spread.std, spread.unit, spread.std_error)
+        rows.append((name_of(name), std, largest))
     return rows
 
 

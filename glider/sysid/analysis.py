@@ -37,7 +37,7 @@ from glider.sysid.search.fields import survey
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.support import SearchResult
 from glider.sysid.search.tracing import FIELD_THRESHOLD, trace
-from glider.sysid.verdict import find_clock_error, find_doubt, judge
+from glider.sysid.verdict import find_doubt, judge
 
 STILL = 2.0
 """Strength of the air over the least that is looked for, below which it is none."""
@@ -212,11 +212,9 @@ class Analysis:
         corrected = evaluation.errors["corrected"]
         assert corrected is not None
         left = _left(task, judged, corrected, noise)
-        clocks, is_large = find_clock_error(task, model)
+        doubt = find_doubt(task, model)
         verdict, reason = judge(
-            *(traced, signs, carried, held_out, evaluation.errors, effects, left),
-            find_doubt(task, model),
-            "".join(clocks) if is_large or not effects else "",
+            traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )
         is_still = model.scales.air < STILL * FLOOR.air
         found = result.Result(
@@ -249,7 +247,7 @@ class Analysis:
             curves=outcome.curves_of(before, named),
             vehicle=outcome.vehicle_of(task, model, known),
             knows_forces=vehicle.knows_forces,
-            warnings=(*self._warnings(flights, evaluation, verdict), *clocks),
+            warnings=tuple(self._warnings(flights, evaluation, verdict)),
             set_aside=self._excluded(outlying),
             planarity={name: words for name, words in rolling if words},
             noise=result.MeasurementNoise(

@@ -125,7 +125,7 @@ def effects_of(
     left = set(carried.terms)
     for name in model.kinds:
         if name == POSE_LATENCY.kind and model.theta[layout.slots_of(name)[0]] < 0.0:
-            continue  # Not physical: the clocks differ, see `verdict.clock_error`.
+            continue  # Not physical: the clocks differ, see `verdict.find_doubt`.
         kind, support = layout.kinds[name], traced.weighed[name]
         mine = {t for t in carried.terms if name in FAMILIES[t].split()}
         left -= mine

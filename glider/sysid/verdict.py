@@ -49,25 +49,17 @@ WINDOW = 0.1
 """Time over which an elevator's travel is measured [s]."""
 
 
-def find_clock_error(task: Task, model: FitResult) -> tuple[tuple[str, ...], bool]:
-    """Advice where a model has poses logged before they happen, which cannot be.
-
-    Returns:
-        the advice, if any, and whether it is more than times of rows that are rounded.
-    """
-    slot = task.layout.index[POSE_LATENCY.kind, "latency"]
-    early, step = -model.theta[slot], np.median(np.diff(task.records[0].time))
-    if not early > 0.0:
-        return (), False
-    return (
-        f"The elevator's clock is {1e3 * early:.1f} ms ahead of that of the poses, as "
-        "no pose is logged before it happens: add that to 'clock' in the MAP of an "
-        "import, or subtract it from the times of the elevator and its commands.",
-    ), bool(early > 0.5 * step)
-
-
 def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
+    early = -float(model.theta[task.layout.index[POSE_LATENCY.kind, "latency"]])
+    step = float(np.median(np.diff(task.records[0].time)))
+    # Times that are rounded to rows are off by half a step.
+    if early > 0.5 * step or (early > 0.0 and len(model.kinds) == 1):
+        return (
+            f"poses are logged {1e3 * early:.1f} ms before they happen, so the "
+            "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
+            "MAP of an import, or subtract it from the times of the servo's log)"
+        )
     if not task.vehicle.knows_forces:
         return None
     found = [
@@ -136,7 +128,6 @@ def judge(
     effects: tuple[FoundEffect, ...],
     left: Residual,
     doubt: str | None,
-    clocks: str = "",
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why."""
     kinds, right = traced.model.kinds, signs.are_right
@@ -147,8 +138,6 @@ def judge(
                 f"{', '.join(left.depends_on)}, and no effect explains it."
             )
         return "no_effect", "The flights show nothing beyond noise and moving air."
-    if clocks:
-        return "not_trusted", clocks
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
     doubt, as_plate = _over_baseline(held_out, errors), False
