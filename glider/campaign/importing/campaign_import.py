@@ -341,8 +341,8 @@ def _check_clock(
         return rounded, []
     return off, [
         f"{_WARNING}'clock' is {clock:g}, and the elevator turns the glider as if its "
-        f"clock were {found:.3f} ± {std:.3f} s ahead of that of the poses: it is wrong, "
-        "or servo or poses are late"
+        f"clock were {found:.3f} ± {std:.3f} s ahead of the poses': it is wrong, or "
+        "servo or poses are late"
     ]
 
 
