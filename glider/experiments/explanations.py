@@ -24,8 +24,7 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.smoothing import Noise
 from glider.sysid.replay.theta import theta_of
-from glider.sysid.report_file import read_report
-from glider.sysid.result import Report, Result
+from glider.sysid.result import Report, Result, read_report
 from glider.sysid.search.fits import FirstOrder
 from glider.sysid.search.subsets import Members, Scorer
 

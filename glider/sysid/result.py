@@ -14,7 +14,7 @@ import numpy as np
 
 from glider.campaign.checks.masks import ExcludedRows
 from glider.errors import InputError, show
-from glider.files.schema import Number
+from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
@@ -356,19 +356,13 @@ class ResidualTable:
 class Report:
     """The part of a result that report.json holds, in its order.
 
+    docs/file_formats.md has all fields.
+
     Attributes:
-        campaign: its name.
         flights: names of those used to fit and of those held out.
-        verdict: one of VERDICTS.
-        reason: a sentence that says why.
-        effects: strongest first.
         errors: model name (of MODELS, and CALIBRATED) to its errors; nominal is None
             where the vehicle is not known.
         outlying: held-out flights that are not in `errors`; None without any.
-        evidence_threshold: below which an effect is not taken.
-        folds: errors over all flights, each held out once.
-        left: what the corrected model leaves.
-        air: how it moves.
         spreads: name to flight-to-flight variation, only where there is any.
         correlations: "kind.coefficient" to the same to the correlation of their errors.
         derivatives: of the corrected model; None in reports of older versions, as is
@@ -377,14 +371,9 @@ class Report:
         combinations: sets of effects that were fitted, best first.
         curves: residual of the flat plate over the angle of attack.
         vehicle: name of a parameter that was not specified to its estimate.
-        warnings: sentences about the campaign and the result.
-        set_aside: rows that were excluded.
         planarity: name of a flight to a sentence, where the log has roll and yaw.
         seed: of the split into fitted and held-out flights.
         settings: seed, fraction and what else would repeat this run.
-        noise: of the measurement.
-        seconds: stage to wall-clock time.
-        version: of this package.
     """
 
     campaign: str
@@ -461,3 +450,28 @@ class Result(Report):
             for effect in self.effects
         )
         return Report(**values)
+
+
+def read_report(path: Path) -> tuple[Report, Path]:
+    """Reads a report: its folder, or its report.json; also returns the file.
+
+    Raises:
+        InputError: it is no report, or one of another version.
+    """
+    file = path / "report.json" if path.is_dir() else path
+    if not file.exists():
+        raise InputError(
+            f"{file}: there is no such file; expected a folder that close-the-loop "
+            "wrote, or its report.json."
+        )
+    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
+    if isinstance(data, dict) and "as_drawn" in (data.get("errors") or ()):
+        raise InputError(
+            f"{file}: was written by an older version of drake-glider; expected a "
+            "report of this one: run close-the-loop again."
+        )
+    try:
+        return convert(data, Report, str(file)), file
+    except InputError as error:
+        again = "run close-the-loop again if another version wrote it"
+        raise InputError(f"{str(error).rstrip('.')} ({again}).") from None
