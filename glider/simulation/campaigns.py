@@ -5,6 +5,7 @@ the format of real ones.
 """
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -140,12 +141,9 @@ def fly_commands(
         name: of the flight.
     """
     replay = layout.replay(theta)
-
-    def path(query: np.ndarray) -> np.ndarray:
-        return replayed_path(
-            replay, switches, commands, query, start=rest, limits=limits
-        )
-
+    path = functools.partial(
+        replayed_path, replay, switches, commands, start=rest, limits=limits
+    )
     rows = len(time)
     fine_rate = fine * (rows - 1) / time[-1]
     before = int(np.ceil(max(replay.latency, 0.0) * fine_rate))
@@ -173,14 +171,9 @@ def fly_path(
 ) -> np.ndarray:
     """Returns the states (n, layout.num_states) along a path of the elevator.
 
-    Args:
-        layout: of theta.
-        theta: the glider's numbers.
-        launch: (7,) state at the first time; its elevator is where the path has it.
-        times: (n,) [s].
-        elevator: (n - 1, 3) at the start, middle and end of each interval [rad].
-        rate: (n - 1,) of the elevator [rad/s].
-        field: the residual field.
+    Times are (n,) [s], angles of the elevator (n - 1, 3) at the start, middle and end
+    of each interval [rad], its rates (n - 1,) [rad/s]; the rest is as in
+    `fly_commands`.
     """
     start = np.zeros(layout.num_states)
     start[:7] = launch

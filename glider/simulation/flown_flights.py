@@ -16,7 +16,6 @@ INSTANT = 1e-9
 """Time within which two steps of an integrator are one [s]: events make some that are
 a rounding error apart."""
 
-
 _PITCH = STATE_NAMES.index("pitch")
 
 REFINEMENT = 16
@@ -43,12 +42,7 @@ def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pas
 
     A simulator's steps are long; between them the path is the cubic of the
     positions and velocities at both ends, followed by short segments; what else the
-    state holds lies on a straight line.
-
-    Args:
-        times: (K,) increasing, or now and then equal [s].
-        states: (K, n).
-        wire: (2,).
+    state holds lies on a straight line. Times (K,) may be equal now and then [s].
     """
     kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
     times, states = times[kept], states[kept]
@@ -118,15 +112,8 @@ def hooked(
     """Returns a flight, with its end at the wire where the hook takes it.
 
     The stop itself, some hundredths of a second, is not simulated: the glider stays
-    where it was and as it was, and its log ends with the contact.
-
-    Args:
-        times: (K,) of the integrator's steps, beyond the wire [s].
-        states: (K, n).
-        rates: (K,) [rad/s].
-        problem: whose wire and hook.
-        forces: (K, 2) [N], or None.
-        log: of motion capture, or None.
+    where it was and as it was, and its log ends with the contact. The arguments are
+    those of `FlownFlight`, with steps beyond the wire.
     """
     passed = closest_pass(times, states, np.array(problem.wire))
     if problem.hook.takes(np.array(passed.miss), passed.arrival):
@@ -136,7 +123,11 @@ def hooked(
         states = np.vstack([states[:count], passed.arrival])
         rates = rates[ended]
         forces = None if forces is None else forces[ended]
-        log = None if log is None else _until(log, passed.time)
+        if log is not None:
+            kept = log.time <= passed.time
+            names = ("time", "pose", "elevator", "command", "attitude")
+            columns = {n: v[kept] for n in names if (v := getattr(log, n)) is not None}
+            log = dataclasses.replace(log, **columns)
     return FlownFlight(
         times=times,
         states=states,
@@ -147,17 +138,6 @@ def hooked(
         forces=forces,
         log=log,
     )
-
-
-def _until(log: Flight, end: float) -> Flight:
-    """Returns the rows of a log until a time [s]."""
-    kept = log.time <= end
-    columns = {
-        name: column[kept]
-        for name in ("time", "pose", "elevator", "command", "attitude")
-        if (column := getattr(log, name)) is not None
-    }
-    return dataclasses.replace(log, **columns)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -210,15 +210,7 @@ def sweep(
         with Client(address), joblib.parallel_config(backend="dask"):
             found = sweep(fly_some, flights=100_000, seed=0)
 
-    The result depends on the seed alone, not on the workers.
-
-    Args:
-        fly_some: draws and flies a number of launches.
-        flights: number of launches.
-        seed: of what is drawn.
-
-    Returns:
-        All flights, without paths.
+    The result depends on the seed alone, not on the workers, and is without paths.
     """
     expect(flights >= 1, "sweep: 'flights'", flights, "at least 1")
     counts = [min(CHUNK, flights - first) for first in range(0, flights, CHUNK)]

@@ -30,6 +30,9 @@ from glider.sysid.replay.smoothing import Noise, measure_noise
 from glider.sysid.replay.theta import OFFSET, layout_for, theta_of
 from glider.sysid.replay.vehicle import make_vehicle, parameters_of
 
+_LARGEST_POSITION = 100.0
+"""Position that no flight reaches [m]: a model that does has diverged."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion:
@@ -107,7 +110,8 @@ def refly(
         elevator = logged_elevator(record, theta_of(model)) + predicted.trim
         poses = np.column_stack([predicted.pose, elevator])
         poses *= (1, 1, signs.pitch * true.pitch, signs.elevator * true.elevator)
-        rows = _rows_before_divergence(poses)
+        near = np.max(np.abs(poses), axis=1) < _LARGEST_POSITION
+        rows = len(near) if near.all() else int(np.argmin(near))
         motions[label] = Motion(time=record.time[:rows], poses=poses[:rows])
     # With the last model's signs.
     angle = np.where(record.seen[:, 3], record.elevator, elevator)
@@ -129,16 +133,6 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
         distances = np.linalg.norm(across, axis=1)
         errors[name] = float(np.sqrt(np.mean(distances**2))), float(distances[-1])
     return errors
-
-
-_LARGEST_POSITION = 100.0
-"""Position that no flight reaches [m]: a model that does has diverged."""
-
-
-def _rows_before_divergence(poses: np.ndarray) -> int:
-    largest = np.max(np.abs(poses), axis=1)
-    far = ~(largest < _LARGEST_POSITION)  # So is what is not a number.
-    return int(np.argmax(far)) if far.any() else len(poses)
 
 
 def _records(

@@ -18,10 +18,7 @@ row; the last row is where the tape ends."""
 def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
     """Returns a tape as the text of a CSV file; after its end the elevator stands.
 
-    Args:
-        times: (k,) when each command begins, from release [s].
-        commands: (k,) elevator rates [rad/s].
-        end: of the tape, after the last of the times [s].
+    Each of the commands (k,) [rad/s] begins at its time (k,) from release [s].
     """
     rows = zip([*times, end], [*commands, 0.0], strict=True)
     lines = [f"{time:.6g},{command:.4f}" for time, command in rows]
@@ -29,14 +26,7 @@ def tape_text(times: np.ndarray, commands: np.ndarray, end: float) -> str:
 
 
 def load_commands(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
-    """Reads a tape as `tape_text` writes it.
-
-    Returns:
-        times (k,) [s] and commands (k,) [rad/s]; the last command is where it ends.
-
-    Raises:
-        InputError: it is no tape; the sentence names the line.
-    """
+    """Times (k,) [s] and commands (k,) [rad/s] of a tape; the last is where it ends."""
     try:
         with Path(path).open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))
