@@ -21,18 +21,12 @@ class MotionCapture:
     """Cameras that see the pose, and a sensor of the elevator's angle.
 
     The defaults are those of the practice campaigns.
-
-    Attributes:
-        rate: of the samples [Hz].
-        position: standard deviation of a measured x and z [m].
-        pitch: standard deviation of a measured pitch [rad].
-        elevator: standard deviation of a measured elevator angle [rad].
     """
 
-    rate: float = 120.0
-    position: float = 0.0004
-    pitch: float = 0.0025
-    elevator: float = 0.005
+    rate: float = 120.0  #: Of the samples [Hz].
+    position: float = 0.0004  #: Standard deviation of a measured x and z [m].
+    pitch: float = 0.0025  #: Standard deviation of a measured pitch [rad].
+    elevator: float = 0.005  #: Standard deviation of a measured elevator angle [rad].
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""

@@ -30,8 +30,8 @@ GROUPS = EFFECTS, SPREADS, VEHICLE = "effects", "from flight to flight", "vehicl
 class SavedReport(Report):
     """A report as it was saved."""
 
-    path: Path  # Of its report.json.
-    given: GliderParameters | None  # Specified ones, where a model.yaml has them.
+    path: Path  #: Of its report.json.
+    given: GliderParameters | None  #: Specified ones, where a model.yaml has them.
 
 
 def load_report(path: Path) -> SavedReport:
@@ -53,12 +53,12 @@ def load_report(path: Path) -> SavedReport:
 class Difference:
     """A number in two reports."""
 
-    group: str  # EFFECTS, SPREADS or VEHICLE.
-    kind: str  # Of the effect; of the vehicle its number, of a spread what differs.
-    name: str  # Of the coefficient; empty where the kind says all.
-    first: Estimate | None  # In the first report, None where it has none.
+    group: str  #: EFFECTS, SPREADS or VEHICLE.
+    kind: str  #: Of the effect; of the vehicle its number, of a spread what differs.
+    name: str  #: Of the coefficient; empty where the kind says all.
+    first: Estimate | None  #: In the first report, None where it has none.
     second: Estimate | None
-    note: str  # What else to know, or nothing.
+    note: str  #: What else to know, or nothing.
 
     @property
     def unit(self) -> str:
@@ -102,9 +102,9 @@ class Comparison:
 
     first: SavedReport
     second: SavedReport
-    differences: tuple[Difference, ...]  # Of all numbers that either has.
-    z_significant: float  # Threshold above which a change counts.
-    notes: tuple[str, ...]  # On how far the two may be compared.
+    differences: tuple[Difference, ...]  #: Of all numbers that either has.
+    z_significant: float  #: Threshold above which a change counts.
+    notes: tuple[str, ...]  #: On how far the two may be compared.
 
     @property
     def reports(self) -> tuple[SavedReport, SavedReport]:

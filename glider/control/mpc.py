@@ -35,25 +35,15 @@ ITERATIONS, TOLERANCE = 25, 1e-4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReplanResult:
-    """State of the controller: its last plan, and statistics of planning.
+    """State of the controller: its last plan, and statistics of planning."""
 
-    Attributes:
-        flight: the last plan that was found.
-        begin: when its time began [s].
-        plans: number of plans that were tried.
-        failures: number of those that failed.
-        failed: whether the last did.
-        seconds: time that the last took [s].
-        slowest: time that the slowest took [s].
-    """
-
-    flight: CollocatedFlight
-    begin: float
-    plans: int = 0
-    failures: int = 0
-    failed: bool = False
-    seconds: float = 0.0
-    slowest: float = 0.0
+    flight: CollocatedFlight  #: The last plan that was found.
+    begin: float  #: When its time began [s].
+    plans: int = 0  #: Number of plans that were tried.
+    failures: int = 0  #: Number of those that failed.
+    failed: bool = False  #: Whether the last did.
+    seconds: float = 0.0  #: Time that the last took [s].
+    slowest: float = 0.0  #: Time that the slowest took [s].
 
     def command(self, time: float, period: float) -> float:
         """Returns the plan's mean command over a period, zero after its end."""

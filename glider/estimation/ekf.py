@@ -33,51 +33,31 @@ WIND_NAMES = ("wind_x", "wind_z")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SlowState:
-    """A number that is estimated beside the state.
+    """A number that is estimated beside the state."""
 
-    Attributes:
-        name: one of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient".
-        std: standard deviation before any measurement.
-        walk: variance that it gains per second.
-        decay: rate at which its expectation falls, as exp(-decay t) [1/s].
-        mean: estimate before any measurement; None: what the model has.
-    """
-
-    name: str
-    std: float
-    walk: float = 0.0
-    decay: float = 0.0
+    name: str  #: One of PARAMETER_NAMES, WIND_NAMES, or "effect.coefficient".
+    std: float  #: Standard deviation before any measurement.
+    walk: float = 0.0  #: Variance that it gains per second.
+    decay: float = 0.0  #: Rate at which its expectation falls, as exp(-decay t) [1/s].
+    #: Estimate before any measurement; None: what the model has.
     mean: float | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Ekf:
-    """A filter ready to run; `make_ekf` makes it.
+    """A filter ready to run; `make_ekf` makes it."""
 
-    Attributes:
-        model: the glider.
-        names: of x̄: the states, then the slow states.
-        slow: the slow states.
-        known: inputs that are known beside the elevator's rate.
-        period: time between samples [s].
-        step: Runge-Kutta step [s].
-        steps: number of them to a period.
-        process: (N,) variances per second.
-        noise: (M, M) covariance of a measurement.
-        z: constants in their places, as in `physics.chain.derivatives_of`.
-        estimated: where x̄ and the inputs stand in z, and what they act on.
-    """
-
-    model: GliderModel
-    names: tuple[str, ...]
-    slow: tuple[SlowState, ...]
-    known: tuple[str, ...]
-    period: float
-    step: float
-    steps: int
-    process: np.ndarray
-    noise: np.ndarray
-    z: np.ndarray
+    model: GliderModel  #: The glider.
+    names: tuple[str, ...]  #: Of x̄: the states, then the slow states.
+    slow: tuple[SlowState, ...]  #: The slow states.
+    known: tuple[str, ...]  #: Inputs that are known beside the elevator's rate.
+    period: float  #: Time between samples [s].
+    step: float  #: Runge-Kutta step [s].
+    steps: int  #: Number of them to a period.
+    process: np.ndarray  #: (N,) variances per second.
+    noise: np.ndarray  #: (M, M) covariance of a measurement.
+    z: np.ndarray  #: Constants in their places, as in `physics.chain.derivatives_of`.
+    #: Where x̄ and the inputs stand in z, and what they act on.
     estimated: EstimatedFlight
 
     @property

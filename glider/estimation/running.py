@@ -14,34 +14,22 @@ from glider.physics.state import NUM_STATES
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
-    """A normal distribution of x̄, or one for each of B flights.
+    """A normal distribution of x̄, or one for each of B flights."""
 
-    Attributes:
-        mean: (N,) or (B, N).
-        covariance: (N, N) or (B, N, N).
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: np.ndarray  #: (N,) or (B, N).
+    covariance: np.ndarray  #: (N, N) or (B, N, N).
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Estimates:
-    """Estimates that a filter makes of B flights of K samples.
+    """Estimates that a filter makes of B flights of K samples."""
 
-    Attributes:
-        means: (B, K + 1, N) of x̄: before the first sample, then behind each.
-        covariances: (B, K + 1, N, N).
-        innovations: (B, K, M) measured minus predicted.
-        innovation_covariances: (B, K, M, M) S.
-        nis: (B, K) νᵀ S⁻¹ ν, the normalized innovation squared.
-    """
-
+    #: (B, K + 1, N) of x̄: before the first sample, then behind each.
     means: np.ndarray
-    covariances: np.ndarray
-    innovations: np.ndarray
-    innovation_covariances: np.ndarray
-    nis: np.ndarray
+    covariances: np.ndarray  #: (B, K + 1, N, N).
+    innovations: np.ndarray  #: (B, K, M) measured minus predicted.
+    innovation_covariances: np.ndarray  #: (B, K, M, M) S.
+    nis: np.ndarray  #: (B, K) νᵀ S⁻¹ ν, the normalized innovation squared.
 
 
 def make_prior(ekf: Ekf, state: ArrayLike, std: ArrayLike) -> Belief:

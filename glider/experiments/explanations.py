@@ -43,26 +43,17 @@ _NEAR = 8.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Findings:
-    """A model, and sets of effects that may be the right ones in its place.
+    """A model, and sets of effects that may be the right ones in its place."""
 
-    Attributes:
-        model: the corrected glider.
-        kinds: of the effects that were identified.
-        rivals: kind to those that would do as well in its place.
-        combinations: further sets that were fitted.
-        flights: names that were used; None for all.
-        grades: grades that were used; None for all.
-        own: user effects.
-        campaign: name of the campaign that was analysed; None where unspecified.
-    """
-
-    model: GliderModel
-    kinds: tuple[str, ...]
+    model: GliderModel  #: The corrected glider.
+    kinds: tuple[str, ...]  #: Of the effects that were identified.
+    #: Kind to those that would do as well in its place.
     rivals: dict[str, tuple[str, ...]]
-    combinations: tuple[tuple[str, ...], ...]
-    flights: tuple[str, ...] | None = None
-    grades: tuple[str, ...] | None = None
-    own: tuple[EffectKind, ...] = ()
+    combinations: tuple[tuple[str, ...], ...]  #: Further sets that were fitted.
+    flights: tuple[str, ...] | None = None  #: Names that were used; None for all.
+    grades: tuple[str, ...] | None = None  #: Grades that were used; None for all.
+    own: tuple[EffectKind, ...] = ()  #: User effects.
+    #: Name of the campaign that was analysed; None where unspecified.
     campaign: str | None = None
 
     @property
@@ -111,20 +102,15 @@ def _findings(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """A set of effects that may be the right one.
+    """A set of effects that may be the right one."""
 
-    Attributes:
-        model: fitted to all flights.
-        log_evidence: log marginal likelihood by Laplace's method, with the prior of its
-            effects, up to a constant of the campaign [nats].
-        probability: that it is the right one; their sum is below 1, as none of them
-            may be.
-        precision: (m, m) inverse covariance of its free parameters, after the flights.
-    """
-
-    model: FitResult
+    model: FitResult  #: Fitted to all flights.
+    #: Log marginal likelihood by Laplace's method, with the prior of its effects, up to
+    #: a constant of the campaign [nats].
     log_evidence: float
+    #: That it is the right one; their sum is below 1, as none of them may be.
     probability: float
+    #: (m, m) inverse covariance of its free parameters, after the flights.
     precision: np.ndarray
 
     @property

@@ -50,15 +50,11 @@ _PITCHDOT = STATE_NAMES.index("pitchdot")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Kept:
-    """The part of a throw that keeps inside a funnel.
+    """The part of a throw that keeps inside a funnel."""
 
-    Attributes:
-        throw: cut to that part; None where it is shorter than SHORTEST.
-        level: largest V until it ends; without a throw that until the end of the
-            shortest tape, above 1.
-    """
-
-    throw: Throw | None
+    throw: Throw | None  #: Cut to that part; None where it is shorter than SHORTEST.
+    #: Largest V until it ends; without a throw that until the end of the shortest tape,
+    #: above 1.
     level: float
 
 

@@ -21,15 +21,12 @@ class KnownFunnel:
 
     Its sets are those about its nominal flight; where it was made for a set of gliders,
     those of the central one.
-
-    Attributes:
-        funnel: of the states of STATE_NAMES alone, from 0 s on.
-        file: that it was loaded from; None where it was given as a Funnel.
-        is_checked: whether its certificate is known to hold, see `checked`.
     """
 
-    funnel: Funnel
+    funnel: Funnel  #: Of the states of STATE_NAMES alone, from 0 s on.
+    #: That it was loaded from; None where it was given as a Funnel.
     file: str | None = None
+    #: Whether its certificate is known to hold, see `checked`.
     is_checked: bool = False
 
     @property

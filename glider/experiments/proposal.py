@@ -46,52 +46,39 @@ MOST_THROWS = 1000
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """Throws to fly next, and what is expected of them.
+    """Throws to fly next, and what is expected of them."""
 
-    Attributes:
-        campaign: its name.
-        explanations: compatible with the flights, the most probable first.
-        throws: proposed, the most informative first.
-        paths: of each throw, (explanations, n, 3) predicted poses.
-        flown: poses (n, 3) of the flights so far.
-        place: where they are flown, and the funnel that they keep inside.
-        levels: largest level of the funnel's sets that each throw reaches by any
-            explanation, 0 at the nominal flight, 1 on the boundary; empty without one.
-        chance_now: probability that the most probable explanation is the right one.
-        chance_then: after the throws.
-        chance_same_kind: after as many throws of the present kind.
-        equivalent: number of throws of the present kind with the same effect; None
-            above MOST_THROWS.
-        distances: (e, e) expected log-evidence of the throws against each explanation
-            (column), where another (row) is true [nats].
-        ending_air: scatter of the ends of flights like those flown by moving air and
-            flight-to-flight variation [m].
-        ending_now: the same by the standard errors of the coefficients [m].
-        ending_then: the same after the throws.
-        ending_same_kind: the same after as many throws of the present kind.
-        stds: "kind.coefficient" of the most probable explanation to its standard error
-            now and then, and its unit.
-        seconds: that it took, once the explanations were fitted.
-    """
-
-    campaign: str
+    campaign: str  #: Its name.
+    #: Compatible with the flights, the most probable first.
     explanations: tuple[Explanation, ...]
-    throws: tuple[Throw, ...]
+    throws: tuple[Throw, ...]  #: Proposed, the most informative first.
+    #: Of each throw, (explanations, n, 3) predicted poses.
     paths: tuple[np.ndarray, ...]
-    flown: tuple[np.ndarray, ...]
-    place: Range
+    flown: tuple[np.ndarray, ...]  #: Poses (n, 3) of the flights so far.
+    place: Range  #: Where they are flown, and the funnel that they keep inside.
+    #: Largest level of the funnel's sets that each throw reaches by any explanation, 0
+    #: at the nominal flight, 1 on the boundary; empty without one.
     levels: tuple[float, ...]
+    #: Probability that the most probable explanation is the right one.
     chance_now: float
-    chance_then: float
-    chance_same_kind: float
+    chance_then: float  #: After the throws.
+    chance_same_kind: float  #: After as many throws of the present kind.
+    #: Number of throws of the present kind with the same effect; None above
+    #: MOST_THROWS.
     equivalent: int | None
+    #: (e, e) expected log-evidence of the throws against each explanation (column),
+    #: where another (row) is true [nats].
     distances: np.ndarray
+    #: Scatter of the ends of flights like those flown by moving air and
+    #: flight-to-flight variation [m].
     ending_air: float
-    ending_now: float
-    ending_then: float
-    ending_same_kind: float
+    ending_now: float  #: The same by the standard errors of the coefficients [m].
+    ending_then: float  #: The same after the throws.
+    ending_same_kind: float  #: The same after as many throws of the present kind.
+    #: "kind.coefficient" of the most probable explanation to its standard error now and
+    #: then, and its unit.
     stds: dict[str, tuple[float, float, str]]
-    seconds: float
+    seconds: float  #: That it took, once the explanations were fitted.
 
     @property
     def missing(self) -> float:

@@ -20,36 +20,29 @@ class ThrowLimits:
     """Limits of a throw: [least, largest], or the largest alone.
 
     An empty pair, or a NaN, is as flown flights kept it; a file gives only the others.
-
-    Attributes:
-        launch_height: z at release [m].
-        launch_speed: speed at release [m/s].
-        launch_climb: angle of the velocity above the horizon at release [rad].
-        launch_pitch: pitch at release, nose down positive [rad].
-        x: over the flight [m].
-        z: over the flight, the least is the floor [m].
-        pitch: over the flight [rad].
-        speed: largest speed over the flight [m/s].
-        elevator: angle of the elevator [rad].
-        elevator_rate: largest commanded rate of the elevator [rad/s].
-        missed_height: launch error of the height [m]: twice its standard deviation.
-        missed_speed: the same of the speed [m/s].
-        missed_pitch: the same of the pitch [rad].
     """
 
+    #: Z at release [m].
     launch_height: list[float] = dataclasses.field(default_factory=list)
+    #: Speed at release [m/s].
     launch_speed: list[float] = dataclasses.field(default_factory=list)
+    #: Angle of the velocity above the horizon at release [rad].
     launch_climb: list[float] = dataclasses.field(default_factory=list)
+    #: Pitch at release, nose down positive [rad].
     launch_pitch: list[float] = dataclasses.field(default_factory=list)
-    x: list[float] = dataclasses.field(default_factory=list)
+    x: list[float] = dataclasses.field(default_factory=list)  #: Over the flight [m].
+    #: Over the flight, the least is the floor [m].
     z: list[float] = dataclasses.field(default_factory=list)
+    #: Over the flight [rad].
     pitch: list[float] = dataclasses.field(default_factory=list)
-    speed: float = math.nan
+    speed: float = math.nan  #: Largest speed over the flight [m/s].
+    #: Angle of the elevator [rad].
     elevator: list[float] = dataclasses.field(default_factory=list)
-    elevator_rate: float = math.nan
+    elevator_rate: float = math.nan  #: Largest commanded rate of the elevator [rad/s].
+    #: Launch error of the height [m]: twice its standard deviation.
     missed_height: float = 0.03
-    missed_speed: float = 0.2
-    missed_pitch: float = 0.05
+    missed_speed: float = 0.2  #: The same of the speed [m/s].
+    missed_pitch: float = 0.05  #: The same of the pitch [rad].
 
     def __post_init__(self) -> None:
         """Raises InputError where a limit cannot be."""

@@ -52,15 +52,11 @@ PROMISING = 32
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EndScatter:
-    """Scatter of the ends of flights from a given launch, to first order.
+    """Scatter of the ends of flights from a given launch, to first order."""
 
-    Attributes:
-        air: standard deviation of the end, by moving air and flight-to-flight
-            variation [m].
-        slopes: (2 F, m) change of x and z of the end with the free parameters, over √F.
-    """
-
+    #: Standard deviation of the end, by moving air and flight-to-flight variation [m].
     air: float
+    #: (2 F, m) change of x and z of the end with the free parameters, over √F.
     slopes: np.ndarray
 
     def by_parameters(self, covariance: np.ndarray) -> float:

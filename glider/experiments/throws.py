@@ -38,19 +38,12 @@ _Z, _PITCH = STATE_NAMES.index("z"), STATE_NAMES.index("pitch")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Throw:
-    """A launch and its elevator commands.
+    """A launch and its elevator commands."""
 
-    Attributes:
-        launch: (7,) state at release, of STATE_NAMES [m, rad, m/s, rad/s].
-        times: (k,) when each command begins, from 0 [s].
-        commands: (k,) elevator rates, each held until the next [rad/s].
-        duration: [s].
-    """
-
-    launch: np.ndarray
-    times: np.ndarray
-    commands: np.ndarray
-    duration: float
+    launch: np.ndarray  #: (7,) state at release, of STATE_NAMES [m, rad, m/s, rad/s].
+    times: np.ndarray  #: (k,) when each command begins, from 0 [s].
+    commands: np.ndarray  #: (k,) elevator rates, each held until the next [rad/s].
+    duration: float  #: [s].
 
     @property
     def end(self) -> float:
@@ -71,27 +64,17 @@ class Throw:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Range:
-    """Where throws are flown and how they are logged.
+    """Where throws are flown and how they are logged."""
 
-    Attributes:
-        limits: of launch, flight and elevator; none open.
-        x: of the release; the funnel's if there is one [m].
-        rest: angle of the elevator before the first command [rad].
-        stops: of the elevator, as flown flights show them [rad]; None for none.
-        duration: of a flight [s].
-        pose_rate: of the log [Hz].
-        command_rate: of the commands [Hz].
-        funnel: that throws keep inside, if any.
-    """
-
-    limits: ThrowLimits
-    x: float
-    rest: float
+    limits: ThrowLimits  #: Of launch, flight and elevator; none open.
+    x: float  #: Of the release; the funnel's if there is one [m].
+    rest: float  #: Angle of the elevator before the first command [rad].
+    #: Of the elevator, as flown flights show them [rad]; None for none.
     stops: tuple[float, float] | None
-    duration: float
-    pose_rate: float
-    command_rate: float
-    funnel: KnownFunnel | None = None
+    duration: float  #: Of a flight [s].
+    pose_rate: float  #: Of the log [Hz].
+    command_rate: float  #: Of the commands [Hz].
+    funnel: KnownFunnel | None = None  #: That throws keep inside, if any.
 
 
 def range_of(

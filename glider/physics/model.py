@@ -226,21 +226,14 @@ class GliderModel:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a model comes from, for people: it does not change how it flies.
+    """Where a model comes from, for people: it does not change how it flies."""
 
-    Attributes:
-        source: what it was made of: a campaign's folder.
-        date: when, as ISO 8601.
-        version: of this package.
-        standard_errors: of what was fitted: "kind.coefficient" or a parameter's name,
-            in its unit.
-        notes: what was assumed, as sentences.
-    """
-
-    source: str = ""
-    date: str = ""
-    version: str = ""
+    source: str = ""  #: What it was made of: a campaign's folder.
+    date: str = ""  #: When, as ISO 8601.
+    version: str = ""  #: Of this package.
+    #: Of what was fitted: "kind.coefficient" or a parameter's name, in its unit.
     standard_errors: dict[str, float] = dataclasses.field(default_factory=dict)
+    #: What was assumed, as sentences.
     notes: list[str] = dataclasses.field(default_factory=list)
 
 

@@ -31,17 +31,11 @@ class Parameters(NamedTuple):
 
 
 class Theta(NamedTuple):
-    """All parameters of a glider's dynamics, as compiled loops take them.
+    """All parameters of a glider's dynamics, as compiled loops take them."""
 
-    Attributes:
-        p: parameters of the flat-plate glider.
-        c: coefficients of the acting effects, one effect after the other.
-        field: the residual field.
-    """
-
-    p: Parameters
-    c: np.ndarray
-    field: Field
+    p: Parameters  #: Parameters of the flat-plate glider.
+    c: np.ndarray  #: Coefficients of the acting effects, one effect after the other.
+    field: Field  #: The residual field.
 
 
 PARAMETER_NAMES = Parameters._fields

@@ -18,17 +18,11 @@ that plan stays 0.3 rad away from its stops."""
 
 
 class Servo(NamedTuple):
-    """Limits of a servo.
+    """Limits of a servo."""
 
-    Attributes:
-        low: stop of the trailing edge down [rad].
-        high: stop of the trailing edge up [rad].
-        rate: largest rate either way [rad/s].
-    """
-
-    low: float
-    high: float
-    rate: float
+    low: float  #: Stop of the trailing edge down [rad].
+    high: float  #: Stop of the trailing edge up [rad].
+    rate: float  #: Largest rate either way [rad/s].
 
 
 NO_LIMITS = Servo(-math.inf, math.inf, math.inf)

@@ -26,15 +26,11 @@ class Hook:
     """Limits within which a glider that passes a wire is held by it.
 
     Their sources are in models/problems/perching.yaml.
-
-    Attributes:
-        reach: largest distance of the center of mass from the wire [m].
-        speed_limit: largest speed that it stops the glider from [m/s].
-        pitch_limits: pitch between which its mouth meets the wire [rad].
     """
 
-    reach: float = 0.05
-    speed_limit: float = 2.8
+    reach: float = 0.05  #: Largest distance of the center of mass from the wire [m].
+    speed_limit: float = 2.8  #: Largest speed that it stops the glider from [m/s].
+    #: Pitch between which its mouth meets the wire [rad].
     pitch_limits: list[float] = _list(-1.17, -0.35)
 
     def takes(self, miss: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
@@ -61,33 +57,27 @@ class PerchingProblem:
 
     The defaults are the article's problem. Signs as in `glider.physics.state`: a pitch
     of -π/4 is nose up.
-
-    Attributes:
-        launch: state at release, in the order of STATE_NAMES [m, rad, m/s, rad/s].
-        wire: place where the center of mass must end, (x, z) [m].
-        x_limits: bounds of x over the whole flight [m].
-        z_limits: bounds of z over the whole flight [m].
-        pitch_limits: bounds of the pitch over the whole flight [rad].
-        final_pitch_limits: bounds of the pitch at the wire [rad].
-        final_speed_limit: bound of |ẋ| and of |ż| at the wire [m/s].
-        rate_cost: weight of the elevator's squared rate [1/(rad²/s)].
-        goal: state that the final cost draws to.
-        goal_weights: diagonal of the final cost's weight.
-        duration_limits: bounds of the number of knots times the step between them [s].
-        hook: at the glider; no part of the plan, it determines which flights perch.
     """
 
+    #: State at release, in the order of STATE_NAMES [m, rad, m/s, rad/s].
     launch: list[float] = _list(-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
+    #: Place where the center of mass must end, (x, z) [m].
     wire: list[float] = _list(0.0, 0.0)
-    x_limits: list[float] = _list(-3.5, 1.0)
-    z_limits: list[float] = _list(-1.0, 1.0)
+    x_limits: list[float] = _list(-3.5, 1.0)  #: Bounds of x over the whole flight [m].
+    z_limits: list[float] = _list(-1.0, 1.0)  #: Bounds of z over the whole flight [m].
+    #: Bounds of the pitch over the whole flight [rad].
     pitch_limits: list[float] = _list(-math.pi / 2, math.pi / 2)
+    #: Bounds of the pitch at the wire [rad].
     final_pitch_limits: list[float] = _list(-1.0, -math.pi / 6)
-    final_speed_limit: float = 2.0
-    rate_cost: float = 100.0
+    final_speed_limit: float = 2.0  #: Bound of |ẋ| and of |ż| at the wire [m/s].
+    rate_cost: float = 100.0  #: Weight of the elevator's squared rate [1/(rad²/s)].
+    #: State that the final cost draws to.
     goal: list[float] = _list(0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0)
+    #: Diagonal of the final cost's weight.
     goal_weights: list[float] = _list(10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0)
+    #: Bounds of the number of knots times the step between them [s].
     duration_limits: list[float] = _list(0.5, 2.0)
+    #: At the glider; no part of the plan, it determines which flights perch.
     hook: Hook = dataclasses.field(default_factory=Hook)
 
     def __post_init__(self):

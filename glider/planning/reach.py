@@ -48,17 +48,11 @@ REACHED = 1e-3
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Closest:
-    """Flights that end as near to the wire as they can.
+    """Flights that end as near to the wire as they can."""
 
-    Attributes:
-        tries: number of guesses.
-        misses: distances of those that were found, in rising order [m].
-        flight: the nearest, None where none was found.
-    """
-
-    tries: int
-    misses: np.ndarray
-    flight: CollocatedFlight | None
+    tries: int  #: Number of guesses.
+    misses: np.ndarray  #: Distances of those that were found, in rising order [m].
+    flight: CollocatedFlight | None  #: The nearest, None where none was found.
 
     @property
     def agreeing(self) -> int:
@@ -124,20 +118,14 @@ def find_closest(
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Reach:
-    """Launches, and whether each has a plan.
+    """Launches, and whether each has a plan."""
 
-    Attributes:
-        launches: (B, 7).
-        planned: (B,) whether there is a plan.
-        misses: (B,) how far from the wire the nearest flight ends that keeps all other
-            limits [m]: 0 with a plan, NaN where no flight keeps them.
-        seconds: time that it took [s].
-    """
-
-    launches: np.ndarray
-    planned: np.ndarray
+    launches: np.ndarray  #: (B, 7).
+    planned: np.ndarray  #: (B,) whether there is a plan.
+    #: (B,) how far from the wire the nearest flight ends that keeps all other limits
+    #: [m]: 0 with a plan, NaN where no flight keeps them.
     misses: np.ndarray
-    seconds: float
+    seconds: float  #: Time that it took [s].
 
     def describe(self) -> str:
         """Describes the number that can perch, and the median miss of the others."""

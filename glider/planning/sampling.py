@@ -17,22 +17,17 @@ WORST = 1e300
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MppiSettings:
-    """Settings of model-predictive path-integral control, by default the article's.
+    """Settings of model-predictive path-integral control, by default the article's."""
 
-    Attributes:
-        samples: sequences in an iteration.
-        temperature: λ, in units of the cost: at a small one the best sequence takes
-            all, at a large one all have equal weight.
-        deviation: σ of each command [rad/s].
-        likelihood_ratio: whether the cost holds λ log dQ/dP of the drawn sequence, Q
-            being the distribution that it is drawn from and P the one about zero
-            commands. The canonical algorithm does, and thereby minimizes a state cost
-            plus λ/(2σ²) Σ u²; the article's does not.
-    """
-
-    samples: int = 30
+    samples: int = 30  #: Sequences in an iteration.
+    #: λ, in units of the cost: at a small one the best sequence takes all, at a large
+    #: one all have equal weight.
     temperature: float = 10.0
-    deviation: float = math.sqrt(0.1)
+    deviation: float = math.sqrt(0.1)  #: σ of each command [rad/s].
+    #: Whether the cost holds λ log dQ/dP of the drawn sequence, Q being the
+    #: distribution that it is drawn from and P the one about zero commands. The
+    #: canonical algorithm does, and thereby minimizes a state cost plus λ/(2σ²) Σ u²;
+    #: the article's does not.
     likelihood_ratio: bool = False
 
     def __post_init__(self):

@@ -37,25 +37,15 @@ COARSE_TOLERANCE = 1e-2
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class CollocatedFlight:
-    """A flight on N knots at equal distances, and its multipliers.
+    """A flight on N knots at equal distances, and its multipliers."""
 
-    Attributes:
-        name: of what it is, as a guess.
-        optimum: knots, duration of a segment and multipliers.
-        num_states: n, with the effects' own states.
-        cost: that was minimized.
-        status: that the solver ended in, with its iterations and error.
-        solved: whether the tolerance is met.
-        seconds: that the solver took [s].
-    """
-
-    name: str
-    optimum: Optimum
-    num_states: int
-    cost: float
-    status: str
-    solved: bool
-    seconds: float
+    name: str  #: Of what it is, as a guess.
+    optimum: Optimum  #: Knots, duration of a segment and multipliers.
+    num_states: int  #: N, with the effects' own states.
+    cost: float  #: That was minimized.
+    status: str  #: That the solver ended in, with its iterations and error.
+    solved: bool  #: Whether the tolerance is met.
+    seconds: float  #: That the solver took [s].
 
     @property
     def knots(self) -> np.ndarray:

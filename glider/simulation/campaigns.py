@@ -26,22 +26,15 @@ FINE = 10
 
 @dataclasses.dataclass(kw_only=True)
 class CampaignPlan:
-    """Plan of a simulated campaign: how to fly and how to measure.
+    """Plan of a simulated campaign: how to fly and how to measure."""
 
-    Attributes:
-        flights: number of launches.
-        duration: of each flight [s].
-        capture: motion capture that measures.
-        command_rate: of the elevator-rate commands [Hz].
-        launch: mean launch state.
-        launch_spread: standard deviation of the launch states.
-    """
-
-    flights: int = 40
-    duration: float = 0.86
-    capture: MotionCapture = MotionCapture()
-    command_rate: float = 50.0
+    flights: int = 40  #: Number of launches.
+    duration: float = 0.86  #: Of each flight [s].
+    capture: MotionCapture = MotionCapture()  #: Motion capture that measures.
+    command_rate: float = 50.0  #: Of the elevator-rate commands [Hz].
+    #: Mean launch state.
     launch: tuple[float, ...] = (-3.5, 0.1, 0.0, 0.0, 7.0, 0.0, 0.0)
+    #: Standard deviation of the launch states.
     launch_spread: tuple[float, ...] = (0.05, 0.12, 0.06, 0.0, 0.3, 0.2, 0.3)
 
     def simulate(

@@ -24,17 +24,11 @@ REFINEMENT = 16
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Pass:
-    """The moment at which a flight is nearest to the wire.
+    """The moment at which a flight is nearest to the wire."""
 
-    Attributes:
-        time: of the flight [s].
-        miss: distance of the center of mass from the wire [m].
-        arrival: (n,) state.
-    """
-
-    time: float
-    miss: float
-    arrival: np.ndarray
+    time: float  #: Of the flight [s].
+    miss: float  #: Distance of the center of mass from the wire [m].
+    arrival: np.ndarray  #: (n,) state.
 
 
 def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pass:
@@ -67,26 +61,17 @@ def closest_pass(times: np.ndarray, states: np.ndarray, wire: np.ndarray) -> Pas
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
-    """One flight of a simulated glider; a hook that takes it ends it at the wire.
+    """One flight of a simulated glider; a hook that takes it ends it at the wire."""
 
-    Attributes:
-        times: (K,) of the integrator's steps [s].
-        states: (K, n) of the glider.
-        rates: (K,) elevator rate that the servo gives the glider [rad/s].
-        miss: least distance of the center of mass from the wire [m].
-        arrival: (n,) state there.
-        hook: at the glider.
-        forces: (K, 2) of wing and elevator along their normals [N], if asked for.
-        log: of motion capture and of the commands, where there is one.
-    """
-
-    times: np.ndarray
-    states: np.ndarray
-    rates: np.ndarray
-    miss: float
-    arrival: np.ndarray
-    hook: Hook
+    times: np.ndarray  #: (K,) of the integrator's steps [s].
+    states: np.ndarray  #: (K, n) of the glider.
+    rates: np.ndarray  #: (K,) elevator rate that the servo gives the glider [rad/s].
+    miss: float  #: Least distance of the center of mass from the wire [m].
+    arrival: np.ndarray  #: (n,) state there.
+    hook: Hook  #: At the glider.
+    #: (K, 2) of wing and elevator along their normals [N], if asked for.
     forces: np.ndarray | None = None
+    #: Of motion capture and of the commands, where there is one.
     log: Flight | None = None
 
     @property
@@ -142,15 +127,10 @@ def hooked(
 
 @dataclasses.dataclass(frozen=True)
 class Perches:
-    """Flights to a wire under one policy: how many perch, and how they come there.
+    """Flights to a wire under one policy: how many perch, and how they come there."""
 
-    Attributes:
-        flights: in the order of the launches.
-        logged: their logs as a campaign, or None.
-    """
-
-    flights: Sequence[FlownFlight]
-    logged: Campaign | None = None
+    flights: Sequence[FlownFlight]  #: In the order of the launches.
+    logged: Campaign | None = None  #: Their logs as a campaign, or None.
 
     @property
     def campaign(self) -> Campaign:
@@ -226,26 +206,18 @@ class Perches:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flights:
-    """Many flights of one glider under one policy, over the same time.
+    """Many flights of one glider under one policy, over the same time."""
 
-    Attributes:
-        times: (N + 1,) of the steps [s].
-        miss: (B,) least distance of the center of mass from the wire [m].
-        arrivals: (B, n) states there.
-        problem: that was flown: its wire, and the hook at the glider.
-        ends: (B, n) the last states, as if there were no hook.
-        paths: (B, N + 1, n) all states, if asked for, as if there were no hook.
-        command_times: (H,) when each command began [s], where commands are held.
-        commands: (B, H) elevator rates that the servo made of them [rad/s], with paths.
-    """
-
-    times: np.ndarray
-    miss: np.ndarray
-    arrivals: np.ndarray
-    problem: PerchingProblem
-    ends: np.ndarray
+    times: np.ndarray  #: (N + 1,) of the steps [s].
+    miss: np.ndarray  #: (B,) least distance of the center of mass from the wire [m].
+    arrivals: np.ndarray  #: (B, n) states there.
+    problem: PerchingProblem  #: That was flown: its wire, and the hook at the glider.
+    ends: np.ndarray  #: (B, n) the last states, as if there were no hook.
+    #: (B, N + 1, n) all states, if asked for, as if there were no hook.
     paths: np.ndarray | None = None
+    #: (H,) when each command began [s], where commands are held.
     command_times: np.ndarray | None = None
+    #: (B, H) elevator rates that the servo made of them [rad/s], with paths.
     commands: np.ndarray | None = None
 
     @property

@@ -48,17 +48,11 @@ class Policy(Protocol):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Clock:
-    """The steps of a flight and how many of them a command is held.
+    """The steps of a flight and how many of them a command is held."""
 
-    Attributes:
-        step: length of a step [s].
-        steps: number of steps.
-        hold: steps to a command; 0 where the command follows the state at once.
-    """
-
-    step: float
-    steps: int
-    hold: int
+    step: float  #: Length of a step [s].
+    steps: int  #: Number of steps.
+    hold: int  #: Steps to a command; 0 where the command follows the state at once.
 
     @property
     def commands(self) -> int:

@@ -36,19 +36,14 @@ _LARGEST_POSITION = 100.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Flight as cameras or a model have it.
+    """Flight as cameras or a model have it."""
 
-    Attributes:
-        time: (n,) from the first row of the log [s]; it ends early where a model
-            diverges.
-        poses: (n, 4) x, z [m], pitch, elevator [rad].
-        forces: (n, 2) of wing and elevator along their normals [N], as the model
-            has them along the measured flight; None for a model's own flight, and
-            where the campaign does not give the mass.
-    """
-
+    #: (n,) from the first row of the log [s]; it ends early where a model diverges.
     time: np.ndarray
-    poses: np.ndarray
+    poses: np.ndarray  #: (n, 4) x, z [m], pitch, elevator [rad].
+    #: (n, 2) of wing and elevator along their normals [N], as the model has them along
+    #: the measured flight; None for a model's own flight, and where the campaign does
+    #: not give the mass.
     forces: np.ndarray | None = None
 
 

@@ -51,32 +51,24 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReportedEffect:
-    """An effect that the flights show.
+    """An effect that the flights show."""
 
-    Attributes:
-        kind: of the library, a user effect, or "unexplained".
-        coefficients: by name.
-        evidence: log-likelihood lost without it, all else refitted [nats]; NaN where
-            only flight-to-flight variation was found.
-        share_of_residual: of all the evidence, 0 to 1.
-        inclusion: share of resampled sets of flights in which it is chosen, 0 to 1.
-        spread_over_flights: coefficient to its flight-to-flight standard deviation;
-            only those that vary.
-        shape: LIBRARY_SHAPE where the library's formula has the right shape; else the
-            model carries a curve beside it.
-        indistinguishable_from: kinds that the data cannot distinguish from it.
-        depends_on: variables that it varies with.
-    """
-
-    kind: str
-    coefficients: dict[str, Estimate]
+    kind: str  #: Of the library, a user effect, or "unexplained".
+    coefficients: dict[str, Estimate]  #: By name.
+    #: Log-likelihood lost without it, all else refitted [nats]; NaN where only
+    #: flight-to-flight variation was found.
     evidence: Number = math.nan
-    share_of_residual: Number = math.nan
+    share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
+    #: Share of resampled sets of flights in which it is chosen, 0 to 1.
     inclusion: Number = 1.0
+    #: Coefficient to its flight-to-flight standard deviation; only those that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
+    #: LIBRARY_SHAPE where the library's formula has the right shape; else the model
+    #: carries a curve beside it.
     shape: str = LIBRARY_SHAPE
+    #: Kinds that the data cannot distinguish from it.
     indistinguishable_from: tuple[str, ...] = ()
-    depends_on: tuple[str, ...]
+    depends_on: tuple[str, ...]  #: Variables that it varies with.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -102,22 +94,14 @@ CURVE_TERMS = ("c_normal", "c_axial", "c_moment", "elevator_factor")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Residual of the flat plate in one term, over the angle of attack, with a band.
+    """Residual of the flat plate in one term, over the angle of attack, with a band."""
 
-    Attributes:
-        term: one of CURVE_TERMS.
-        alpha: (n,) [rad].
-        lack: (n,) the residual of the flat plate: identified effects and what is
-            carried.
-        std: (n,) standard error of it.
-        named: (n,) the identified part.
-    """
-
-    term: str
-    alpha: np.ndarray
+    term: str  #: One of CURVE_TERMS.
+    alpha: np.ndarray  #: (n,) [rad].
+    #: (n,) the residual of the flat plate: identified effects and what is carried.
     lack: np.ndarray
-    std: np.ndarray
-    named: np.ndarray
+    std: np.ndarray  #: (n,) standard error of it.
+    named: np.ndarray  #: (n,) the identified part.
 
     def __post_init__(self) -> None:
         if self.term not in CURVE_TERMS:
@@ -143,16 +127,11 @@ class Air:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Residual:
-    """Error of the corrected model on held-out flights.
+    """Error of the corrected model on held-out flights."""
 
-    Attributes:
-        ratio_to_noise: RMS of the position's error over the measurement's noise.
-        position_m: that RMS [m].
-        depends_on: variables that the remaining error varies with, most first.
-    """
-
-    ratio_to_noise: Number
-    position_m: Number
+    ratio_to_noise: Number  #: RMS of the position's error over the measurement's noise.
+    position_m: Number  #: That RMS [m].
+    #: Variables that the remaining error varies with, most first.
     depends_on: tuple[str, ...]
 
 
@@ -282,17 +261,12 @@ MOST_COMBINATIONS = 12
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EvidenceThreshold:
-    """Evidence below which an effect is not taken [nats].
+    """Evidence below which an effect is not taken [nats]."""
 
-    Attributes:
-        effect: of one coefficient, at least.
-        coefficient: more for each further coefficient.
-        uncommon: more for an effect that not every glider has; zero where the nominal
-            forces are known.
-    """
-
-    effect: Number
-    coefficient: Number
+    effect: Number  #: Of one coefficient, at least.
+    coefficient: Number  #: More for each further coefficient.
+    #: More for an effect that not every glider has; zero where the nominal forces are
+    #: known.
     uncommon: Number = 0.0
 
 
@@ -306,49 +280,36 @@ class OutlyingFlights:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HeldOutFlight:
-    """A held-out flight measured and flown by each model.
+    """A held-out flight measured and flown by each model."""
 
-    Attributes:
-        name: of its file.
-        time: (n,) from the first row [s].
-        measured: (n, 3) x [m], z [m], pitch [rad].
-        flown: model name (of MODELS) to (n, 3) the same from its free rollout.
-        fitted_until: the launch state was fitted on the rows up to here [s].
-    """
-
-    name: str
-    time: np.ndarray
-    measured: np.ndarray
+    name: str  #: Of its file.
+    time: np.ndarray  #: (n,) from the first row [s].
+    measured: np.ndarray  #: (n, 3) x [m], z [m], pitch [rad].
+    #: Model name (of MODELS) to (n, 3) the same from its free rollout.
     flown: dict[str, np.ndarray]
-    fitted_until: float
+    fitted_until: float  #: The launch state was fitted on the rows up to here [s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualTable:
-    """The article's residual data set of one model, all flights stacked.
+    """The article's residual data set of one model, all flights stacked."""
 
-    Attributes:
-        variables: name (of FIELD_VARIABLES and "alphadot") to (N,) values.
-        residual: (N, 3) measured minus modelled acceleration: along the wing, normal
-            to it [m/s²], pitch [rad/s²].
-        coefficients: name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred
-            to ½ρV²S_w.
-        modelled: the same of the model.
-        flight: (N,) number of the flight that each row is of, an index of `names`.
-        names: of the flights.
-        noise: (N, 3) standard deviation of `residual` that the measurement's noise
-            alone gives it, as the smoothing lets it through.
-        unit: (N, 2) accelerations that coefficients of one stand for: ½ρV²S_w over
-            the mass [m/s²] and over the moment of inertia [rad/s²/m].
-    """
-
+    #: Name (of FIELD_VARIABLES and "alphadot") to (N,) values.
     variables: dict[str, np.ndarray]
+    #: (N, 3) measured minus modelled acceleration: along the wing, normal to it [m/s²],
+    #: pitch [rad/s²].
     residual: np.ndarray
+    #: Name ("c_lift", "c_drag", "c_moment") to (N,) measured, referred to ½ρV²S_w.
     coefficients: dict[str, np.ndarray]
-    modelled: dict[str, np.ndarray]
+    modelled: dict[str, np.ndarray]  #: The same of the model.
+    #: (N,) number of the flight that each row is of, an index of `names`.
     flight: np.ndarray
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: Of the flights.
+    #: (N, 3) standard deviation of `residual` that the measurement's noise alone gives
+    #: it, as the smoothing lets it through.
     noise: np.ndarray
+    #: (N, 2) accelerations that coefficients of one stand for: ½ρV²S_w over the mass
+    #: [m/s²] and over the moment of inertia [rad/s²/m].
     unit: np.ndarray
 
 
@@ -357,49 +318,42 @@ class Report:
     """The part of a result that report.json holds, in its order.
 
     docs/file_formats.md has all fields.
-
-    Attributes:
-        flights: names of those used to fit and of those held out.
-        errors: model name (of MODELS, and CALIBRATED) to its errors; nominal is None
-            where the vehicle is not known.
-        outlying: held-out flights that are not in `errors`; None without any.
-        spreads: name to flight-to-flight variation, only where there is any.
-        correlations: "kind.coefficient" to the same to the correlation of their errors.
-        derivatives: of the corrected model; None in reports of older versions, as is
-        innovations: correlations of what is left of each held-out flight.
-        candidates: evidence of each kind when tried alone [nats].
-        combinations: sets of effects that were fitted, best first.
-        curves: residual of the flat plate over the angle of attack.
-        vehicle: name of a parameter that was not specified to its estimate.
-        planarity: name of a flight to a sentence, where the log has roll and yaw.
-        seed: of the split into fitted and held-out flights.
-        settings: seed, fraction and what else would repeat this run.
     """
 
     campaign: str
-    flights: FlightNames
+    flights: FlightNames  #: Names of those used to fit and of those held out.
     verdict: str
     reason: str
     effects: Sequence[ReportedEffect]
+    #: Model name (of MODELS, and CALIBRATED) to its errors; nominal is None where the
+    #: vehicle is not known.
     errors: dict[str, Errors | None]
+    #: Held-out flights that are not in `errors`; None without any.
     outlying: OutlyingFlights | None = None
     evidence_threshold: EvidenceThreshold
     folds: tuple[Fold, ...]
     left: Residual
     air: Air
+    #: Name to flight-to-flight variation, only where there is any.
     spreads: dict[str, Spread]
+    #: "kind.coefficient" to the same to the correlation of their errors.
     correlations: dict[str, dict[str, Number]]
+    #: Of the corrected model; None in reports of older versions, as is.
     derivatives: Derivatives | None = None
+    #: Correlations of what is left of each held-out flight.
     innovations: Innovations | None = None
-    candidates: dict[str, Number]
+    candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
+    #: Sets of effects that were fitted, best first.
     combinations: tuple[Combination, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[Curve, ...]  #: Residual of the flat plate over the angle of attack.
+    #: Name of a parameter that was not specified to its estimate.
     vehicle: dict[str, Estimate]
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]
+    #: Name of a flight to a sentence, where the log has roll and yaw.
     planarity: dict[str, str]
-    seed: int | None
-    settings: dict[str, Any]
+    seed: int | None  #: Of the split into fitted and held-out flights.
+    settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
     noise: MeasurementNoise
     seconds: dict[str, Number]
     version: str
@@ -415,29 +369,22 @@ class Report:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Result(Report):
-    """Result of `close_the_loop`.
-
-    Attributes:
-        path: of the campaign's folder.
-        knows_forces: whether mass and areas are specified: sets of effects are then
-            judged by the fitted flights, else by predictions of held-out flights.
-        model: the corrected glider.
-        covariance: of the errors of its coefficients and of the fitted parameters of
-            the vehicle; None where nothing was fitted.
-        held_out: held-out flights, measured and flown.
-        residual_before: of the nominal model, or of the baseline where there is none.
-        residual_after: of the corrected model.
-        own_effects: kinds of the caller's that were tried beside the library.
-    """
+    """Result of `close_the_loop`."""
 
     effects: Sequence[FoundEffect]
-    path: Path
+    path: Path  #: Of the campaign's folder.
+    #: Whether mass and areas are specified: sets of effects are then judged by the
+    #: fitted flights, else by predictions of held-out flights.
     knows_forces: bool
-    model: GliderModel
-    held_out: tuple[HeldOutFlight, ...]
+    model: GliderModel  #: The corrected glider.
+    held_out: tuple[HeldOutFlight, ...]  #: Held-out flights, measured and flown.
+    #: Of the nominal model, or of the baseline where there is none.
     residual_before: ResidualTable
-    residual_after: ResidualTable
+    residual_after: ResidualTable  #: Of the corrected model.
+    #: Kinds of the caller's that were tried beside the library.
     own_effects: tuple[EffectKind, ...] = ()
+    #: Of the errors of its coefficients and of the fitted parameters of the vehicle;
+    #: None where nothing was fitted.
     covariance: Covariance | None = None
 
     @property

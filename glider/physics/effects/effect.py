@@ -51,17 +51,13 @@ class Replay(NamedTuple):
 
     A log is not flown through the plant's actuators and clocks but through these,
     which are exact.
-
-    Attributes:
-        delay: time between a command and its action [s].
-        time_constant: first-order lag of the elevator's rate [s]; 0 for none.
-        latency: the row of time t shows the pose of t - latency [s].
-        actuators: further ones and their coefficients, integrated by their formulas.
     """
 
-    delay: float = 0.0
+    delay: float = 0.0  #: Time between a command and its action [s].
+    #: First-order lag of the elevator's rate [s]; 0 for none.
     time_constant: float = 0.0
-    latency: float = 0.0
+    latency: float = 0.0  #: The row of time t shows the pose of t - latency [s].
+    #: Further ones and their coefficients, integrated by their formulas.
     actuators: tuple[tuple["EffectKind", tuple[float, ...]], ...] = ()
 
 
@@ -118,26 +114,17 @@ class Flow(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Coefficient:
-    """One number of an effect.
+    """One number of an effect."""
 
-    Attributes:
-        name: as in the report.
-        unit: SI, as in the report.
-        default: value when not given; all defaults together do nothing.
-        scale: a typical size, for step sizes and for planting in tests.
-        lower: smallest physical value.
-        upper: largest physical value.
-        grid: starting values to try where the effect is not linear in this
-            coefficient; empty where it is (nearly) linear.
-    """
-
-    name: str
-    unit: str
-    default: float = 0.0
+    name: str  #: As in the report.
+    unit: str  #: SI, as in the report.
+    default: float = 0.0  #: Value when not given; all defaults together do nothing.
     _: dataclasses.KW_ONLY
-    scale: float = 1.0
-    lower: float = -math.inf
-    upper: float = math.inf
+    scale: float = 1.0  #: A typical size, for step sizes and for planting in tests.
+    lower: float = -math.inf  #: Smallest physical value.
+    upper: float = math.inf  #: Largest physical value.
+    #: Starting values to try where the effect is not linear in this coefficient; empty
+    #: where it is (nearly) linear.
     grid: tuple[float, ...] = ()
 
     @property
@@ -148,40 +135,30 @@ class Coefficient:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EffectKind:
-    """A physical effect that a flat-plate glider may lack.
+    """A physical effect that a flat-plate glider may lack."""
 
-    Attributes:
-        kind: its name in models and reports.
-        stage: the link of the chain where it enters, a key of STAGES.
-        adds_to: the terms of that stage that the formula's results add to.
-        coefficients: in the order of the formula's arguments.
-        formula: ``formula(flow, *states, *coefficients)`` returns the addition,
-            a scalar for one term, else a tuple. Air effects get a Motion, all
-            others a Flow. Actuators: the elevator's rate that comes out.
-        words: a short phrase for people.
-        depends_on: the variables that its signature varies with.
-        states: names of the effect's own states.
-        state_rate: ``state_rate(flow, *states, *coefficients)``, their rates: a
-            scalar for one state, else a tuple. Actuators get the incoming rate
-            instead of a Flow.
-        steady_state: the same arguments without states: their values at rest.
-        state_scales: typical sizes of the states; 1 where not given.
-        replay: ``replay(before, *coefficients)`` returns the Replay with this effect,
-            where a log is replayed through it; then it is no part of the dynamics that
-            fly the log. An actuator without one is integrated by its formulas.
-    """
-
-    kind: str
-    stage: str
+    kind: str  #: Its name in models and reports.
+    stage: str  #: The link of the chain where it enters, a key of STAGES.
+    #: The terms of that stage that the formula's results add to.
     adds_to: tuple[str, ...]
-    coefficients: tuple[Coefficient, ...]
+    coefficients: tuple[Coefficient, ...]  #: In the order of the formula's arguments.
+    #: ``formula(flow, *states, *coefficients)`` returns the addition, a scalar for one
+    #: term, else a tuple. Air effects get a Motion, all others a Flow. Actuators: the
+    #: elevator's rate that comes out.
     formula: Callable
-    words: str
-    depends_on: tuple[str, ...] = ()
-    states: tuple[str, ...] = ()
+    words: str  #: A short phrase for people.
+    depends_on: tuple[str, ...] = ()  #: The variables that its signature varies with.
+    states: tuple[str, ...] = ()  #: Names of the effect's own states.
+    #: ``state_rate(flow, *states, *coefficients)``, their rates: a scalar for one
+    #: state, else a tuple. Actuators get the incoming rate instead of a Flow.
     state_rate: Callable | None = None
+    #: The same arguments without states: their values at rest.
     steady_state: Callable | None = None
+    #: Typical sizes of the states; 1 where not given.
     state_scales: tuple[float, ...] = ()
+    #: ``replay(before, *coefficients)`` returns the Replay with this effect, where a
+    #: log is replayed through it; then it is no part of the dynamics that fly the log.
+    #: An actuator without one is integrated by its formulas.
     replay: Callable[..., Replay] | None = None
 
     @property

@@ -40,18 +40,15 @@ class Field(NamedTuple):
     """A sum of Gaussian basis functions, as arrays that numba takes.
 
     term_k = Σ_m weights[m, k] exp(-½ Σ_d ((ξ_d - centers[m, d]) inverse_widths[m, d])²)
-
-    Attributes:
-        centers: (M, 9), in the order of FIELD_VARIABLES.
-        inverse_widths: (M, 9), zero where the function does not depend on the
-            variable; a row of zeros is a constant.
-        weights: (M, 6), in the order of FIELD_TERMS: air velocity [m/s], then
-            coefficients that refer to ½ ρ V² S_w (the moment without a chord [m]), then
-            the relative change of the elevator's force.
     """
 
-    centers: np.ndarray
+    centers: np.ndarray  #: (M, 9), in the order of FIELD_VARIABLES.
+    #: (M, 9), zero where the function does not depend on the variable; a row of zeros
+    #: is a constant.
     inverse_widths: np.ndarray
+    #: (M, 6), in the order of FIELD_TERMS: air velocity [m/s], then coefficients that
+    #: refer to ½ ρ V² S_w (the moment without a chord [m]), then the relative change of
+    #: the elevator's force.
     weights: np.ndarray
 
 
@@ -103,24 +100,19 @@ def field_terms(flow, field):
 
 @dataclasses.dataclass(kw_only=True)
 class FieldData:
-    """A field as it stands in a model file: plain lists of numbers by name.
+    """A field as it stands in a model file: plain lists of numbers by name."""
 
-    Attributes:
-        kind: "rbf_residual" or "unexplained".
-        variables: names in FIELD_VARIABLES that it depends on.
-        centers: one row a basis function, one column a variable.
-        widths: standard deviation of the Gaussians in each variable.
-        constant: whether the last row of weights is of a constant.
-        weights: name in FIELD_TERMS to one weight a basis function.
-        more: further fields over other variables that add to it.
-    """
-
-    kind: str = "rbf_residual"
+    kind: str = "rbf_residual"  #: "rbf_residual" or "unexplained".
+    #: Names in FIELD_VARIABLES that it depends on.
     variables: list[str] = dataclasses.field(default_factory=list)
+    #: One row a basis function, one column a variable.
     centers: list[list[float]] = dataclasses.field(default_factory=list)
+    #: Standard deviation of the Gaussians in each variable.
     widths: list[float] = dataclasses.field(default_factory=list)
-    constant: bool = False
+    constant: bool = False  #: Whether the last row of weights is of a constant.
+    #: Name in FIELD_TERMS to one weight a basis function.
     weights: dict[str, list[float]] = dataclasses.field(default_factory=dict)
+    #: Further fields over other variables that add to it.
     more: list["FieldData"] = dataclasses.field(default_factory=list)
 
 

@@ -126,17 +126,11 @@ _FLAT = 1e-12
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class ConfidenceSet:
-    """A set of deviations δ of a glider's numbers from their estimates.
+    """A set of deviations δ of a glider's numbers from their estimates."""
 
-    Attributes:
-        covariance: covariance of the m numbers that may deviate.
-        level: probability with which the true numbers are in it.
-        shape: one of SHAPES.
-    """
-
-    covariance: Covariance
-    level: float = LEVEL
-    shape: str = "ellipsoid"
+    covariance: Covariance  #: Covariance of the m numbers that may deviate.
+    level: float = LEVEL  #: Probability with which the true numbers are in it.
+    shape: str = "ellipsoid"  #: One of SHAPES.
 
     def __post_init__(self):
         """Raises InputError where there is no such set."""

@@ -77,14 +77,11 @@ class Dependence(Number):
     """The variables that a number depends on.
 
     It may name a variable too many (x - x depends on x), never one too few.
-
-    Attributes:
-        variables: indices of the variables that it depends on at all.
-        nonlinear: indices of those in which it need not be linear, jointly with the
-            others.
     """
 
+    #: Indices of the variables that it depends on at all.
     variables: frozenset[int] = frozenset()
+    #: Indices of those in which it need not be linear, jointly with the others.
     nonlinear: frozenset[int] = frozenset()
 
     def plus(self, other: Any) -> "Dependence":
@@ -186,14 +183,10 @@ class Jet(Number):
 
     Its coefficients may be arrays, one number for each expansion point; plain numbers
     and arrays like that join in.
-
-    Attributes:
-        table: the Monomials that it is a sum of.
-        coefficients: (M, ...) one for each monomial.
     """
 
-    table: Monomials
-    coefficients: np.ndarray
+    table: Monomials  #: The Monomials that it is a sum of.
+    coefficients: np.ndarray  #: (M, ...) one for each monomial.
 
     def plus(self, other: Any) -> "Jet":
         if isinstance(other, Jet):

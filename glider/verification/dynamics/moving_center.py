@@ -27,19 +27,12 @@ _TINY = 1e-30
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class MovingCenter:
-    """The center of a funnel for each glider of a confidence set: x₀ + X δ.
+    """The center of a funnel for each glider of a confidence set: x₀ + X δ."""
 
-    Attributes:
-        confidence: set of the deviations δ (m,).
-        times: times (T,) [s].
-        shifts: X (T, n, m).
-        slopes: Ẋ (T, n, m) [1/s].
-    """
-
-    confidence: ConfidenceSet
-    times: np.ndarray
-    shifts: np.ndarray
-    slopes: np.ndarray
+    confidence: ConfidenceSet  #: Set of the deviations δ (m,).
+    times: np.ndarray  #: Times (T,) [s].
+    shifts: np.ndarray  #: X (T, n, m).
+    slopes: np.ndarray  #: Ẋ (T, n, m) [1/s].
 
     def at(self, times: np.ndarray | float, deviation: np.ndarray) -> np.ndarray:
         """Returns X δ (..., n) at times within the flight, for one δ (m,)."""

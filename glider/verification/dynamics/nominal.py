@@ -51,20 +51,13 @@ class Nominal:
     """A flight of a glider under u = u₀ - K (x - x₀), at some times.
 
     The names of the arrays are keys in a funnel's file.
-
-    Attributes:
-        model: glider that flies.
-        times: times (T,) from 0 [s].
-        states: states x₀ (T, n).
-        inputs: elevator rates u₀ (T,) [rad/s].
-        gains: gains K (T, n).
     """
 
-    model: GliderModel
-    times: np.ndarray
-    states: np.ndarray
-    inputs: np.ndarray
-    gains: np.ndarray
+    model: GliderModel  #: Glider that flies.
+    times: np.ndarray  #: Times (T,) from 0 [s].
+    states: np.ndarray  #: States x₀ (T, n).
+    inputs: np.ndarray  #: Elevator rates u₀ (T,) [rad/s].
+    gains: np.ndarray  #: Gains K (T, n).
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -29,17 +29,11 @@ few hundred terms that are not negative, with an error below 1e-13."""
 
 @dataclasses.dataclass(eq=False)
 class TaylorModel(Number):
-    """A polynomial and a bound of its remainder, on each of many boxes.
+    """A polynomial and a bound of its remainder, on each of many boxes."""
 
-    Attributes:
-        table: the Monomials in v.
-        coefficients: (M, B) of the polynomials.
-        remainder: (B,) bounds of what they leave out.
-    """
-
-    table: Monomials
-    coefficients: np.ndarray
-    remainder: np.ndarray
+    table: Monomials  #: The Monomials in v.
+    coefficients: np.ndarray  #: (M, B) of the polynomials.
+    remainder: np.ndarray  #: (B,) bounds of what they leave out.
 
     def plus(self, other: Any) -> "TaylorModel":
         if isinstance(other, TaylorModel):

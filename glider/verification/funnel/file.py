@@ -54,19 +54,12 @@ _FAULTS = (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GlidersNote:
-    """The set of gliders that a funnel was made for, see `dynamics.confidence`.
+    """The set of gliders that a funnel was made for, see `dynamics.confidence`."""
 
-    Attributes:
-        names: names of the numbers that deviate.
-        matrix: their covariance.
-        level: probability with which the true numbers are in the set.
-        shape: one of `dynamics.confidence.SHAPES`.
-    """
-
-    names: tuple[str, ...]
-    matrix: np.ndarray
-    level: float
-    shape: str
+    names: tuple[str, ...]  #: Names of the numbers that deviate.
+    matrix: np.ndarray  #: Their covariance.
+    level: float  #: Probability with which the true numbers are in the set.
+    shape: str  #: One of `dynamics.confidence.SHAPES`.
 
     def __post_init__(self):
         """Raises InputError where no number deviates."""
@@ -76,25 +69,17 @@ class GlidersNote:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Notes:
-    """What a file says besides its arrays.
+    """What a file says besides its arrays."""
 
-    Attributes:
-        state_names: STATE_NAMES, then the effects' own states; n of them.
-        settings: settings that the funnel was made with.
-        model: the glider, text of a file of `glider.physics.model`.
-        solver: name of the solver that was tried first.
-        seconds: duration of the computation [s].
-        confidence: set of gliders that it was made for; None for the model's alone.
-        format: FORMAT.
-    """
-
+    #: STATE_NAMES, then the effects' own states; n of them.
     state_names: tuple[str, ...]
-    settings: FunnelSettings
-    model: str
-    solver: str
-    seconds: float
+    settings: FunnelSettings  #: Settings that the funnel was made with.
+    model: str  #: The glider, text of a file of `glider.physics.model`.
+    solver: str  #: Name of the solver that was tried first.
+    seconds: float  #: Duration of the computation [s].
+    #: Set of gliders that it was made for; None for the model's alone.
     confidence: GlidersNote | None = None
-    format: str = FORMAT
+    format: str = FORMAT  #: FORMAT.
 
 
 def _shapes(count: int, n: int) -> dict[str, tuple[int, ...]]:

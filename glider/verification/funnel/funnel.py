@@ -23,23 +23,15 @@ from glider.verification.funnel.settings import FunnelSettings
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Funnel(BoundarySets):
-    """The sets that no flight leaves, from the launch to the goal, and their proof.
+    """The sets that no flight leaves, from the launch to the goal, and their proof."""
 
-    Attributes:
-        settings: settings that it was made with; the goal is there.
-        grams: Gram matrices (T, E), one a time: the certificate.
-        solver: name of the solver that was tried first.
-        seconds: duration of the computation [s].
-        sha256: hash of the file that it was loaded from, in hexadecimal.
-        gliders: set of gliders that it was made for, each with its own center; None
-            where it is of the model's own alone.
-    """
-
-    settings: FunnelSettings
-    grams: np.ndarray
-    solver: str
-    seconds: float
-    sha256: str = ""
+    settings: FunnelSettings  #: Settings that it was made with; the goal is there.
+    grams: np.ndarray  #: Gram matrices (T, E), one a time: the certificate.
+    solver: str  #: Name of the solver that was tried first.
+    seconds: float  #: Duration of the computation [s].
+    sha256: str = ""  #: Hash of the file that it was loaded from, in hexadecimal.
+    #: Set of gliders that it was made for, each with its own center; None where it is
+    #: of the model's own alone.
     gliders: MovingCenter | None = None
 
     @property

@@ -37,20 +37,14 @@ class BoundarySets:
 
     S is the cubic Hermite polynomial through its values and slopes. The names of the
     arrays are keys in a funnel's file.
-
-    Attributes:
-        nominal: nominal flight x₀, and the feedback that keeps the glider inside.
-        S: matrices S (T, n, n).
-        slopes: slopes Ṡ (T, n, n) [1/s].
-        beta: bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
-        weights: weights λ (T, n) of `glider.verification.funnel.remainder`.
     """
 
+    #: Nominal flight x₀, and the feedback that keeps the glider inside.
     nominal: Nominal
-    S: np.ndarray
-    slopes: np.ndarray
-    beta: np.ndarray
-    weights: np.ndarray
+    S: np.ndarray  #: Matrices S (T, n, n).
+    slopes: np.ndarray  #: Slopes Ṡ (T, n, n) [1/s].
+    beta: np.ndarray  #: Bounds β (T, n) of the Taylor remainder [m/s², rad/s²].
+    weights: np.ndarray  #: Weights λ (T, n) of `glider.verification.funnel.remainder`.
 
     @functools.cached_property
     def curve(self) -> CubicHermiteSpline:
@@ -59,17 +53,11 @@ class BoundarySets:
 
 
 class BoundaryForms(NamedTuple):
-    """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times.
+    """V̇/V = zᵀ N z + c₃(z) + c₄(z) on the boundary |z| = 1, at each of T times."""
 
-    Attributes:
-        quadratic: matrices N (T, n, n) [1/s].
-        cubic: coefficients of c₃ (T, C₃) [1/s].
-        quartic: coefficients of c₄ (T, C₄) [1/s].
-    """
-
-    quadratic: np.ndarray
-    cubic: np.ndarray
-    quartic: np.ndarray
+    quadratic: np.ndarray  #: Matrices N (T, n, n) [1/s].
+    cubic: np.ndarray  #: Coefficients of c₃ (T, C₃) [1/s].
+    quartic: np.ndarray  #: Coefficients of c₄ (T, C₄) [1/s].
 
 
 def boundary_forms(

@@ -20,44 +20,36 @@ class FunnelSettings:
 
     The names are keys in a funnel's file. Tuples are in the order of STATE_NAMES, in
     [m, rad, m/s, rad/s].
-
-    Attributes:
-        goal: half-axes of the goal ellipsoid about the nominal's end. A hook reaches
-            that far; the speeds are such that the Taylor polynomial still fits there.
-        goal_extra: half-axis of the goal in each of the effects' own states, in its
-            unit.
-        sizes: deviations that count equally: what the shape of the funnel trades
-            against each other. It is not sensitive to them, but diverges without any.
-        launch_sizes: launch errors that count equally: carried along the flight, they
-            shape the funnel together with a share of `sizes`
-            (`glider.verification.funnel.shape_flow`). None for `sizes` alone, the same
-            at all times. LAUNCH_SIZES makes an inlet that is wider in all but the
-            elevator.
-        sizes_extra: deviation that counts as much, of each of the effects' own states.
-        step: longest step between the times that are certified [s].
-        hold: time between the programs that shape the funnel [s]. More is faster and
-            narrower: with 0.026, one times the remainder leaves less than 9 cm of
-            height.
-        margin: margin by which V̇/V is to stay below zero on the boundary [1/s].
-        remainder: inflation: factor on the largest Taylor remainder that is found,
-            which then acts as a disturbance; 0 for a funnel of the Taylor polynomial
-            alone. With 1.1 it can be proven that the true one is no larger, at all
-            times.
-        elevator_gain: largest gain on the elevator's own deviation [1/s] of a feedback
-            that is made with the funnel's shape
-            (`glider.verification.funnel.servo_limits`); 0 for the policy's own
-            feedback. 40 is slow enough for commands held for 20 ms.
     """
 
+    #: Half-axes of the goal ellipsoid about the nominal's end. A hook reaches that far;
+    #: the speeds are such that the Taylor polynomial still fits there.
     goal: tuple[float, ...] = (Hook().reach, Hook().reach, 0.5, 0.39, 0.82, 0.82, 2.0)
+    #: Half-axis of the goal in each of the effects' own states, in its unit.
     goal_extra: float = 4.0
+    #: Deviations that count equally: what the shape of the funnel trades against each
+    #: other. It is not sensitive to them, but diverges without any.
     sizes: tuple[float, ...] = (0.05, 0.05, 0.15, 0.3, 0.3, 0.3, 1.0)
+    #: Launch errors that count equally: carried along the flight, they shape the funnel
+    #: together with a share of `sizes` (`glider.verification.funnel.shape_flow`). None
+    #: for `sizes` alone, the same at all times. LAUNCH_SIZES makes an inlet that is
+    #: wider in all but the elevator.
     launch_sizes: tuple[float, ...] | None = None
+    #: Deviation that counts as much, of each of the effects' own states.
     sizes_extra: float = 2.0
-    step: float = 0.0045
+    step: float = 0.0045  #: Longest step between the times that are certified [s].
+    #: Time between the programs that shape the funnel [s]. More is faster and narrower:
+    #: with 0.026, one times the remainder leaves less than 9 cm of height.
     hold: float = 0.022
+    #: Margin by which V̇/V is to stay below zero on the boundary [1/s].
     margin: float = 0.03
+    #: Inflation: factor on the largest Taylor remainder that is found, which then acts
+    #: as a disturbance; 0 for a funnel of the Taylor polynomial alone. With 1.1 it can
+    #: be proven that the true one is no larger, at all times.
     remainder: float = 0.0
+    #: Largest gain on the elevator's own deviation [1/s] of a feedback that is made
+    #: with the funnel's shape (`glider.verification.funnel.servo_limits`); 0 for the
+    #: policy's own feedback. 40 is slow enough for commands held for 20 ms.
     elevator_gain: float = 0.0
 
     def __post_init__(self):

@@ -49,18 +49,12 @@ height, in steps twice as long."""
 
 @dataclasses.dataclass(frozen=True)
 class FunnelTask:
-    """A funnel that is to be made.
+    """A funnel that is to be made."""
 
-    Attributes:
-        nominal: nominal flight.
-        settings: its goal and margins.
-        directions: (B, n + r) of `sample_remainder`.
-        center: of the gliders that may fly; None for the model's own.
-    """
-
-    nominal: Nominal
-    settings: FunnelSettings
-    directions: np.ndarray
+    nominal: Nominal  #: Nominal flight.
+    settings: FunnelSettings  #: Its goal and margins.
+    directions: np.ndarray  #: (B, n + r) of `sample_remainder`.
+    #: Of the gliders that may fly; None for the model's own.
     center: MovingCenter | None = None
 
     @functools.cached_property

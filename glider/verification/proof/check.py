@@ -55,32 +55,23 @@ quadratic part."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The outcome of a funnel's check; its fields are keys of `check-funnel --json`.
+    """The outcome of a funnel's check; its fields are keys of `check-funnel --json`."""
 
-    Attributes:
-        times: number of times that were checked exactly.
-        of_times: number of times that the funnel has.
-        faults: faults of the certificate, a sentence each; empty where it holds. Where
-            the funnel is not the intended one, or not a flight, nothing else is
-            checked.
-        slack: slack of V̇ <= -slack V, which is proven at these times [1/s].
-        defect: largest V̇/V that the nominal's defect may make, which is counted [1/s].
-        rounding: largest change of an eigenvalue by what rounding and solver left over
-            [1/s].
-        remainder_seen: largest |R_k| / β_k seen at these times, in floating point;
-            infinite where β_k is zero and R_k is not; zero where the certificate
-            accounts for no remainder at all.
-        between: largest V̇/V found between the times, in floating point [1/s]; infinite
-            after any other fault.
-    """
-
-    times: int
-    of_times: int
+    times: int  #: Number of times that were checked exactly.
+    of_times: int  #: Number of times that the funnel has.
+    #: Faults of the certificate, a sentence each; empty where it holds. Where the
+    #: funnel is not the intended one, or not a flight, nothing else is checked.
     faults: tuple[str, ...]
-    slack: float
+    slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
+    #: Largest V̇/V that the nominal's defect may make, which is counted [1/s].
     defect: float
+    #: Largest change of an eigenvalue by what rounding and solver left over [1/s].
     rounding: float
+    #: Largest |R_k| / β_k seen at these times, in floating point; infinite where β_k is
+    #: zero and R_k is not; zero where the certificate accounts for no remainder at all.
     remainder_seen: float
+    #: Largest V̇/V found between the times, in floating point [1/s]; infinite after any
+    #: other fault.
     between: float
 
     @property

@@ -45,34 +45,23 @@ class TaylorRemainder:
 
     Polynomials are in (w, v, s), by `jets.monomials(m + r + 1, ORDER)`; there is no v
     for one glider alone.
-
-    Attributes:
-        model: glider whose rates they are.
-        rows: indices (r,) of the rates that are not linear.
-        basis: matrix (m, m) of y = basis w.
-        inputs: polynomials (n + 1, M) of the states x₀ + y, and of the command.
-        polynomials: polynomials (r, M) of ẋ₀ + P, without what is of degree ORDER + 1.
-        highest: what these lack, divided by s: polynomials (r, M).
-        rounding: bounds (r,) of what rounding leaves out of the two.
-        limits: polynomials (r, M) of the bounds β that R has to keep, linear in s.
-        span: first and last s.
-        seen: largest |R| / β (r,) that was seen at the middle of that.
-        allowed: set of the gliders that fly; None for one alone.
-        beyond: bounds (n + 1,) of what the inputs lack of that.
     """
 
-    model: GliderModel
-    rows: list[int]
-    basis: np.ndarray
+    model: GliderModel  #: Glider whose rates they are.
+    rows: list[int]  #: Indices (r,) of the rates that are not linear.
+    basis: np.ndarray  #: Matrix (m, m) of y = basis w.
+    #: Polynomials (n + 1, M) of the states x₀ + y, and of the command.
     inputs: np.ndarray
+    #: Polynomials (r, M) of ẋ₀ + P, without what is of degree ORDER + 1.
     polynomials: np.ndarray
-    highest: np.ndarray
-    rounding: np.ndarray
+    highest: np.ndarray  #: What these lack, divided by s: polynomials (r, M).
+    rounding: np.ndarray  #: Bounds (r,) of what rounding leaves out of the two.
+    #: Polynomials (r, M) of the bounds β that R has to keep, linear in s.
     limits: np.ndarray
-    span: tuple[float, float]
-    seen: np.ndarray
-    allowed: ConfidenceSet | None
-    beyond: np.ndarray
+    span: tuple[float, float]  #: First and last s.
+    seen: np.ndarray  #: Largest |R| / β (r,) that was seen at the middle of that.
+    allowed: ConfidenceSet | None  #: Set of the gliders that fly; None for one alone.
+    beyond: np.ndarray  #: Bounds (n + 1,) of what the inputs lack of that.
 
     @property
     def dimension(self) -> int:

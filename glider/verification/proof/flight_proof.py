@@ -31,19 +31,14 @@ _FORMAT = "drake-glider funnel proof 1"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightProof:
-    """The outcome of a proof, up to the first interval that is not proven.
+    """The outcome of a proof, up to the first interval that is not proven."""
 
-    Attributes:
-        times: the funnel's times (T,) [s].
-        outcomes: outcome of each interval that was tried, by its index, in order; one
-            at most is no proof.
-        from_file: number of them that were read from a file.
-        candidate: where flights may leave, in an interval that is not proven.
-    """
-
-    times: np.ndarray
+    times: np.ndarray  #: The funnel's times (T,) [s].
+    #: Outcome of each interval that was tried, by its index, in order; one at most is
+    #: no proof.
     outcomes: dict[int, IntervalProof]
-    from_file: int
+    from_file: int  #: Number of them that were read from a file.
+    #: Where flights may leave, in an interval that is not proven.
     candidate: Candidate | None
 
     @property

@@ -35,35 +35,20 @@ from glider.verification.sos.exact import (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Interval:
-    """An interval of a funnel, or a part of one; halving it changes no polynomial.
+    """An interval of a funnel, or a part of one; halving it changes no polynomial."""
 
-    Attributes:
-        step: duration h of the funnel's own interval [s].
-        rows: indices (r,) of the rates that are not linear.
-        which: indices (m,) of the variables (e, δu) that these depend on.
-        S: S (n, n), cubic.
-        rise: h Ṡ (n, n), quadratic.
-        outputs: C (n + 1, n): (e, δu) = C e.
-        linear: jacobian of the rates (n, n + 1), P₁.
-        quadratic: coefficients (r, C₂) of P₂, in the variables that count.
-        cubic: coefficients (r, C₃) of P₃.
-        weights: λ (n,).
-        bearing: β² / λ (n,), rounded up.
-        limits: the servo's limits, a (n,) and b (): it follows its command where aᵀ e <
-            b.
-    """
-
-    step: Exact
-    rows: list[int]
-    which: list[int]
-    S: InTime
-    rise: InTime
-    outputs: InTime
-    linear: InTime
-    quadratic: InTime
-    cubic: InTime
-    weights: InTime
-    bearing: InTime
+    step: Exact  #: Duration h of the funnel's own interval [s].
+    rows: list[int]  #: Indices (r,) of the rates that are not linear.
+    which: list[int]  #: Indices (m,) of the variables (e, δu) that these depend on.
+    S: InTime  #: S (n, n), cubic.
+    rise: InTime  #: H Ṡ (n, n), quadratic.
+    outputs: InTime  #: C (n + 1, n): (e, δu) = C e.
+    linear: InTime  #: Jacobian of the rates (n, n + 1), P₁.
+    quadratic: InTime  #: Coefficients (r, C₂) of P₂, in the variables that count.
+    cubic: InTime  #: Coefficients (r, C₃) of P₃.
+    weights: InTime  #: λ (n,).
+    bearing: InTime  #: β² / λ (n,), rounded up.
+    #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
     limits: tuple[tuple[InTime, InTime], ...]
 
     def halves(self) -> tuple["Interval", ...]:

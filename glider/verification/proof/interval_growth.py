@@ -53,19 +53,12 @@ HALVINGS = 4
 
 
 class GrowthForms(NamedTuple):
-    """What h (V̇ + slack V) is made of; see the module.
+    """What h (V̇ + slack V) is made of; see the module."""
 
-    Attributes:
-        A: (n, n).
-        cubic: c₃ (C₃,).
-        quartic: c₄ (C₄,).
-        G: (n, n).
-    """
-
-    A: InTime
-    cubic: InTime
-    quartic: InTime
-    G: InTime
+    A: InTime  #: (n, n).
+    cubic: InTime  #: c₃ (C₃,).
+    quartic: InTime  #: c₄ (C₄,).
+    G: InTime  #: (n, n).
 
 
 def prove_growth(

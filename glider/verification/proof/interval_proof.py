@@ -60,19 +60,12 @@ BATCH = 256
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IntervalProof:
-    """The outcome of a proof on one interval; its fields are keys in a file.
+    """The outcome of a proof on one interval; its fields are keys in a file."""
 
-    Attributes:
-        fault: reason why nothing is proven, a clause; empty where all is.
-        boxes: number of boxes on which the remainder was bounded.
-        parts: number of parts of the interval in which V was proven to fall.
-        ratio: largest |R| / β that was seen.
-    """
-
-    fault: str = ""
-    boxes: int = 0
-    parts: int = 0
-    ratio: float = 0.0
+    fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
+    boxes: int = 0  #: Number of boxes on which the remainder was bounded.
+    parts: int = 0  #: Number of parts of the interval in which V was proven to fall.
+    ratio: float = 0.0  #: Largest |R| / β that was seen.
 
     @property
     def proven(self) -> bool:
@@ -154,17 +147,11 @@ STARTS = 200
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A state on the boundary where V rises most, or falls least.
+    """A state on the boundary where V rises most, or falls least."""
 
-    Attributes:
-        time: time [s].
-        state: state (n,).
-        growth: V̇/V of the full dynamics there [1/s].
-    """
-
-    time: float
-    state: tuple[float, ...]
-    growth: float
+    time: float  #: Time [s].
+    state: tuple[float, ...]  #: State (n,).
+    growth: float  #: V̇/V of the full dynamics there [1/s].
 
 
 def worst_candidate(piece: Funnel) -> Candidate:

@@ -30,19 +30,12 @@ _X, _Z, _PITCH = (STATE_NAMES.index(name) for name in ("x", "z", "pitch"))
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Bounds of the funnel's goal, and so of its last set.
+    """Bounds of the funnel's goal, and so of its last set."""
 
-    Attributes:
-        time: of the end [s].
-        miss: largest distance from the wire [m].
-        speed: largest speed [m/s].
-        pitch: least and largest pitch [rad].
-    """
-
-    time: float
-    miss: float
-    speed: float
-    pitch: tuple[float, float]
+    time: float  #: Of the end [s].
+    miss: float  #: Largest distance from the wire [m].
+    speed: float  #: Largest speed [m/s].
+    pitch: tuple[float, float]  #: Least and largest pitch [rad].
 
 
 def arrival(funnel: Funnel, problem: PerchingProblem) -> Arrival:

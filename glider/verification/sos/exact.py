@@ -158,12 +158,9 @@ class InTime:
     """A polynomial in time, with NumPy's operators + - * @ and [].
 
     An Exact joins in as a constant.
-
-    Attributes:
-        parts: its p_j.
     """
 
-    parts: tuple[Exact, ...]
+    parts: tuple[Exact, ...]  #: Its p_j.
 
     @property
     def degree(self) -> int:

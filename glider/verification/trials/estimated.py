@@ -39,27 +39,16 @@ each of them."""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EstimatedFlights:
-    """The outcome of launches from inside a funnel, flown on an estimate.
+    """The outcome of launches from inside a funnel, flown on an estimate."""
 
-    Attributes:
-        noise: standard deviation of a measured position [m].
-        unknown: share of the launch's deviation that the filter did not know.
-        times: times (K + 1,) from the launch to the funnel's end [s].
-        levels: V (B, K + 1) of the true state; 1 is the boundary.
-        believed: V (B, K + 1) of the estimate.
-        errors: √(eᵀ S e) (B, K + 1) of the estimate's error.
-        miss: least distance (B,) of the center of mass from the wire [m].
-        arrivals: states (B, n) there.
-    """
-
-    noise: float
-    unknown: float
-    times: np.ndarray
-    levels: np.ndarray
-    believed: np.ndarray
-    errors: np.ndarray
-    miss: np.ndarray
-    arrivals: np.ndarray
+    noise: float  #: Standard deviation of a measured position [m].
+    unknown: float  #: Share of the launch's deviation that the filter did not know.
+    times: np.ndarray  #: Times (K + 1,) from the launch to the funnel's end [s].
+    levels: np.ndarray  #: V (B, K + 1) of the true state; 1 is the boundary.
+    believed: np.ndarray  #: V (B, K + 1) of the estimate.
+    errors: np.ndarray  #: √(eᵀ S e) (B, K + 1) of the estimate's error.
+    miss: np.ndarray  #: Least distance (B,) of the center of mass from the wire [m].
+    arrivals: np.ndarray  #: States (B, n) there.
 
     @property
     def escaped(self) -> np.ndarray:

@@ -50,23 +50,14 @@ NUDGE = 0.05
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Falsification:
-    """The outcome of flights from a funnel's boundary.
+    """The outcome of flights from a funnel's boundary."""
 
-    Attributes:
-        starts: times (B,) when they started [s].
-        levels: largest V (B,) of each; 1 is the boundary.
-        later: largest V (B,) of each at the funnel's times after its start.
-        ends: V at the end (B,), in the goal if at most 1.
-        states: states (B, n) where they started.
-        deviations: deviations δ (B, m) of the gliders that flew; m is 0 where it was
-            the same.
-    """
-
-    starts: np.ndarray
-    levels: np.ndarray
-    later: np.ndarray
-    ends: np.ndarray
-    states: np.ndarray
+    starts: np.ndarray  #: Times (B,) when they started [s].
+    levels: np.ndarray  #: Largest V (B,) of each; 1 is the boundary.
+    later: np.ndarray  #: Largest V (B,) of each at the funnel's times after its start.
+    ends: np.ndarray  #: V at the end (B,), in the goal if at most 1.
+    states: np.ndarray  #: States (B, n) where they started.
+    #: Deviations δ (B, m) of the gliders that flew; m is 0 where it was the same.
     deviations: np.ndarray
 
     @property
