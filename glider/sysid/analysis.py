@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.checks.clocks import check_limits
+from glider.campaign.checks.clocks import SCALE, check_limits
 from glider.campaign.checks.inspection import Inspection
 from glider.campaign.checks.masks import ALL, ExcludedRows
 from glider.campaign.checks.planarity import describe_planarity
@@ -213,6 +213,9 @@ class Analysis:
         assert corrected is not None
         left = _left(task, judged, corrected, noise)
         doubt = find_doubt(task, model)
+        scales = [w for w in self.inspection.warnings if w.startswith(SCALE)]
+        if doubt is None and scales and "position_scale" not in traced.model.kinds:
+            doubt = scales[0].rstrip(".")
         verdict, reason = judge(
             traced, signs, carried, held_out, evaluation.errors, effects, left, doubt
         )

@@ -76,16 +76,16 @@ def body_axes(pitch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
     wind, forces = np.zeros(2), np.zeros(4)
-    offset = _offset_columns(motion, sign)
+    offset = offset_columns(motion, sign)
     thrust = body_axes(sign * motion.pose[:, 2])[0]
     free = np.eye(2)[: 2 if down is None else 0]
     constants = [np.tile(axis, (len(motion.time), 1)) for axis in free]
     target = motion.acceleration[:, :2] - (0.0 if down is None else down)
     weight = np.ones(target.size)
     for iteration in range(_ITERATIONS):
-        flows = _force_columns(motion, sign, wind)
+        flows = force_columns(motion, sign, wind)
         slopes = [
-            np.tensordot(forces, _force_columns(motion, sign, wind + step), 1)
+            np.tensordot(forces, force_columns(motion, sign, wind + step), 1)
             - np.tensordot(forces, flows, 1)
             for step in _STEP * np.eye(2)
         ]
@@ -116,7 +116,7 @@ def huber_weights(rest: np.ndarray) -> np.ndarray:
     return np.sqrt(np.minimum(1.0, bound / np.maximum(np.abs(rest), 1e-12)))
 
 
-def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
+def force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
     """Accelerations (4, k, 2) by each entry of the matrix A."""
     body, normal = body_axes(sign * motion.pose[:, 2])
     air = motion.velocity[:, :2] - wind
@@ -125,7 +125,7 @@ def _force_columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
     return np.stack([flow * force for flow in flows for force in (normal, body)])
 
 
-def _offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
+def offset_columns(motion: Motion, sign: int) -> list[np.ndarray]:
     """Accelerations (k, 2) of points 1 m ahead of and above the center."""
     body, normal = body_axes(sign * motion.pose[:, 2])
     square = motion.velocity[:, 2:] ** 2

@@ -6,7 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.clocks import check_clocks, check_rates, find_unrelated
+from glider.campaign.checks.clocks import (
+    check_clocks,
+    check_rates,
+    check_travel,
+    find_unrelated,
+)
+from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.forces import calc_heading, fit_forces, join, usable_motion
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import ALL, ExcludedRows, Masks, name_rows
@@ -54,6 +60,8 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.mask(find_rolled, _ROLLED)
     kept.drop_short(f": {_ROLLED}")
     kept.drop(dict.fromkeys(find_unrelated(kept.campaign, kept.masks), _UNRELATED))
+    for check in (check_fall, check_travel):
+        warnings += check(kept.campaign, kept.masks)
     names = sorted(flight.name for flight in kept.campaign.flights)
     return Inspection(
         campaign=kept.campaign,

@@ -42,6 +42,8 @@ hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
 _THROW = 16.0
 """The same of the acceleration, where the direction of gravity is unknown and the log
 does not start from rest: a dive has 9.8 [m/s²]."""
+_STOPPED = 0.25  # Share of flights ending in a contact above which all may.
+_AT_STOP = "pose: the last row before a contact, as most flights end in one"
 _REST = 1.0  # Slower than this a log starts from rest: in a hand [m/s].
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
 _LATER = 0.5  # From this share of the log on the force is "usual".
@@ -91,6 +93,12 @@ def find_faults(campaign: Campaign) -> Faults:
             f"({steps[i]:.3g} s) after row {i + 2}"
             for i in np.flatnonzero(steps > _LONG_STEP * usual)
         ]
+    stopped = [name for name, mask in masks.items() if mask.pose[-1]]
+    if len(stopped) > _STOPPED * len(flights):
+        for name, mask in masks.items():  # Within a row a stop can hide in noise.
+            for last in np.flatnonzero(mask.usable)[-1:]:
+                mask.pose[last] = True
+                excluded.append(ExcludedRows(name, f"{last + 2}", _AT_STOP))
     return Faults(masks=masks, excluded=tuple(excluded), warnings=tuple(warnings))
 
 
@@ -113,8 +121,8 @@ def _pose_faults(
     own = _measure_noise(flight.time[usable], flight.pose[usable])
     own = np.clip(own, noise, 3.0 * noise)
     track = Track(flight.time, flight.pose, own)
-    sticks_out, displaced = find_one_motion(track, usable)
-    usable &= ~(sticks_out | displaced)
+    sticks_out, displaced, touched = find_one_motion(track, usable)
+    usable &= ~(sticks_out | displaced | touched)
     cut_off = np.zeros(len(usable), dtype=bool)
     if flight.command is not None:  # The longest piece has all its commands.
         piece = pieces_with_commands(flight.time)
@@ -125,6 +133,7 @@ def _pose_faults(
         "lies still, or is held": standing,
         "departs from the motion around it": sticks_out,
         "the track jumps and stays displaced": displaced,
+        "it touches something: its velocity jumps": touched,
         "beyond a gap whose commands are not known": cut_off,
     }
 

@@ -26,6 +26,8 @@ _SMALL = np.array([[0.004, 0.004, 0.04], [0.3, 0.3, 2.0]])
 """Jumps of pose [m, m, rad] and of its rate [.../s] that pass, however quiet the
 cameras are: a relabelled marker or a collision does more, a shaking airframe less."""
 
+_AROUND = 0.06  # Time on either side of a contact that shows it [s].
+_STOPS = 0.25  # Part of its velocity that a body loses at least that touches something.
 _ENDS = 7  # Rows from whose parabola a run is extrapolated.
 _STENCIL = 5  # Rows of a fourth difference.
 _LONG_STEP = 3.0  # Steps longer than this many median ones are gaps, and cut.
@@ -58,8 +60,10 @@ def fourth_differences(
     return np.einsum("ik,ikj->ij", weights, near), step
 
 
-def find_one_motion(track: Track, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Usable rows (n,) that stick out of a track, and those that are displaced."""
+def find_one_motion(
+    track: Track, usable: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Usable rows (n,) that stick out, are displaced, or come after a contact."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
     rows = np.flatnonzero(usable)
     limit = _LONG_STEP * np.median(np.diff(track.time)) * 1.01
@@ -85,9 +89,12 @@ def find_one_motion(track: Track, usable: np.ndarray) -> tuple[np.ndarray, np.nd
     for run in _longest_chain(track, finished):
         kept[run] = True
     rows = np.flatnonzero(kept)
+    rows, after = np.split(rows, [_find_contact(track, rows)])
+    touched = np.zeros_like(kept)
+    touched[after] = True
     sticks_out[_outlying_ends(track, rows)] = True
     sticks_out[_outlying_ends(track, rows[::-1])] = True
-    return sticks_out, usable & ~sticks_out & ~kept
+    return sticks_out, usable & ~sticks_out & ~kept, touched
 
 
 def _excess(track: Track, run: np.ndarray) -> np.ndarray:
@@ -158,6 +165,40 @@ def _outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
         if np.any(distance > np.maximum(noise + _JERK * reach**3 / 6.0, _SMALL[0])):
             return rows[:count]
     return rows[:0]
+
+
+def _find_contact(track: Track, rows: np.ndarray) -> int:
+    """How many of the rows (k,) of one motion come before a contact.
+
+    About each step between two rows a parabola with a jump of position and of velocity
+    is fitted. A velocity that jumps against the motion by more than noise and forces of
+    the air allow is a contact: the wire, a hand, the floor.
+    """
+    time, place = track.time[rows], track.pose[rows, :2]
+    half = max(round(_AROUND / float(np.median(np.diff(track.time)))), _STENCIL)
+    if len(time) <= 2 * half:
+        return len(time)
+    last = np.arange(half - 1, len(time) - 2)
+    first = np.minimum(last - half + 1, len(time) - 2 * half)
+    window = first[:, None] + np.arange(2 * half)
+    since = time[window] - 0.5 * (time[last] + time[last + 1])[:, None]
+    after = (since > 0.0).astype(float)
+    inverse = np.linalg.pinv(
+        np.stack([after**0, since, since**2, after, after * since], axis=2)
+    )
+    fitted = inverse @ (place[window] - place[last][:, None])
+    velocity, jump = fitted[:, 1], fitted[:, 4]
+    spread = np.linalg.norm(inverse[:, 4], axis=1) * np.max(track.noise[:2])
+    least = np.maximum(
+        _SMALL[1, 0] + THRESHOLD * spread, _STOPS * np.hypot(*velocity.T)
+    )
+    over = np.hypot(*jump.T) / least
+    over[np.sum(jump * velocity, axis=1) > 0.0] = 0.0
+    over[np.ptp(since, axis=1) > _LONG_STEP * _AROUND] = 0.0  # A gap in it.
+    begin = int(np.argmax(over > 1.0))
+    if over[begin] <= 1.0:
+        return len(time)
+    return int(last[begin + np.argmax(over[begin : begin + half])])
 
 
 def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
-from glider.campaign.checks.motion import Motion, calc_motion, robust_std
+from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
 from glider.campaign.checks.smoothness import Track as Rows
 from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take
@@ -68,8 +68,11 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
         is_lost = last + 1 < len(seen) and (
             not seen[last + 1] or track.time[last + 1] - track.time[last] > _MAX_GAP
         )
+        is_slow = last + 1 < len(seen) and not (is_lost or powered[last + 1])
+        # The cubics see a stop up to half of their span late.
+        margin = _BEFORE_CONTACT * (is_lost or is_slow) + 0.5 * SPAN * is_slow
         stopped = first > 0 and bool(powered[first - 1])
-        found = _find_flight(part, gravity, is_lost=is_lost, motor_stopped=stopped)
+        found = _find_flight(part, gravity, margin, motor_stopped=stopped)
         span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
         if isinstance(found, Cut):
             flights.append(found)
@@ -118,9 +121,12 @@ def _is_powered(track: Track) -> np.ndarray:
 
 
 def _find_flight(
-    part: Track, gravity: float, *, is_lost: bool, motor_stopped: bool
+    part: Track, gravity: float, margin: float, *, motor_stopped: bool
 ) -> Cut | str:
-    """The flight in a part in which the body moves throughout, or why there is none."""
+    """The flight in a part in which the body moves throughout, or why there is none.
+
+    The margin is the time before the part's end that is cut at least [s].
+    """
     motion = calc_motion(part.time, part.position)
     if len(motion.time) < 8:
         return "too short for a flight"
@@ -141,12 +147,12 @@ def _find_flight(
     free = take(part, after)
     end, stop = free.time[-1], "the body is seen, and moves, until here"
     contact = _find_contact(free)
-    if contact is None and is_lost:
-        end -= _BEFORE_CONTACT
-        stop = f"the body is lost at {free.time[-1]:.3f} s"
+    if contact is None and margin:
+        end -= margin
+        stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
     elif contact is not None:
         end, stop = (
-            contact - _BEFORE_CONTACT,
+            min(contact - _BEFORE_CONTACT, end - margin),
             f"it touches something at {contact:.3f} s",
         )
     flight = take(free, free.time <= end + 1e-9)
@@ -190,7 +196,7 @@ def _find_contact(flight: Track) -> float | None:
     if not len(differences):
         return None
     rows = Rows(flight.time, pose, robust_std(differences))
-    _, displaced = find_one_motion(rows, np.ones(len(pose), dtype=bool))
-    first, last = (stretches(displaced) or [(0, 0)])[-1]
-    at_end = first > 0 and last == len(displaced) - 1
-    return float(flight.time[first]) if at_end else None
+    faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
+    moving = np.flatnonzero(~faulty)
+    touched = moving[-1] + 1 if len(moving) else 0
+    return float(flight.time[touched]) if 0 < touched < len(pose) else None

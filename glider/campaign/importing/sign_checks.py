@@ -13,7 +13,8 @@ sign by 16 standard errors or more, and its rate correlates with the commands by
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.clocks import check_clocks, follow_sign
+from glider.campaign.checks.clocks import check_clocks, check_travel, follow_sign
+from glider.campaign.checks.fall import check_fall
 from glider.campaign.checks.frame import check_frame
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion
@@ -54,7 +55,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     if campaign.elevator == "servo":
         check_clocks(campaign, masks)
         undecided += _check_elevator(campaign, motions, masks)
-    return undecided
+    return undecided + check_fall(campaign, masks) + check_travel(campaign, masks)
 
 
 def misfit_of(campaign: Campaign) -> float | None:

@@ -1,0 +1,127 @@
+"""How fast do flights fall? Gravity as a check of the scales of lengths and times.
+
+Lengths that are logged a times too long, and times b times too long, make gravity
+a / b² times what it is; nothing else in a log contradicts a wrong scale. Measured
+accelerations are explained by a constant, which is gravity, and by forces of the air in
+16 ways: lift and drag with camber and a stall, with and without a wind, a thrust, a
+tracked point off the center of mass, and lift by the pitch rate. Flights rarely show
+which of them is right, so that the scatter over the ways is part of the uncertainty.
+
+Measured (tests/benchmarks/bench_fall.py): of 900 campaigns and parts of campaigns of
+three flights or more, simulated with strong effects or thrown by hand, the logarithm
+of gravity is off by 0.5 standard deviations (RMS), and by at most 1.5 in any. The
+standard deviation is 0.05 to 0.08 of a campaign, 0.11 of three throws.
+"""
+
+import itertools
+
+import numpy as np
+
+from glider.campaign.checks import forces
+from glider.campaign.checks.clocks import SCALE
+from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.motion import Motion, robust_std
+from glider.campaign.logs import Campaign
+from glider.errors import InputError
+
+_MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows.
+_WARNED, _REFUSED = 0.05, 0.15  # Part by which gravity may be off.
+_WARNED_AT, _REFUSED_AT = 1.7, 2.0  # Standard deviations that must be in it.
+UNKNOWN = 0.2
+"""Standard deviation of the logarithm of gravity above which flights do not show it."""
+
+_LEAST_ERROR = 0.02  # Of the logarithm of gravity: of the local cubics.
+_WAY_ERROR = 0.03  # Of each way, below which ways count as equally certain.
+_ITERATIONS = 4  # Of Huber's weights.
+
+_OPTIONAL = ([8, 9], [10], [11, 12])  # Columns of offset, thrust, turning.
+_FIXED = [*range(8), 13, 14]  # Forces and gravity.
+_GRAVITY = slice(8, 10)  # Where it stands among these.
+_PRIORS = np.repeat([10.0, 0.3, 10.0, 1.0, 1e3], [8, 2, 1, 2, 2])
+"""Standard deviations of the coefficients: forces [1/m], offsets [m], thrust [m/s²],
+turning, gravity [m/s²]."""
+
+
+def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
+    """Warns of lengths or times in a wrong scale; refuses those certainly so."""
+    motions = [forces.usable_motion(f, masks) for f in campaign.flights]
+    motions = [motion for motion in motions if len(motion.time)]
+    if len(motions) < _MIN_FLIGHTS:
+        return ()
+    fall, error = measure_fall(motions)
+    if error > UNKNOWN:
+        return ()
+    ratio = fall / max(campaign.gravity, 1e-3)
+    off = abs(float(np.log(ratio)))
+    found = (
+        f"the flights fall at {fall:.3g} ± {error * fall:.1g} m/s² and "
+        f"'gravity' is {campaign.gravity:.4g}: expected lengths {1.0 / ratio:.3g} "
+        f"times as large ('units: length') or times {np.sqrt(ratio):.3g} times as "
+        "large ('units: time', the frame rate)"
+    )
+    if off > max(np.log1p(_REFUSED), _REFUSED_AT * error):
+        raise InputError(f"{campaign.path}: {found}.")
+    if off > max(np.log1p(_WARNED), _WARNED_AT * error):
+        return (f"{SCALE} {found}.",)
+    return ()
+
+
+def measure_fall(motions: list[Motion]) -> tuple[float, float]:
+    """Gravity as flights show it [m/s²], and the error of its logarithm."""
+    fit = forces.fit_forces(forces.join(motions))
+    winds = (np.zeros(2), fit.wind)
+    found = [way for wind in winds for way in _each_way(motions, fit.sign, wind)]
+    size, error = np.array(found).T
+    weight = 1.0 / (error**2 + _WAY_ERROR**2)
+    mean = np.average(size, weights=weight)
+    square = np.average(error**2 + (size - mean) ** 2, weights=weight)
+    return float(np.exp(mean)), float(np.sqrt(square + _LEAST_ERROR**2))
+
+
+def _each_way(
+    motions: list[Motion], sign: int, wind: np.ndarray
+) -> list[tuple[float, float]]:
+    """Logarithm of gravity and its jackknife error, with each set of columns."""
+    motion = forces.join(motions)
+    target = motion.acceleration[:, :2].reshape(-1)
+    design = np.moveaxis(_columns(motion, sign, wind), 0, 2).reshape(len(target), -1)
+    weight = np.ones(len(target))
+    for _ in range(_ITERATIONS):
+        rows = design * weight[:, None]
+        rest = target - design @ np.linalg.lstsq(rows, target * weight, rcond=None)[0]
+        weight = forces.huber_weights(rest) / max(robust_std(rest), 1e-3)
+    ends = np.cumsum([2 * len(each.time) for each in motions])[:-1]
+    both = np.column_stack([design, target]) * weight[:, None]
+    products = np.array([part.T @ part for part in np.split(both, ends)])
+    without = products.sum(0) - np.concatenate([0.0 * products[:1], products])
+    found = []
+    for chosen in itertools.product((False, True), repeat=len(_OPTIONAL)):
+        optional = itertools.compress(_OPTIONAL, chosen)
+        index = [*_FIXED, *itertools.chain(*optional)]
+        square = without[:, index][:, :, index] + np.diag(_PRIORS[index] ** -2.0)
+        solution = np.linalg.solve(square, without[:, index, -1:])[..., 0]
+        size, *others = np.log(np.hypot(*solution[:, _GRAVITY].T))
+        error = np.std(others) * np.sqrt(len(others) - 1)
+        found.append((float(size), float(error)))
+    return found
+
+
+def _columns(motion: Motion, sign: int, wind: np.ndarray) -> np.ndarray:
+    """Accelerations (15, k, 2) by forces, offsets, thrust, turning and gravity."""
+    body, normal = forces.body_axes(sign * motion.pose[:, 2])
+    air = motion.velocity[:, :2] - wind
+    speed = np.maximum(np.hypot(*air.T), 1e-3)[:, None]
+    across = np.sum(air * normal, axis=1)[:, None] / speed
+    stalling = [across * np.abs(across) * normal, across * np.abs(across) * body]
+    stalling += [across**3 * normal, across**2 * body]
+    turning = [sign * motion.velocity[:, 2:] * speed * axis for axis in (normal, body)]
+    return np.stack(
+        [
+            *forces.force_columns(motion, sign, wind),
+            *(speed**2 * force for force in stalling),
+            *forces.offset_columns(motion, sign),
+            body,
+            *turning,
+            *np.broadcast_to(np.eye(2)[:, None], (2, len(speed), 2)),
+        ]
+    )

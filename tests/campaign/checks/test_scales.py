@@ -1,0 +1,94 @@
+"""Lengths, times, angles and gears in a wrong scale are refused, or warned of."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glider.campaign.checks import forces
+from glider.campaign.checks.clocks import calc_travel
+from glider.campaign.checks.fall import measure_fall
+from glider.campaign.checks.inspection import inspect
+from glider.campaign.reader import load_campaign
+from glider.errors import InputError
+from glider.physics.effects import KINDS
+from tests.campaign.checks import breaking as b
+from tests.campaign.checks.test_effects_pass import fly
+from tests.helpers.campaigns import campaign_path
+
+MEASURED = Path(__file__).parents[4] / "shared" / "measured" / "motion_studio_v3"
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return load_campaign(campaign_path("attached_lift"))
+
+
+@pytest.fixture(scope="module")
+def throws():
+    """Measured throws of a foam plane, or simulated ones where there are none."""
+    return load_campaign(MEASURED if MEASURED.is_dir() else "head_wind")
+
+
+@pytest.mark.parametrize("of", ["campaign", "throws"])
+@pytest.mark.parametrize(
+    ("edit", "length", "time"),
+    [
+        (b.scale(0.7, 0.7, 1.0), 1.43, 0.84),
+        (b.scale(0.8, 0.8, 1.0), 1.25, 0.89),
+        (b.scale(1.4, 1.4, 1.0), 0.71, 1.18),
+        (b.stretch_time(1.25), 1.56, 0.8),
+        (b.stretch_time(0.8), 0.64, 1.25),
+    ],
+)
+def test_a_wrong_scale_is_refused_with_both_remedies(request, of, edit, length, time):
+    with pytest.raises(InputError, match=r"flights fall at .*'units: length'") as info:
+        inspect(b.change(request.getfixturevalue(of), edit))
+    found = re.findall(r"([\d.]+) times as large", str(info.value))
+    assert np.allclose([float(n) for n in found], [length, time], rtol=0.1)
+
+
+def test_a_scale_that_is_a_little_off_is_warned_of(campaign):
+    [words] = inspect(b.change(campaign, b.scale(0.9, 0.9, 1.0))).warnings
+    assert words.startswith("Scale: the flights fall at 8.8")
+
+
+def test_few_flights_say_how_little_they_show(campaign):
+    """The stated error covers the true one, and shrinks with the flights."""
+    motions = [forces.usable_motion(flight, {}) for flight in campaign.flights]
+    few, all_of_them = measure_fall(motions[:3]), measure_fall(motions)
+    for fall, error in (few, all_of_them):
+        assert abs(np.log(fall / 9.81)) < 2.0 * error
+    assert few[1] > 1.2 * all_of_them[1]
+
+
+@pytest.mark.parametrize("of", ["campaign", "throws"])
+def test_radians_taken_for_degrees_are_refused(request, of):
+    edit = b.scale(1.0, 1.0, np.pi / 180.0)
+    with pytest.raises(InputError, match=r"'pitch' fits the motion 57\.3 times"):
+        inspect(b.change(request.getfixturevalue(of), edit))
+
+
+@pytest.mark.parametrize("gear", [2.0, 0.5, 1.3])
+def test_a_servo_that_is_geared_differently_is_refused(campaign, gear):
+    edit = b.with_servo(elevator=lambda f: gear * f.elevator)
+    loose = dataclasses.replace(campaign, elevator_limits=None)
+    with pytest.raises(InputError, match=r"turns .* as far as commanded") as info:
+        inspect(b.change(loose, edit))
+    [found] = re.findall(r"turns ([\d.]+) times", str(info.value))
+    assert float(found) == pytest.approx(gear, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("servo_lag", {"time_constant": 0.1}),
+        ("servo_lag", {"time_constant": 0.3}),
+        ("command_delay", {"delay": 0.3}),
+    ],
+)
+def test_a_slow_servo_turns_as_far_as_commanded(kind, values):
+    gain, error = calc_travel(fly((KINDS[kind](**values),)).flights, {})
+    assert abs(np.log(gain)) < max(0.03, 4.0 * error)
