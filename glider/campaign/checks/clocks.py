@@ -40,7 +40,7 @@ _NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-]
 SCALE = "Scale:"
 """How warnings begin that make findings doubtful."""
 
-_TRAVEL_WARNED, _TRAVEL_REFUSED = 0.1, 0.2
+_TRAVEL = 0.1
 """Part by which the elevator's travel may be off. Measured: 0.04 at most in 35
 simulated campaigns with lags of up to 0.1 s."""
 _LATEST, _STILL_LATE = -6, 0.1  # The longest delays, and their part of the travel.
@@ -94,16 +94,27 @@ def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, .
     if campaign.elevator != "servo":
         return ()
     gain, error = calc_travel(campaign.flights, masks)
-    off = abs(float(np.log(max(gain, 1e-3))))
-    if off < max(np.log1p(_TRAVEL_WARNED), _NOISES * error / max(gain, 1e-3)):
-        return ()
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
     )
-    if off > np.log1p(_TRAVEL_REFUSED):
+    least = _NOISES * error / (gain + 1e-9)
+    return claim_scale(campaign, gain + 1e-9, (_TRAVEL, least), (0.2, least), words)
+
+
+def claim_scale(
+    campaign: Campaign,
+    ratio: float,
+    warned: tuple[float, float],
+    refused: tuple[float, float],
+    words: str,
+) -> tuple[str, ...]:
+    """Warns of, or refuses, a ratio that is off by a part and by significantly much."""
+    off = abs(float(np.log(ratio)))
+    if off > max(np.log1p(refused[0]), refused[1]):
         raise InputError(f"{campaign.path}: {words}.")
-    return (f"{SCALE} {words}.",)
+    warns = off > max(np.log1p(warned[0]), warned[1])
+    return (f"{SCALE} {words}.",) if warns else ()
 
 
 def calc_travel(

@@ -18,15 +18,12 @@ import itertools
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.clocks import SCALE
+from glider.campaign.checks.clocks import claim_scale
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.motion import Motion, robust_std
 from glider.campaign.logs import Campaign
-from glider.errors import InputError
 
 _MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows.
-_WARNED, _REFUSED = 0.05, 0.15  # Part by which gravity may be off.
-_WARNED_AT, _REFUSED_AT = 1.7, 2.0  # Standard deviations that must be in it.
 UNKNOWN = 0.2
 """Standard deviation of the logarithm of gravity above which flights do not show it."""
 
@@ -52,18 +49,14 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
     if error > UNKNOWN:
         return ()
     ratio = fall / max(campaign.gravity, 1e-3)
-    off = abs(float(np.log(ratio)))
     found = (
         f"the flights fall at {fall:.3g} ± {error * fall:.1g} m/s² and "
         f"'gravity' is {campaign.gravity:.4g}: expected lengths {1.0 / ratio:.3g} "
-        f"times as large ('units: length') or times {np.sqrt(ratio):.3g} times as "
-        "large ('units: time', the frame rate)"
+        f"times as large ('units: length'), times {np.sqrt(ratio):.3g} times as "
+        "large ('units: time', the frame rate), or the right gravity"
     )
-    if off > max(np.log1p(_REFUSED), _REFUSED_AT * error):
-        raise InputError(f"{campaign.path}: {found}.")
-    if off > max(np.log1p(_WARNED), _WARNED_AT * error):
-        return (f"{SCALE} {found}.",)
-    return ()
+    warned, refused = (0.05, 1.7 * error), (0.15, 2.0 * error)
+    return claim_scale(campaign, ratio, warned, refused, found)
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:

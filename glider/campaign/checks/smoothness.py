@@ -89,11 +89,10 @@ def find_one_motion(
     for run in _longest_chain(track, finished):
         kept[run] = True
     rows = np.flatnonzero(kept)
-    rows, after = np.split(rows, [_find_contact(track, rows)])
-    touched = np.zeros_like(kept)
-    touched[after] = True
     sticks_out[_outlying_ends(track, rows)] = True
     sticks_out[_outlying_ends(track, rows[::-1])] = True
+    rows, touched = rows[~sticks_out[rows]], np.zeros_like(kept)
+    touched[rows[_find_contact(track, rows) :]] = True
     return sticks_out, usable & ~sticks_out & ~kept, touched
 
 
