@@ -8,6 +8,7 @@ with either sign (a turned sign is traced later). A delay, a lag or stops of the
 lower the correlation; another clock or another flight's commands remove it.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -40,7 +41,7 @@ _NOISES = 6.0  # Noise beyond its limits above which an elevator passes them [-]
 SCALE = "Scale:"
 """How warnings begin that make findings doubtful."""
 
-_TRAVEL = 0.1
+_TRAVEL = 0.1, 0.2
 """Part by which the elevator's travel may be off. Measured: 0.04 at most in 35
 simulated campaigns with lags of up to 0.1 s."""
 _LATEST, _STILL_LATE = -6, 0.1  # The longest delays, and their part of the travel.
@@ -98,23 +99,22 @@ def check_travel(campaign: Campaign, masks: Mapping[str, Masks]) -> tuple[str, .
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
     )
-    least = _NOISES * error / (gain + 1e-9)
-    return claim_scale(campaign, gain + 1e-9, (_TRAVEL, least), (0.2, least), words)
+    gain = max(gain, 1e-9)
+    return claim_scale(campaign, gain, _NOISES * error / gain, _TRAVEL, words)
 
 
 def claim_scale(
     campaign: Campaign,
     ratio: float,
-    warned: tuple[float, float],
-    refused: tuple[float, float],
+    least: float,
+    parts: tuple[float, float],
     words: str,
 ) -> tuple[str, ...]:
-    """Warns of, or refuses, a ratio that is off by a part and by significantly much."""
-    off = abs(float(np.log(ratio)))
-    if off > max(np.log1p(refused[0]), refused[1]):
+    """Warns of a ratio that is off by one of two parts, and refuses the other."""
+    warned, refused = (max(math.log1p(part), least) for part in parts)
+    if abs(math.log(ratio)) > refused:
         raise InputError(f"{campaign.path}: {words}.")
-    warns = off > max(np.log1p(warned[0]), warned[1])
-    return (f"{SCALE} {words}.",) if warns else ()
+    return (f"{SCALE} {words}.",) if abs(math.log(ratio)) > warned else ()
 
 
 def calc_travel(

@@ -24,6 +24,8 @@ from glider.campaign.checks.motion import Motion, robust_std
 from glider.campaign.logs import Campaign
 
 _MIN_FLIGHTS = 3  # One throw alone may be off by far more than it shows.
+_OFF = 0.05, 0.15  # Part by which gravity may be off: warned of, refused.
+_SURELY = 1.7  # Standard deviations that must be in it.
 UNKNOWN = 0.2
 """Standard deviation of the logarithm of gravity above which flights do not show it."""
 
@@ -55,8 +57,7 @@ def check_fall(campaign: Campaign, masks: dict[str, Masks]) -> tuple[str, ...]:
         f"times as large ('units: length'), times {np.sqrt(ratio):.3g} times as "
         "large ('units: time', the frame rate), or the right gravity"
     )
-    warned, refused = (0.05, 1.7 * error), (0.15, 2.0 * error)
-    return claim_scale(campaign, ratio, warned, refused, found)
+    return claim_scale(campaign, ratio, _SURELY * error, _OFF, found)
 
 
 def measure_fall(motions: list[Motion]) -> tuple[float, float]:
