@@ -171,7 +171,7 @@ def read_flights(
             f"{mapping}: has no 'columns:'; expected a mapping of the logs' columns "
             "(--guess proposes one)."
         )
-    recordings = _read_all([Path(file) for file in files], claim, progress)
+    recordings = read_logs([Path(file) for file in files], claim, progress)
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 
@@ -424,7 +424,7 @@ def _count(things: Sequence, what: str = "flight") -> str:
     return f"{len(things) or 'no'} {what}" + ("" if len(things) < 2 else "s")
 
 
-def _read_all(
+def read_logs(
     files: Sequence[Path], mapping: Mapping, progress: Progress
 ) -> list[Recording]:
     """Reads the recordings in files, in the order of their names.
@@ -476,4 +476,5 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             columns = {n: since_start(c) for n, c in group.columns.items()}
             groups.append(Group(name, columns, group.time, clock=pattern))
     rotation = next((p.rotation for p in parts.values() if p.rotation), None)
-    return Recording(files[patterns[0]], tuple(groups), rotation)
+    up = next((p.up for p in parts.values() if p.up), "")
+    return Recording(files[patterns[0]], tuple(groups), rotation, up)

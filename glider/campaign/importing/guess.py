@@ -1,15 +1,14 @@
 """`--guess`: a mapping proposed from names, ranges, gravity and the elevator's effect.
 
-Columns are found by their names, units by their names or ranges. Axes and signs are
-tried: the frame is proposed in which the flights fall down at g and the forces of the
-air agree best with the attitude. Each line of the proposal has its reason; a sign that
-the flights do not show is left to the user, with a question mark.
+Columns are found by their names, units by their names or ranges. The frame is the most
+probable one (`frame_posterior`); what is not certain is left to the user, with a
+question mark, the next best frame and what distinguishes both.
 """
 
-import itertools
+import fnmatch
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,56 +16,72 @@ import numpy as np
 
 from glider.campaign.checks.clocks import follow_sign
 from glider.campaign.checks.forces import usable_motion
-from glider.campaign.importing.campaign_import import campaign_of_cuts, cut_recordings
-from glider.campaign.importing.cutting import cut
+from glider.campaign.importing.campaign_import import (
+    campaign_of_cuts,
+    cut_recordings,
+    read_logs,
+)
+from glider.campaign.importing.frame_posterior import Candidate, rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.sign_checks import (
-    CLEARLY,
-    SIGNIFICANT,
-    elevator_effect,
-    misfit_of,
-)
-from glider.campaign.importing.track import make_track
+from glider.campaign.importing.selection import Picker
+from glider.campaign.importing.sign_checks import SIGNIFICANT, elevator_effect
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import AXES, QUANTITIES, Mapping, Settings, Vehicle
+from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
-from glider.physics.parameters import GliderParameters
 
+_ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|profondeur|flap|joint"
+_COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|comando"
+_IS_RATE = r"rate|dot|vel|d(e)?g?ps|geschw|vitesse"
 _NAMES = {
-    "time": r"(^|\W)(t|time|zeit|timestamp|secs?|seconds|clock)($|\W)",
-    "position": r"pos|transl|point|location|(^|\.)p$",
-    "attitude": r"quat|orient|rot|att|eul|(^|\.)q$",
-    "x": r"(^|[._])(x|px|pos_?x|north|range|forward)$",
-    "z": r"(^|[._])(z|pz|pos_?z|h|height|alt|altitude|down|up)$",
-    "pitch": r"pitch|theta|nick",
-    "elevator_rate_command": r"(elev|de|servo|delta).*(rate|dot|cmd|command)|"
-    r"^(rate|u)$",
-    "elevator_angle_command": r"(elev|de|servo|delta).*(cmd|command|set)|control\[1\]",
-    "elevator": r"elev|(^|[._])de$|delta_?e|servo|flap|angle",
+    "time": r"(^|_)(t|time|zeit|timestamp|secs?|seconds|clock|temps|tiempo|tempo)(_|$)",
+    "position": r"pos|transl|point|location|(^|\W)p$",
+    "attitude": r"quat|orient|rot|att|eul|lage$|(^|\W)q$",
+    "x": r"^(x|px|pos(ition)?_x|n(orth|ord|orte)|range|forward|vorn)$",
+    "y": r"^(y|py|pos(ition)?_y|east|ost|oest|este?)$",
+    "z": r"^(z|pz|pos(ition)?_z|h|height|alt(itude)?|h(ö|oe|o)he|hauteur|altura|quota|"
+    r"up|oben|haut|down|unten|bas|abajo)$",
+    "pitch": r"pitch|theta|nick|assiette|tangage|cabeceo|beccheggio",
+    "elevator_rate_command": rf"({_ELEVATOR}).*({_IS_RATE}|{_COMMAND})|^(rate|u)$",
+    "elevator_angle_command": rf"({_ELEVATOR}).*({_COMMAND})",
+    "elevator": rf"{_ELEVATOR}|angle",
 }
+"""What names contain, in lower case, words parted by _, without units."""
+_UNIT = r"_(mm|cm|m|ms|us|ns|s|rad|deg|degrees|(deg|rad|d)_?p?_?s)$"
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
-_RATE = "elevator_rate_command"
-_SCALARS = (_RATE, "elevator_angle_command", "time", "x", "z", "pitch", "elevator")
-_INSTEAD = {"x": "position", "z": "position", "pitch": "attitude"}
-_INSTEAD |= {"elevator_angle_command": _RATE}  # Quantity that makes another needless.
+_RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
+_SCALARS = (_RATE, _ANGLE, "x", "z", "y", "pitch", "elevator")
+_INSTEAD = {"x": "position", "y": "position", "z": "position", "pitch": "attitude"}
+_INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
+_PLAIN = re.compile(r"^(position|data|value|angle|output)(_0)?$").search
+"""Last parts of addresses that say nothing: what goes before is searched."""
 _STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time: logs of poses step by 0.2 to 200 ms."""
-_RANGES = (
-    ("position", "length", 100.0, "mm"),
-    ("x", "length", 100.0, "mm"),
-    ("pitch", "angle", 2.0 * np.pi, "deg"),
-    ("attitude", "angle", 2.0 * np.pi, "deg"),
-    ("elevator", "angle", 2.0 * np.pi, "deg"),
-    (_RATE, "rate", 50.0, "deg/s"),
-)
-"""Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
-_PITCH = ("nose_down", "nose_up")
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
+_FAST = (2.5, 25.0)  # Gliders' top speeds, a factor of ten [m/s].
+_LAG = 0.05  # Time over which speeds are taken [s].
+_RANGES = {
+    "pitch": ("angle", 2.0 * np.pi, "deg"),
+    "attitude": ("angle", 2.0 * np.pi, "deg"),
+    "elevator": ("angle", 2.0 * np.pi, "deg"),
+    _ANGLE: ("angle", 2.0 * np.pi, "deg"),
+    _RATE: ("rate", 50.0, "deg/s"),
+}
+"""Kind of unit, largest value in SI, and the unit of larger ones."""
+_ORDERS = {
+    "0123": (("xyzw", 0.5), ("wxyz", 0.5)),
+    "xyz": (
+        *(("ZYX", 0.6), ("XYZ", 0.3), ("YXZ", 0.02), ("ZXY", 0.02)),
+        *(("YZX", 0.02), ("XZY", 0.02), ("rotation_vector", 0.02)),
+    ),
+}
+_ORDERS["012"] = _ORDERS["xyz"]
+"""Ways to read the numbers of an attitude, each with its prior."""
+_CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hundred.
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
-_MAX_TRIED = 4  # Files that frames are tried on.
-_MAX_FILES = 12  # Files that are read.
+_MAX_FILES = 12  # Recordings that are read.
 
 Fields = dict[str, str]  # Fields of one part of a mapping: columns, units or frame.
 
@@ -76,6 +91,7 @@ class Guess(NamedTuple):
 
     text: str  # Of the MAP file, with reasons.
     campaign: Campaign  # What it makes of the logs.
+    probability: float  # Of its frame.
 
 
 class _Logs(NamedTuple):
@@ -93,52 +109,136 @@ class _Logs(NamedTuple):
         return claim
 
 
-class _Trial(NamedTuple):
-    """A frame that was tried."""
-
-    frame: Fields
-    misfit: float  # Of the forces, gravity given [m/s²].
-    campaign: Campaign
-
-
 def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
-    logs = [r for f in sorted(files)[:_MAX_FILES] for r in read_recordings(Path(f))]
-    logs = [log for log in logs if any(group.columns for group in log.groups)]
-    if not logs:
-        raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
-    columns, reason = _guess_columns(logs[0])
-    # PX4's topics are in SI, and north, east, down.
-    reasons = {} if logs[0].known else _guess_units(logs[0], columns)
+    recordings, join = _read(sorted(map(Path, files)))
+    known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
+    columns = _guess_columns(recordings[0])
+    reasons = {} if known else _guess_units(recordings, columns)
     units = {kind: unit for kind, (unit, _) in reasons.items()}
-    best, why = _best_frame(_Logs(logs[:_MAX_TRIED], columns, units))
-    frame, servo = dict(best.frame), best.campaign.elevator == "servo"
-    servo_why = _guess_elevator(best.campaign, frame) if servo else ""
-    lines = ["# Proposed by --guess: check each line before you use it.", "columns:"]
-    lines += [f"  {k}: {_quoted(v)}  # {reason}" for k, v in columns.items()]
-    command = "elevator_angle_command"
-    if command in logs[0].known:
+    logs = _Logs(recordings, columns, units)
+    candidates = [Candidate({"axes": "NED"}, 1.0, (0.0, 0.0))]
+    if not known:
+        candidates = rank_frames(recordings, logs.claim, *_priors(logs))
+    best = candidates[0]
+    frame, campaign = dict(best.frame), _make_campaign(logs, best.frame)
+    servo = campaign.elevator == "servo"
+    servo_why = _guess_elevator(campaign, frame) if servo else ""
+    lines = ["# Proposed by --guess: check each line before you use it."]
+    if join:
+        lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
+    lines.append("columns:")
+    how = "PX4's topic" if known else "by its name"
+    lines += [f"  {k}: {_quoted(v)}  # {how}" for k, v in columns.items()]
+    if _ANGLE in known:
         lines.append("units:  # ? gain: the elevator's angle at a command of 1 in rad")
-        lines.append(f"  {command}: {{gain: 1.0}}")
+        lines.append(f"  {_ANGLE}: {{gain: 1.0}}")
     elif units:
         lines.append("units:")
         lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
-    lines.append(f"frame:  # {why}")
+    why, *question = ["by the format"] if known else _explain(candidates)
+    lines += [f"frame:  # {why}", *question]
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
     if not servo:
-        lines.append("  elevator: fixed  # no column of an elevator was found")
+        lines.append(
+            "  elevator: fixed_per_flight  # no column of an elevator was found; "
+            "'fixed' if trim and ballast were the same in all flights"
+        )
     elif "elevator" in columns:
         lines.append(
             "  elevator: servo  # if you know it: elevator_rate_limit in rad/s"
         )
     else:  # Commanded angles cannot be used without it.
         lines.append("  elevator: servo  # ? elevator_rate_limit in rad/s is missing")
-    best = _try_frame(_Logs(logs, columns, units), frame) or best
     text = "".join(f"{printable(line)}\n" for line in lines)
-    return Guess(text, best.campaign)
+    return Guess(text, campaign, best.probability)
+
+
+def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
+    """Recordings; those of poses and servos in two files each are joined by patterns.
+
+    `a_pose.csv a_servo.csv b_pose.csv b_servo.csv` -> `*pose.csv *servo.csv`
+    """
+    logs = {file: read_recordings(file) for file in files[: 2 * _MAX_FILES]}
+    has_pose = {file: any(map(_has_pose, map(_find, logs[file]))) for file in logs}
+    poses = [file.name for file in logs if has_pose[file]]
+    others = [file.name for file in logs if not has_pose[file]]
+    if poses and len(poses) == len(others):
+        pair = [poses[0], others[0]]
+        before = _common_start(*pair)
+        after = _common_start(*(name[::-1] for name in pair))[::-1]
+        for join in (
+            [f"*{name.removeprefix(before)}" for name in pair],
+            [f"{name.removesuffix(after)}*" for name in pair],
+        ):
+            if all(any(fnmatch.fnmatch(f.name, p) for p in join) for f in logs):
+                joined = Settings(join=join).mapping("the guess")
+                assert joined is not None
+                return read_logs(list(logs), joined), join
+    found = [r for read in logs.values() for r in read]
+    found = [log for log in found if any(group.columns for group in log.groups)]
+    if not found:
+        raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
+    return found[:_MAX_FILES], []
+
+
+def _common_start(one: str, other: str) -> str:
+    return one[: next((k for k, c in enumerate(one) if other[k : k + 1] != c), None)]
+
+
+def _make_campaign(logs: _Logs, frame: Fields) -> Campaign:
+    """What a frame makes of the logs."""
+    servo = any(name.startswith("elevator") for name in logs.columns)
+    fixed, moving = Vehicle(elevator="fixed"), Vehicle(elevator_rate_limit=_RATE_LIMIT)
+    settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
+    cuts = cut_recordings(logs.recordings, logs.claim(frame), settings)
+    if not any(cut.flights for cut in cuts):
+        notes = "; ".join(note for cut in cuts for note in cut.notes)
+        path = logs.recordings[0].path
+        raise InputError(f"{path}: no flight was found ({notes or 'nothing moves'}).")
+    return campaign_of_cuts(settings, cuts)
+
+
+def _priors(logs: _Logs) -> tuple[list[tuple[Fields, float]], str]:
+    """Ways to read the attitude with their priors, and the usual axis that is up."""
+    log, z = logs.recordings[0], _words(logs.columns.get("z", "z"))
+    usual = log.up
+    if not re.search("z$", z):
+        usual = "-z" if re.search("down|unten|bas|abajo", z) else "z"
+    attitude = logs.columns.get("attitude")
+    if attitude is None:
+        return [({"pitch": sign}, 0.5) for sign in ("nose_up", "nose_down")], usual
+    axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
+    if axes == "xyzw" or log.rotation is not None:
+        return [({}, 1.0)], usual
+    return [({"rotation": order}, prior) for order, prior in _ORDERS[axes]], usual
+
+
+def _explain(candidates: Sequence[Candidate]) -> list[str]:
+    """How certain the best frame is; if it is not, the question to be answered."""
+    best, rival = candidates[0], candidates[min(1, len(candidates) - 1)]
+    if best.probability >= _CERTAIN:
+        odds = min(best.probability, 0.9999)
+        return [f"by forces and habits of the format, probability {odds:.4g}"]
+    differs = [f for f, v in rival.frame.items() if best.frame[f] != v]
+    words = ", ".join(f"{field}: {rival.frame[field]}" for field in differs)
+    hint = "do the arrows of the picture point where the nose did, as it turned?"
+    if "up" in differs:
+        heights = [
+            f"{c.frame['up']} goes from {c.heights[0]:.2f} to {c.heights[1]:.2f} m"
+            for c in (best, rival)
+        ]
+        hint = f"which is the height? In the first flight {', '.join(heights)}."
+    elif {"nose", "top"} & set(differs):
+        hint = (
+            "which axes of the body point to its nose, and up in level flight? Do the "
+            "arrows of the picture point where the nose did?"
+        )
+    odds = f"? probability {best.probability:.2g}, and {rival.probability:.2g}"
+    return [f"{odds} with {words}", f"  # {hint}"]
 
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
@@ -162,11 +262,45 @@ def _quoted(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
 
 
-def _guess_columns(log: Recording) -> tuple[Fields, str]:
-    """Finds columns by quantity, and how."""
-    names = log.names()
+def _words(name: str, *, whole: bool = False) -> str:
+    """The last part of an address in lower case, parted by _, without its unit."""
+    text = name if whole else name.rpartition(".")[2]
+    words = re.sub(r"(?<=[^\W_A-Z])(?=[A-Z])|\W+", "_", text).strip("_").lower()
+    return re.sub(_UNIT, "", words)
+
+
+def _addresses(log: Recording) -> list[str]:
+    """Names of all columns; those of joined files without their patterns."""
+    return [
+        f"{group.name}.{name}" if group.name and "*" not in group.name else name
+        for group in log.groups
+        for name in group.columns
+    ]
+
+
+def _guess_columns(log: Recording) -> Fields:
+    """Finds columns by quantity; refuses logs without those of a pose."""
+    columns = _find(log)
+    if not _has_pose(columns):
+        names = _addresses(log)
+        listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
+        raise InputError(
+            f"{log.path}: no columns of a position and an attitude were recognized by "
+            f"their names in {listed}; write the mapping by hand."
+        )
+    return {q: columns[q] for q in QUANTITIES if q in columns}
+
+
+def _has_pose(columns: Fields) -> bool:
+    has_place = "position" in columns or {"x", "z"} <= set(columns)
+    return has_place and bool({"attitude", "pitch"} & set(columns))
+
+
+def _find(log: Recording) -> Fields:
+    """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
-        return dict(log.known), "PX4's topic"
+        return dict(log.known)
+    names = _addresses(log)
     columns: Fields = {}
     first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
     stems = list(dict.fromkeys(match[1] for match in first if match))
@@ -181,25 +315,29 @@ def _guess_columns(log: Recording) -> tuple[Fields, str]:
         own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
         if fits:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
-    timed = any(group.time for group in log.groups)
     for quantity in _SCALARS:
-        if _INSTEAD.get(quantity) in columns or (timed and quantity == "time"):
-            continue
-        taken = tuple(columns.values())
-        for name in names:
-            if quantity != "time" and (name.startswith(taken) or _IS_TIME(name)):
-                continue
-            if re.search(_NAMES[quantity], name.rpartition(".")[2], re.IGNORECASE):
+        if _INSTEAD.get(quantity) not in columns:
+            taken = tuple(columns.values())
+            free = [n for n in names if not (n.startswith(taken) or _IS_TIME(n))]
+            if name := _find_scalar(quantity, free):
                 columns[quantity] = name
-                break
-    has_place = "position" in columns or {"x", "z"} <= set(columns)
-    if not (has_place and {"attitude", "pitch"} & set(columns)):
-        listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
-        raise InputError(
-            f"{log.path}: no columns of a position and an attitude were recognized by "
-            f"their names in {listed}; write the mapping by hand."
-        )
-    return {q: columns[q] for q in QUANTITIES if q in columns}, "by its name"
+    if _RATE in columns and _values(log, columns[_RATE])[1] in ("deg", "rad"):
+        columns[_ANGLE] = columns.pop(_RATE)
+    times = [n for n in names if re.search(_NAMES["time"], _words(n))]
+    if times and not all(group.time for group in log.groups):
+        columns["time"] = times[0]
+    return columns
+
+
+def _find_scalar(quantity: str, names: Sequence[str]) -> str | None:
+    """The first name that means a quantity, by its last part or its whole address."""
+    whole = [_words(n, whole=True) if _PLAIN(_words(n)) else "" for n in names]
+    last = list(map(_words, names))
+    for name, words in zip([*names, *names], [*last, *whole], strict=True):
+        other = quantity == "elevator" and re.search(f"{_COMMAND}|{_IS_RATE}", words)
+        if re.search(_NAMES[quantity], words) and not other:
+            return name
+    return None
 
 
 def _travel(log: Recording, stem: str) -> float:
@@ -218,107 +356,40 @@ def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     return column.values, column.unit
 
 
-def _guess_units(log: Recording, columns: Fields) -> dict[str, tuple[str, str]]:
-    """Units that the file does not report, by the ranges of the columns, and why."""
-    units = {}
+def _guess_units(
+    logs: Sequence[Recording], columns: Fields
+) -> dict[str, tuple[str, str]]:
+    """Units that the files do not report, by the ranges of the columns, and why."""
+    units: dict[str, tuple[str, str]] = {}
+    log = logs[0]
     if "time" in columns:
         values, unit = _values(log, columns["time"])
         step = float(np.nanmedian(np.diff(values)))
         fits = [u for u, size in _STEPS.items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    for quantity, kind, most, other in _RANGES:
+    if _values(log, columns.get("position") or columns["x"])[1] is None:
+        claim = _Logs(logs, columns, {k: v for k, (v, _) in units.items()}).claim({})
+        speed = max(_top_speed(log, claim) for log in logs)
+        for unit, size in _LENGTHS.items():
+            if speed > _FAST[1] and _FAST[0] < speed * size < _FAST[1]:
+                units["length"] = unit, f"the top speed is {speed:.4g} a second"
+    for quantity, (kind, most, other) in _RANGES.items():
         if quantity not in columns:
             continue
-        values, unit = _values(log, columns[quantity])
-        reach = float(np.nanmax(np.abs(values)))
-        if unit is None and reach > most:
+        found = [_values(log, columns[quantity]) for log in logs]
+        sizes = np.concatenate([np.abs(values).ravel() for values, _ in found])
+        reach = float(np.max(sizes, initial=0.0, where=np.isfinite(sizes)))
+        if found[0][1] is None and reach > most:
             units[kind] = other, f"'{quantity}' reaches {reach:.4g}"
     return units
 
 
-def _best_frame(logs: _Logs) -> tuple[_Trial, str]:
-    """The frame with the least misfit, and how clearly it is the best."""
-    tried = [_try_frame(logs, frame) for frame in _frames(logs)]
-    trials = [trial for trial in tried if trial is not None]
-    if not trials:
-        raise InputError(
-            f"{logs.recordings[0].path}: the columns "
-            f"{', '.join(logs.columns.values())} make flights in no frame; write the "
-            "mapping by hand."
-        )
-    rows = [sum(len(f.time) for f in trial.campaign.flights) for trial in trials]
-    pairs = zip(trials, rows, strict=True)
-    likely = (trial for trial, count in pairs if 2 * count > max(rows))
-    best, *others = sorted(likely, key=lambda trial: trial.misfit)
-    if not others:
-        return best, "the columns make flights in no other frame"
-    ratio = others[0].misfit / best.misfit
-    nearly = f"? another frame fits nearly as well (ratio {ratio:.2f}): check it"
-    clearly = f"the forces fit {ratio:.2g} times as well as in the next best frame"
-    return best, nearly if ratio <= CLEARLY else clearly
-
-
-def _frames(logs: _Logs) -> Iterator[Fields]:
-    """Yields a frame for each axis that may point up and each way to read rotations.
-
-    The nose is the axis of the body along which the flights go, the top the one that
-    points up then.
-    """
-    first, attitude = logs.recordings[0], logs.columns.get("attitude")
-    if first.known:
-        yield {"axes": "NED"}
-        return
-    if "position" not in logs.columns:
-        for up, forward, pitch in itertools.product(("z", "-z"), ("x", "-x"), _PITCH):
-            yield {"up": up, "forward": forward, "pitch": pitch}
-        return
-    if attitude is None:
-        yield from ({"up": u, "pitch": p} for u, p in itertools.product(AXES, _PITCH))
-        return
-    readings: tuple[Fields, ...] = ({},)
-    if not first.find_all(attitude, "xyzw", "attitude") and first.rotation is None:
-        three = any(first.find_all(attitude, a, "attitude") for a in ("xyz", "012"))
-        orders = ("ZYX", "XYZ") if three else ("wxyz", "xyzw")
-        readings = tuple({"rotation": order} for order in orders)
-    for up, reading in itertools.product(AXES, readings):
-        frame = {"up": up} | reading
-        claim = logs.claim(frame)
-        ahead, above = [], []
-        for log in logs.recordings:
-            track = make_track(log, claim)
-            for flight in cut(track, GliderParameters().gravity)[0]:
-                turns = flight.track.rotation
-                if turns is not None:
-                    way = np.diff(flight.track.position, axis=0)
-                    ahead.append(np.einsum("ni,nij->j", way, turns[1:]))
-                    above.append(np.mean(turns[:, 2], axis=0))
-        if ahead:
-            nose = _nearest_axis(np.sum(ahead, axis=0), "")
-            top = _nearest_axis(np.mean(above, axis=0), nose)
-            yield frame | {"nose": nose, "top": top}
-
-
-def _nearest_axis(direction: np.ndarray, other: str) -> str:
-    """The axis nearest to a direction (3,), not along another axis."""
-    sizes = np.abs(direction)
-    if other:
-        sizes["xyz".index(other[-1])] = -1.0
-    k = int(np.argmax(sizes))
-    return ("-" if direction[k] < 0.0 else "") + "xyz"[k]
-
-
-def _try_frame(logs: _Logs, frame: Fields) -> _Trial | None:
-    """What a frame makes of the logs; None where it makes no flights."""
-    servo = any(name.startswith("elevator") for name in logs.columns)
-    fixed, moving = Vehicle(elevator="fixed"), Vehicle(elevator_rate_limit=_RATE_LIMIT)
-    settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
-    try:
-        recordings = cut_recordings(logs.recordings, logs.claim(frame), settings)
-        if not any(recording.flights for recording in recordings):
-            return None
-        campaign = campaign_of_cuts(settings, recordings)
-        misfit = misfit_of(campaign)
-    except InputError:
-        return None
-    return None if misfit is None else _Trial(frame, misfit, campaign)
+def _top_speed(log: Recording, claim: Mapping) -> float:
+    """Speed of the fastest hundredth of the rows, in the log's length a second."""
+    time, place, _ = Picker(log, claim).position().known()
+    if len(time) < 2:
+        return 0.0
+    lag = max(1, round(_LAG / float(np.median(np.diff(time)))))
+    way = np.linalg.norm(place[lag:] - place[:-lag], axis=1)
+    return float(np.percentile(way / (time[lag:] - time[:-lag]), 99.0))

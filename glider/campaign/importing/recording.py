@@ -40,7 +40,8 @@ _SPELLINGS = {
     "ft": "feet foot",
     "rad": "radian",
     "deg": "° degree",
-    "deg/s": "°/s dps",
+    "rad/s": "radps rad_s",
+    "deg/s": "°/s dps degps deg_s",
     "kn": "kt knot",
     "m/s2": "m/s² m/s^2",
 }
@@ -81,6 +82,7 @@ class Recording:
     rotation: str | None = None  # As in `frame: rotation:`; None: the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Addresses of the quantities whose columns the format itself fixes."""
+    up: str = ""  # Axis that points up in most files of the format; "": none does.
 
     def names(self) -> list[str]:
         """Addresses of all columns: the group's name, a dot, the column's."""

@@ -47,7 +47,7 @@ def read(path: Path) -> Recording:
         groups.append(_group("ANALOG", columns, _rate(path, parameters, "ANALOG")))
     if not groups:
         raise InputError(f"{path}: holds no point; expected a recording of some.")
-    return Recording(path, tuple(groups))
+    return Recording(path, tuple(groups), up="z")
 
 
 def _load(path: Path) -> tuple[Parameters, dict[str, np.ndarray]]:

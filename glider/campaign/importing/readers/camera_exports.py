@@ -66,7 +66,7 @@ def _parse_motive(path: Path, text: str) -> Recording:
             columns.setdefault(name, make_column(name, data, j, unit))
     _forget_unseen(path, columns)
     order = euler.upper() if sorted(euler.upper()) == ["X", "Y", "Z"] else None
-    return Recording(path, (Group("", columns, _TIME),), order)
+    return Recording(path, (Group("", columns, _TIME),), order, up="y")
 
 
 def _parse_vicon(path: Path, text: str) -> Recording:
@@ -76,7 +76,8 @@ def _parse_vicon(path: Path, text: str) -> Recording:
     rows = split_rows(lines, delimiter)
     starts = [i for i, row in enumerate(rows) if row and row[0] in _SECTIONS]
     bounds = itertools.pairwise([*starts, len(rows)])
-    return Recording(path, tuple(_parse_section(path, rows, *b) for b in bounds))
+    sections = tuple(_parse_section(path, rows, *b) for b in bounds)
+    return Recording(path, sections, up="z")
 
 
 def _parse_section(path: Path, rows: Rows, start: int, end: int) -> Group:

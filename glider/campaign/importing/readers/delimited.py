@@ -18,7 +18,19 @@ from glider.errors import InputError, show
 _BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?$")
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
-_UNIT_SUFFIXES = ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")
+_UNIT_SUFFIXES = (
+    "mm",
+    "cm",
+    "m",
+    "deg",
+    "rad",
+    "ms",
+    "us",
+    "ns",
+    "s",
+    "degps",
+    "radps",
+)
 _MIN_ROWS = 3
 
 Rows = Sequence[Sequence[str]]

@@ -153,7 +153,7 @@ class _Topics:
             groups.append(Group(topic, columns, _TIME))
         if not groups:
             raise InputError(f"{path}: holds no message that can be read.")
-        return Recording(path, tuple(groups))
+        return Recording(path, tuple(groups), up="z")
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:

@@ -1,0 +1,224 @@
+"""Which axes does a log have? Probabilities of frames, from physics and habits.
+
+A frame specifies which axis of the log points up, how rotations are read, and which
+axes of the body point to its nose and up. Its probability is made of
+
+- habits: formats and names of columns have usual axes;
+- forces: in the right frame accelerations are gravity and forces of the air,
+  a = -g up + |v| R M Rᵀ v + b, with M (3, 3) in the body's axes: much force normal to
+  the wings, little along the body and sideways; b is what this lacks in one flight. All
+  is Gaussian, so a frame has a marginal likelihood; it is taken over that of rows of
+  any motion (a hand, a contact), so that a frame must explain many rows as flight;
+- attitude: gliders fly nose ahead and upright, each flight on the average.
+
+Rows and flights of one glider repeat the errors of this model: they count less than
+independent ones (`_SHARED`; tests/benchmarks/bench_guess.py measures the calibration).
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import logsumexp
+
+from glider.campaign.checks.motion import SPAN, calc_motion
+from glider.campaign.importing.cutting import cut
+from glider.campaign.importing.recording import Recording
+from glider.campaign.importing.track import Track, make_track, take, turn_along
+from glider.campaign.settings import AXES, Mapping, unit_vector
+from glider.errors import InputError
+from glider.physics.parameters import GliderParameters
+
+Fields = dict[str, str]  # Fields of `frame:`.
+
+_GRAVITY = GliderParameters().gravity
+_DOWN = np.array([0.0, 0.0, -_GRAVITY])  # Free fall [m/s²].
+_UP = {"z": 0.45, "y": 0.25, "-z": 0.2, "-y": 0.05, "x": 0.025, "-x": 0.025}
+"""Prior of the axis that points up where the format has no usual one."""
+_USUAL = 0.9  # Prior of the usual axis of a format or a name.
+_FORCES = np.diag([-0.1, -0.1, -0.8])
+_SPREADS = np.array([[0.1, 0.05, 0.15], [0.05, 0.15, 0.05], [0.15, 0.05, 0.6]])
+"""Prior of M and its deviations, rows and columns to nose, left and top [1/m]: foam
+gliders have a normal force of 0.5 to 1.4, an axial one of 0.06, a camber of 0.1."""
+_OFFSET = 1.0  # Deviation of b [m/s²].
+_NOISES = np.geomspace(0.3, 8.0, 8)  # Of accelerations, equally likely [m/s²].
+_ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
+_TOWARD = 3.0
+"""Concentration (von Mises-Fisher) of a flight's mean path at the nose, and of the
+vertical at the top of the body: 40 degrees off are usual."""
+_SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less off.
+_ROW = 0.5  # Independent data a row: two are taken in the span of a cubic.
+_SHARED = 0.2  # Correlation of the model's errors between flights of one glider.
+_SAME = 0.02  # Difference of rotations up to which two readings are one.
+
+
+class Candidate(NamedTuple):
+    """A frame that logs may have."""
+
+    frame: Fields
+    probability: float
+    heights: tuple[float, float]  # Of the first flight's first and last row [m].
+
+
+class _Flight(NamedTuple):
+    """Rows of a flight in axes of which z is up."""
+
+    velocity: np.ndarray  # (k, 3) [m/s]
+    acceleration: np.ndarray  # (k, 3) [m/s²]
+    turn: np.ndarray  # (k, 3, 3) from the body's axes.
+    heights: tuple[float, float]
+
+
+def rank_frames(
+    logs: Sequence[Recording],
+    claim: Callable[[Fields], Mapping],
+    readings: Sequence[tuple[Fields, float]],
+    usual: str,
+) -> list[Candidate]:
+    """Frames with their probabilities, the most probable first.
+
+    Args:
+        logs: recordings of one glider.
+        claim: makes a mapping of a frame.
+        readings: fields of a frame that say how angles are read, with their priors.
+        usual: the axis that points up in most logs like these; "" where none does.
+
+    Raises:
+        InputError: there is no flight in any frame.
+    """
+    found: list[tuple[float, Fields, tuple[float, float]]] = []
+    notes: dict[str, None] = {}
+    seen: list[list[Track]] = []
+    for reading, prior in readings:
+        tracks = [make_track(log, claim({"up": "z"} | reading)) for log in logs]
+        if any(all(map(_is_same, tracks, others)) for others in seen):
+            continue
+        seen.append(tracks)
+        for world, axes, habit in _worlds(tracks[0], usual):
+            flights = [f for t in tracks for f in _find_flights(t, axes, notes)]
+            scores = _judge(flights, world["up"], turns=tracks[0].rotation is not None)
+            for body, score in scores:
+                total = score + float(np.log(prior * habit))
+                found.append((total, world | reading | body, flights[0].heights))
+    if not found:
+        reasons = "; ".join(list(notes)[:3]) or "nothing moves"
+        raise InputError(
+            f"{logs[0].path}: no flight was found with any axis up ({reasons})."
+        )
+    found.sort(key=lambda item: -item[0])
+    total = logsumexp([score for score, _, _ in found])
+    return [Candidate(f, float(np.exp(s - total)), at) for s, f, at in found]
+
+
+def _is_same(one: Track, other: Track) -> bool:
+    a, b = one.rotation, other.rotation
+    return a is not None and b is not None and np.allclose(a, b, atol=_SAME)
+
+
+def _worlds(track: Track, usual: str) -> Iterator[tuple[Fields, np.ndarray, float]]:
+    """Yields frames of the log with their axes (rows forward, left, up) and priors."""
+    rest = (1.0 - _USUAL) / (1.0 - _UP[usual]) if usual else 1.0
+    priors = {up: _USUAL if up == usual else rest * _UP[up] for up in AXES}
+    if not track.along_throw:  # The columns are x and z.
+        for up, forward in itertools.product(("z", "-z"), ("x", "-x")):
+            axes = np.stack([unit_vector(forward), np.zeros(3), unit_vector(up)])
+            yield {"up": up, "forward": forward}, axes, priors[up]
+        return
+    for up in AXES:
+        above = unit_vector(up)
+        ahead = np.roll(np.abs(above), 1)
+        yield {"up": up}, np.stack([ahead, np.cross(above, ahead), above]), priors[up]
+
+
+def _find_flights(
+    log: Track, axes: np.ndarray, notes: dict[str, None]
+) -> Iterator[_Flight]:
+    """Yields the flights of a recording in some axes; notes why there are not more."""
+    turn = None if log.rotation is None else axes @ log.rotation
+    track = dataclasses.replace(log, position=log.position @ axes.T, rotation=turn)
+    # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
+    blind = dataclasses.replace(track, rotation=None, pitch=track.position[:, 1])
+    found, words = cut(track if turn is None else blind, _GRAVITY)
+    notes.update(dict.fromkeys(f"{track.path.name}: {note}" for note in words))
+    for piece in found:
+        begin, end = np.searchsorted(track.time, piece.track.time[[0, -1]])
+        part = turn_along(take(track, slice(begin, end + 1)))
+        step = float(np.median(np.diff(part.time)))
+        stride = max(1, round(_ROW * SPAN / step))
+        motion = calc_motion(part.time, part.position, stride=stride)
+        turns, z = part.rotation, part.position[:, 2]
+        if turns is None:
+            assert part.pitch is not None
+            turns = Rotation.from_euler("y", part.pitch[:, None]).as_matrix()
+        if len(motion.time):
+            rows = turns[np.searchsorted(part.time, motion.time)]
+            ends = float(z[0]), float(z[-1])
+            yield _Flight(motion.velocity, motion.acceleration, rows, ends)
+
+
+def _judge(
+    flights: Sequence[_Flight], up: str, *, turns: bool
+) -> Iterator[tuple[Fields, float]]:
+    """Yields axes of the body with their log probabilities (up to a constant)."""
+    if not flights:
+        return
+    count = len(flights) / (1.0 + _SHARED * (len(flights) - 1))
+    path = np.mean([_mean_path(flight) for flight in flights], axis=0)
+    above = np.mean([np.mean(f.turn[:, 2], axis=0) for f in flights], axis=0)
+    forces = _Forces(flights)
+    for nose, top in itertools.product(AXES, AXES) if turns else [("x", "z")]:
+        if nose[-1] == top[-1]:
+            continue
+        ahead, over = unit_vector(nose), unit_vector(top)
+        left = np.cross(over, ahead)
+        # Bodies are often defined as they lie upright, or with x ahead.
+        usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
+        score = _ROW / len(flights) * forces.evidence(np.stack([ahead, left, over]))
+        score += _TOWARD * (path @ ahead + above @ over)
+        score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
+        body = {"nose": nose, "top": top} if turns else {}
+        yield body, float(count * score + np.log(usual))
+
+
+def _mean_path(flight: _Flight) -> np.ndarray:
+    """Mean direction of the path in the body's axes, weighted by speed (3,)."""
+    path = np.einsum("nji,nj->i", flight.turn, flight.velocity)
+    return path / np.sum(np.linalg.norm(flight.velocity, axis=1))
+
+
+class _Forces:
+    """Accelerations of flights as gravity and forces of the air, which are linear."""
+
+    def __init__(self, flights: Sequence[_Flight]) -> None:
+        velocity = np.concatenate([f.velocity for f in flights])
+        acceleration = np.concatenate([f.acceleration for f in flights])
+        turn = np.concatenate([f.turn for f in flights])
+        speed = np.linalg.norm(velocity, axis=1)
+        flow = np.einsum("n,nji,nj->ni", speed, turn, velocity)
+        forces = np.einsum("nci,nj->ncij", turn, flow)  # By entry i, j of M.
+        rows = np.repeat(np.eye(len(flights)), [len(f.velocity) for f in flights], 0)
+        offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3))
+        size = velocity.size
+        self._design = np.hstack([forces.reshape(size, 9), offsets.reshape(size, -1)])
+        self._target = (acceleration - _DOWN).reshape(-1)
+        self._square = self._design.T @ self._design
+        self._other = -size * np.log(_ANY) - 0.5 * np.sum((acceleration / _ANY) ** 2)
+
+    def evidence(self, axes: np.ndarray) -> float:
+        """Log likelihood over that of any motion; rows of axes are nose, left, top."""
+        order = np.abs(axes)
+        mean = np.zeros(self._design.shape[1])
+        mean[:9] = (order.T @ _FORCES @ order).reshape(-1)
+        spread = np.full(len(mean), _OFFSET)
+        spread[:9] = (order.T @ _SPREADS @ order).reshape(-1)
+        rest = self._target - self._design @ mean
+        along = spread * (self._design.T @ rest)
+        variance = _NOISES[:, None, None] ** 2
+        matrix = np.eye(len(mean)) + spread[:, None] * self._square * spread / variance
+        fitted = np.linalg.solve(matrix, along[:, None] / variance)[..., 0] @ along
+        values = (rest @ rest - fitted) / _NOISES**2 + np.linalg.slogdet(matrix)[1]
+        values += 2.0 * len(rest) * np.log(_NOISES)
+        return float(logsumexp(-0.5 * values, b=1.0 / len(values)) - self._other)
