@@ -477,4 +477,4 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             groups.append(Group(name, columns, group.time, clock=pattern))
     rotation = next((p.rotation for p in parts.values() if p.rotation), None)
     up = next((p.up for p in parts.values() if p.up), "")
-    return Recording(files[patterns[0]], tuple(groups), rotation, up)
+    return Recording(files[patterns[0]], tuple(groups), rotation, up=up)

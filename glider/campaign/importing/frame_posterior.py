@@ -50,7 +50,8 @@ _TOWARD = 3.0
 """Concentration (von Mises-Fisher) of a flight's mean path at the nose, and of the
 vertical at the top of the body: 40 degrees off are usual."""
 _SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less off.
-_ROW = 0.5  # Independent data a row: two are taken in the span of a cubic.
+_STEP = 0.5 * SPAN  # Time between rows [s].
+_MEMORY = 0.2  # Time over which errors of this model persist [s].
 _SHARED = 0.2  # Correlation of the model's errors between flights of one glider.
 _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
@@ -91,14 +92,16 @@ def rank_frames(
     """
     found: list[tuple[float, Fields, tuple[float, float]]] = []
     notes: dict[str, None] = {}
-    seen: list[list[Track]] = []
+    ways: list[tuple[Fields, float, list[Track]]] = []
     for reading, prior in readings:
         tracks = [make_track(log, claim({"up": "z"} | reading)) for log in logs]
-        if any(all(map(_is_same, tracks, others)) for others in seen):
-            continue
-        seen.append(tracks)
-        for world, axes, habit in _worlds(tracks[0], usual):
-            flights = [f for t in tracks for f in _find_flights(t, axes, notes)]
+        if not any(all(map(_is_same, tracks, others)) for _, _, others in ways):
+            ways.append((reading, prior, tracks))
+    for world, axes, habit in _worlds(ways[0][2][0], usual):
+        spans = [_find_spans(track, axes, notes) for track in ways[0][2]]
+        for reading, prior, tracks in ways:
+            pairs = zip(tracks, spans, strict=True)
+            flights = [_turn(t, axes, span) for t, each in pairs for span in each]
             scores = _judge(flights, world["up"], turns=tracks[0].rotation is not None)
             for body, score in scores:
                 total = score + float(np.log(prior * habit))
@@ -133,30 +136,34 @@ def _worlds(track: Track, usual: str) -> Iterator[tuple[Fields, np.ndarray, floa
         yield {"up": up}, np.stack([ahead, np.cross(above, ahead), above]), priors[up]
 
 
-def _find_flights(
-    log: Track, axes: np.ndarray, notes: dict[str, None]
-) -> Iterator[_Flight]:
-    """Yields the flights of a recording in some axes; notes why there are not more."""
-    turn = None if log.rotation is None else axes @ log.rotation
-    track = dataclasses.replace(log, position=log.position @ axes.T, rotation=turn)
+def _find_spans(track: Track, axes: np.ndarray, notes: dict[str, None]) -> list[slice]:
+    """Rows of the flights of a recording in some axes; notes why they are not more."""
+    position = track.position @ axes.T
     # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
-    blind = dataclasses.replace(track, rotation=None, pitch=track.position[:, 1])
-    found, words = cut(track if turn is None else blind, _GRAVITY)
+    pitch = track.pitch if track.rotation is None else position[:, 1]
+    turned = dataclasses.replace(track, position=position, rotation=None, pitch=pitch)
+    found, words = cut(turned, _GRAVITY)
     notes.update(dict.fromkeys(f"{track.path.name}: {note}" for note in words))
-    for piece in found:
-        begin, end = np.searchsorted(track.time, piece.track.time[[0, -1]])
-        part = turn_along(take(track, slice(begin, end + 1)))
-        step = float(np.median(np.diff(part.time)))
-        stride = max(1, round(_ROW * SPAN / step))
-        motion = calc_motion(part.time, part.position, stride=stride)
-        turns, z = part.rotation, part.position[:, 2]
-        if turns is None:
-            assert part.pitch is not None
-            turns = Rotation.from_euler("y", part.pitch[:, None]).as_matrix()
-        if len(motion.time):
-            rows = turns[np.searchsorted(part.time, motion.time)]
-            ends = float(z[0]), float(z[-1])
-            yield _Flight(motion.velocity, motion.acceleration, rows, ends)
+    ends = [np.searchsorted(track.time, c.track.time[[0, -1]]) for c in found]
+    return [slice(first, last + 1) for first, last in ends]
+
+
+def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
+    """A flight of a recording in some axes."""
+    part = take(track, rows)
+    turns = None if part.rotation is None else axes @ part.rotation
+    turned = dataclasses.replace(part, position=part.position @ axes.T, rotation=turns)
+    part = turn_along(turned)
+    step = float(np.median(np.diff(part.time)))
+    stride = max(1, round(_STEP / step))
+    motion = calc_motion(part.time, part.position, stride=stride)
+    turns, z = part.rotation, part.position[:, 2]
+    if turns is None:
+        assert part.pitch is not None
+        turns = Rotation.from_euler("y", part.pitch[:, None]).as_matrix()
+    at = np.searchsorted(part.time, motion.time)
+    ends = float(z[0]), float(z[-1])
+    return _Flight(motion.velocity, motion.acceleration, turns[at], ends)
 
 
 def _judge(
@@ -176,7 +183,12 @@ def _judge(
         left = np.cross(over, ahead)
         # Bodies are often defined as they lie upright, or with x ahead.
         usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
-        score = _ROW / len(flights) * forces.evidence(np.stack([ahead, left, over]))
+        score = (
+            _STEP
+            / _MEMORY
+            / len(flights)
+            * forces.evidence(np.stack([ahead, left, over]))
+        )
         score += _TOWARD * (path @ ahead + above @ over)
         score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
         body = {"nose": nose, "top": top} if turns else {}

@@ -5,12 +5,13 @@ probable one (`frame_posterior`); what is not certain is left to the user, with 
 question mark, the next best frame and what distinguishes both.
 """
 
+import dataclasses
 import fnmatch
 import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,8 +74,8 @@ _RANGES = {
 _ORDERS = {
     "0123": (("xyzw", 0.5), ("wxyz", 0.5)),
     "xyz": (
-        *(("ZYX", 0.6), ("XYZ", 0.3), ("YXZ", 0.02), ("ZXY", 0.02)),
-        *(("YZX", 0.02), ("XZY", 0.02), ("rotation_vector", 0.02)),
+        *(("ZYX", 0.65), ("XYZ", 0.3), ("YXZ", 0.01), ("ZXY", 0.01)),
+        *(("YZX", 0.01), ("XZY", 0.01), ("rotation_vector", 0.01)),
     ),
 }
 _ORDERS["012"] = _ORDERS["xyz"]
@@ -83,7 +84,8 @@ _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hund
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
 
-Fields = dict[str, str]  # Fields of one part of a mapping: columns, units or frame.
+Fields = dict[str, str]  # Fields of one part of a mapping: units or frame.
+Columns = dict[str, Any]  # By quantity: names, of times a list.
 
 
 class Guess(NamedTuple):
@@ -98,7 +100,7 @@ class _Logs(NamedTuple):
     """Recordings, and what was found of their columns and units."""
 
     recordings: Sequence[Recording]
-    columns: Fields
+    columns: Columns
     units: Fields
 
     def claim(self, frame: Fields) -> Mapping:
@@ -221,8 +223,8 @@ def _explain(candidates: Sequence[Candidate]) -> list[str]:
     """How certain the best frame is; if it is not, the question to be answered."""
     best, rival = candidates[0], candidates[min(1, len(candidates) - 1)]
     if best.probability >= _CERTAIN:
-        odds = min(best.probability, 0.9999)
-        return [f"by forces and habits of the format, probability {odds:.4g}"]
+        share = min(best.probability, 0.9999)
+        return [f"by forces and habits of the format, probability {share:.4g}"]
     differs = [f for f, v in rival.frame.items() if best.frame[f] != v]
     words = ", ".join(f"{field}: {rival.frame[field]}" for field in differs)
     hint = "do the arrows of the picture point where the nose did, as it turned?"
@@ -255,7 +257,10 @@ def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
     return f"it turns the glider so, by {abs(effect):.0f} standard errors"
 
 
-def _quoted(value: str) -> str:
+def _quoted(value: str | list[str]) -> str:
+    value = value[0] if isinstance(value, list) and len(value) == 1 else value
+    if isinstance(value, list):
+        return f"[{', '.join(map(_quoted, value))}]"
     plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
     if plain and value not in ("y", "n"):
         return value
@@ -278,7 +283,7 @@ def _addresses(log: Recording) -> list[str]:
     ]
 
 
-def _guess_columns(log: Recording) -> Fields:
+def _guess_columns(log: Recording) -> Columns:
     """Finds columns by quantity; refuses logs without those of a pose."""
     columns = _find(log)
     if not _has_pose(columns):
@@ -291,17 +296,17 @@ def _guess_columns(log: Recording) -> Fields:
     return {q: columns[q] for q in QUANTITIES if q in columns}
 
 
-def _has_pose(columns: Fields) -> bool:
+def _has_pose(columns: Columns) -> bool:
     has_place = "position" in columns or {"x", "z"} <= set(columns)
     return has_place and bool({"attitude", "pitch"} & set(columns))
 
 
-def _find(log: Recording) -> Fields:
+def _find(log: Recording) -> Columns:
     """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
     names = _addresses(log)
-    columns: Fields = {}
+    columns: Columns = {}
     first = (re.fullmatch(r"(.+?)(\[0\]|[._ ]?[xX])", name) for name in names)
     stems = list(dict.fromkeys(match[1] for match in first if match))
     for quantity, shapes in _SHAPES.items():
@@ -317,15 +322,22 @@ def _find(log: Recording) -> Fields:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) not in columns:
-            taken = tuple(columns.values())
-            free = [n for n in names if not (n.startswith(taken) or _IS_TIME(n))]
+            stems = tuple(columns[q] for q in _SHAPES if q in columns)
+            free = [
+                name
+                for name in names
+                if name not in columns.values()
+                and not (name.startswith(stems) or _IS_TIME(name))
+            ]
             if name := _find_scalar(quantity, free):
                 columns[quantity] = name
     if _RATE in columns and _values(log, columns[_RATE])[1] in ("deg", "rad"):
         columns[_ANGLE] = columns.pop(_RATE)
-    times = [n for n in names if re.search(_NAMES["time"], _words(n))]
-    if times and not all(group.time for group in log.groups):
-        columns["time"] = times[0]
+    for group in (group for group in log.groups if not group.time):
+        part = _addresses(dataclasses.replace(log, groups=(group,)))
+        times = [n for n in part if re.search(_NAMES["time"], _words(n))]
+        if times and times[0] not in columns.get("time", []):
+            columns["time"] = [*columns.get("time", []), times[0]]
     return columns
 
 
@@ -357,13 +369,13 @@ def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
 
 
 def _guess_units(
-    logs: Sequence[Recording], columns: Fields
+    logs: Sequence[Recording], columns: Columns
 ) -> dict[str, tuple[str, str]]:
     """Units that the files do not report, by the ranges of the columns, and why."""
     units: dict[str, tuple[str, str]] = {}
     log = logs[0]
     if "time" in columns:
-        values, unit = _values(log, columns["time"])
+        values, unit = _values(log, columns["time"][0])
         step = float(np.nanmedian(np.diff(values)))
         fits = [u for u, size in _STEPS.items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":

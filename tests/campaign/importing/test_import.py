@@ -154,8 +154,6 @@ def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
         with pytest.raises(InputError, match="write the mapping by hand"):
             guess_mapping(files)
         return
-    if name == "motive":  # Files to join are not guessed.
-        files = [file for file in files if "poses" in file.name]
     path = tmp_path / "MAP.yaml"
     text = guess_mapping(files).text
     path.write_text(text)
@@ -167,6 +165,7 @@ def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
     imported = read_flights(files, path).campaign
     for flight, true in zip(imported.flights, campaign.flights, strict=True):
         assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-5
+        assert flight.elevator is not None
 
 
 def test_command_line(tmp_path, campaign, capsys):

@@ -17,7 +17,7 @@ from glider.errors import InputError, show
 
 _BLANK = frozenset({"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf"})
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?$")
-_UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]$")
+_UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]+?)\s*[\])]$")
 _UNIT_SUFFIXES = (
     "mm",
     "cm",

@@ -1,0 +1,152 @@
+"""`--guess` finds columns by their names, and is as certain of axes as it is right."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.importing.guess import guess_mapping
+from glider.errors import InputError
+from tests.benchmarks import bench_guess
+from tests.campaign.importing import foreign
+
+MOTIVE = Path(__file__).parents[3].parent / "shared" / "measured" / "raw_motive"
+VEHICLE = "  elevator_rate_limit: 13.0\n"
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return foreign.flights("attached_lift")
+
+
+def frame_of(guess):
+    """The lines of a guess under `frame:`."""
+    return guess.text.partition("frame:")[2].partition("vehicle:")[0]
+
+
+def assert_guessed(files, campaign, tmp_path, **columns):
+    """The guess makes the flights of a campaign, from these columns, and is certain."""
+    guess = guess_mapping(files)
+    found = yaml.safe_load(guess.text)
+    assert found["columns"] | columns == found["columns"]
+    assert guess.probability > 0.99 and "?" not in frame_of(guess)
+    path = tmp_path / "MAP.yaml"
+    path.write_text(guess.text + VEHICLE)
+    imported = read_flights(files, path).campaign
+    for flight, true in zip(imported.flights, campaign.flights, strict=True):
+        assert np.abs(flight.pose[5:25, 2] - true.pose[5:25, 2]).max() < 1e-5
+        moved = flight.pose[5:25, :2] - flight.pose[5, :2]
+        assert np.allclose(moved, true.pose[5:25, :2] - true.pose[5, :2], atol=1e-5)
+        if columns.get("elevator"):
+            near = np.abs(flight.elevator[5:25] - true.elevator[5:25])
+            assert np.max(near) < 0.1  # A found offset of clocks is rough.
+
+
+def write_tables(folder, campaign, head, columns_of):
+    """CSV files of columns made of each flight."""
+    files = []
+    for flight in campaign.flights:
+        path = folder / flight.name
+        table = np.column_stack(columns_of(flight))
+        np.savetxt(path, table, "%.9f", ",", header=head, comments="")
+        files.append(path)
+    return files
+
+
+def test_a_guess_is_right_or_asks():
+    """Twelve takes of any axes; many more in `bench_guess`, with its table."""
+    sources = [foreign.flights(name, 20) for name in ("still_air", "attached_lift")]
+    rows = bench_guess.run(sources, 12, seed=3)
+    assert len(rows) == 12
+    assert all(asks or right for _, asks, right in rows)
+    assert sum(right for _, _, right in rows) >= 10
+    assert sum(not asks for _, asks, _ in rows) >= 6
+
+
+@pytest.mark.skipif(not MOTIVE.is_dir(), reason="no measured flights are here")
+def test_motive_takes_are_y_up_or_a_question():
+    takes = sorted(MOTIVE.glob("*.csv"))
+    for count in (1, 2, 3):
+        for files in itertools.combinations(takes, count):
+            if [file.stem for file in files] == ["V3_take_2"]:
+                with pytest.raises(InputError, match="the body is never seen"):
+                    guess_mapping(files)
+                continue
+            guess = guess_mapping(files)
+            right = yaml.safe_load(guess.text)["frame"].items() >= {
+                ("up", "y"),
+                ("nose", "x"),
+                ("top", "y"),
+            }
+            assert right or "?" in frame_of(guess)
+            assert yaml.safe_load(guess.text)["frame"]["up"] == "y"
+            assert "elevator: fixed_per_flight" in guess.text
+
+
+def test_poses_and_servos_in_two_files_are_joined(tmp_path, campaign):
+    files = foreign.write_motive(tmp_path, campaign)
+    guess = guess_mapping(files)
+    found = yaml.safe_load(guess.text)
+    assert found["join"] == ["*poses.csv", "*servo.csv"]
+    assert found["columns"]["elevator"] == "angle"
+    assert found["columns"]["time"] == "t"
+    assert_guessed(files, campaign, tmp_path, elevator="angle")
+
+
+def test_names_with_units(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "time_ms,North_mm,Down_mm,Theta_deg,DE_deg,DE_cmd_degps",
+        lambda f: [
+            1e3 * f.time,
+            1e3 * f.pose[:, 0],
+            -1e3 * f.pose[:, 1],
+            -np.degrees(f.pose[:, 2]),
+            np.degrees(f.elevator),
+            np.degrees(f.command),
+        ],
+    )
+    rate = "DE_cmd_degps"
+    names = {"elevator": "DE_deg", "elevator_rate_command": rate, "z": "Down_mm"}
+    assert_guessed(files, campaign, tmp_path, **names)
+
+
+def test_german_names_and_centimeters(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "Zeit,Nord,Ost,Höhe,Nickwinkel,Höhenruder,Höhenruder_Soll",
+        lambda f: [
+            f.time,
+            60.0 * f.pose[:, 0],
+            -80.0 * f.pose[:, 0],
+            100.0 * f.pose[:, 1],
+            -np.degrees(f.pose[:, 2]),
+            np.degrees(f.elevator),
+            np.degrees(f.command),
+        ],
+    )
+    names = {"y": "Ost", "z": "Höhe", "elevator": "Höhenruder"}
+    assert_guessed(files, campaign, tmp_path, **names)
+
+
+def test_throws_along_minus_y(tmp_path, campaign):
+    files = write_tables(
+        tmp_path,
+        campaign,
+        "t,x,y,z,pitch,de,rate",
+        lambda f: [
+            f.time,
+            0.0 * f.time,
+            -f.pose[:, 0],
+            f.pose[:, 1],
+            f.pose[:, 2],
+            f.elevator,
+            f.command,
+        ],
+    )
+    assert_guessed(files, campaign, tmp_path, y="y", elevator="de")
