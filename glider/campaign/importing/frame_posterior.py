@@ -61,7 +61,6 @@ class Candidate(NamedTuple):
 
     frame: Fields
     probability: float
-    heights: tuple[float, float]  # Of the first flight's first and last row [m].
 
 
 class _Flight(NamedTuple):
@@ -70,7 +69,6 @@ class _Flight(NamedTuple):
     velocity: np.ndarray  # (k, 3) [m/s]
     acceleration: np.ndarray  # (k, 3) [m/s²]
     turn: np.ndarray  # (k, 3, 3) from the body's axes.
-    heights: tuple[float, float]
 
 
 def rank_frames(
@@ -90,7 +88,7 @@ def rank_frames(
     Raises:
         InputError: there is no flight in any frame.
     """
-    found: list[tuple[float, Fields, tuple[float, float]]] = []
+    found: list[tuple[float, Fields]] = []
     notes: dict[str, None] = {}
     ways: list[tuple[Fields, float, list[Track]]] = []
     for reading, prior in readings:
@@ -105,15 +103,15 @@ def rank_frames(
             scores = _judge(flights, world["up"], turns=tracks[0].rotation is not None)
             for body, score in scores:
                 total = score + float(np.log(prior * habit))
-                found.append((total, world | reading | body, flights[0].heights))
+                found.append((total, world | reading | body))
     if not found:
         reasons = "; ".join(list(notes)[:3]) or "nothing moves"
         raise InputError(
             f"{logs[0].path}: no flight was found with any axis up ({reasons})."
         )
     found.sort(key=lambda item: -item[0])
-    total = logsumexp([score for score, _, _ in found])
-    return [Candidate(f, float(np.exp(s - total)), at) for s, f, at in found]
+    total = logsumexp([score for score, _ in found])
+    return [Candidate(frame, float(np.exp(s - total))) for s, frame in found]
 
 
 def _is_same(one: Track, other: Track) -> bool:
@@ -157,13 +155,12 @@ def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
     step = float(np.median(np.diff(part.time)))
     stride = max(1, round(_STEP / step))
     motion = calc_motion(part.time, part.position, stride=stride)
-    turns, z = part.rotation, part.position[:, 2]
+    turns = part.rotation
     if turns is None:
         assert part.pitch is not None
         turns = Rotation.from_euler("y", part.pitch[:, None]).as_matrix()
     at = np.searchsorted(part.time, motion.time)
-    ends = float(z[0]), float(z[-1])
-    return _Flight(motion.velocity, motion.acceleration, turns[at], ends)
+    return _Flight(motion.velocity, motion.acceleration, turns[at])
 
 
 def _judge(

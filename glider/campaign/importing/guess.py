@@ -25,7 +25,6 @@ from glider.campaign.importing.campaign_import import (
 from glider.campaign.importing.frame_posterior import Candidate, rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import Picker
 from glider.campaign.importing.sign_checks import SIGNIFICANT, elevator_effect
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
@@ -60,17 +59,16 @@ _PLAIN = re.compile(r"^(position|data|value|angle|output)(_0)?$").search
 """Last parts of addresses that say nothing: what goes before is searched."""
 _STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time: logs of poses step by 0.2 to 200 ms."""
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
-_FAST = (2.5, 25.0)  # Gliders' top speeds, a factor of ten [m/s].
-_LAG = 0.05  # Time over which speeds are taken [s].
-_RANGES = {
-    "pitch": ("angle", 2.0 * np.pi, "deg"),
-    "attitude": ("angle", 2.0 * np.pi, "deg"),
-    "elevator": ("angle", 2.0 * np.pi, "deg"),
-    _ANGLE: ("angle", 2.0 * np.pi, "deg"),
-    _RATE: ("rate", 50.0, "deg/s"),
-}
-"""Kind of unit, largest value in SI, and the unit of larger ones."""
+_RANGES = (
+    *(("position", "length", 100.0, "cm"), ("position", "length", 1000.0, "mm")),
+    *(("x", "length", 100.0, "cm"), ("x", "length", 1000.0, "mm")),
+    ("pitch", "angle", 2.0 * np.pi, "deg"),
+    ("attitude", "angle", 2.0 * np.pi, "deg"),
+    ("elevator", "angle", 2.0 * np.pi, "deg"),
+    (_ANGLE, "angle", 2.0 * np.pi, "deg"),
+    (_RATE, "rate", 50.0, "deg/s"),
+)
+"""Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
 _ORDERS = {
     "0123": (("xyzw", 0.5), ("wxyz", 0.5)),
     "xyz": (
@@ -119,7 +117,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     reasons = {} if known else _guess_units(recordings, columns)
     units = {kind: unit for kind, (unit, _) in reasons.items()}
     logs = _Logs(recordings, columns, units)
-    candidates = [Candidate({"axes": "NED"}, 1.0, (0.0, 0.0))]
+    candidates = [Candidate({"axes": "NED"}, 1.0)]
     if not known:
         candidates = rank_frames(recordings, logs.claim, *_priors(logs))
     best = candidates[0]
@@ -227,20 +225,12 @@ def _explain(candidates: Sequence[Candidate]) -> list[str]:
         return [f"by forces and habits of the format, probability {share:.4g}"]
     differs = [f for f, v in rival.frame.items() if best.frame[f] != v]
     words = ", ".join(f"{field}: {rival.frame[field]}" for field in differs)
-    hint = "do the arrows of the picture point where the nose did, as it turned?"
-    if "up" in differs:
-        heights = [
-            f"{c.frame['up']} goes from {c.heights[0]:.2f} to {c.heights[1]:.2f} m"
-            for c in (best, rival)
-        ]
-        hint = f"which is the height? In the first flight {', '.join(heights)}."
-    elif {"nose", "top"} & set(differs):
-        hint = (
-            "which axes of the body point to its nose, and up in level flight? Do the "
-            "arrows of the picture point where the nose did?"
-        )
+    hint = "which axis of the log is the height?"
+    if "up" not in differs:
+        hint = "where are the nose and the top of the glider in the body's axes?"
     odds = f"? probability {best.probability:.2g}, and {rival.probability:.2g}"
-    return [f"{odds} with {words}", f"  # {hint}"]
+    arrows = "In the picture, do the arrows point where the nose did?"
+    return [f"{odds} with {words}", f"  # {hint} {arrows}"]
 
 
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
@@ -380,13 +370,7 @@ def _guess_units(
         fits = [u for u, size in _STEPS.items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    if _values(log, columns.get("position") or columns["x"])[1] is None:
-        claim = _Logs(logs, columns, {k: v for k, (v, _) in units.items()}).claim({})
-        speed = max(_top_speed(log, claim) for log in logs)
-        for unit, size in _LENGTHS.items():
-            if speed > _FAST[1] and _FAST[0] < speed * size < _FAST[1]:
-                units["length"] = unit, f"the top speed is {speed:.4g} a second"
-    for quantity, (kind, most, other) in _RANGES.items():
+    for quantity, kind, most, other in _RANGES:
         if quantity not in columns:
             continue
         found = [_values(log, columns[quantity]) for log in logs]
@@ -395,13 +379,3 @@ def _guess_units(
         if found[0][1] is None and reach > most:
             units[kind] = other, f"'{quantity}' reaches {reach:.4g}"
     return units
-
-
-def _top_speed(log: Recording, claim: Mapping) -> float:
-    """Speed of the fastest hundredth of the rows, in the log's length a second."""
-    time, place, _ = Picker(log, claim).position().known()
-    if len(time) < 2:
-        return 0.0
-    lag = max(1, round(_LAG / float(np.median(np.diff(time)))))
-    way = np.linalg.norm(place[lag:] - place[:-lag], axis=1)
-    return float(np.percentile(way / (time[lag:] - time[:-lag]), 99.0))

@@ -13,7 +13,7 @@ from glider.errors import InputError
 from tests.benchmarks import bench_guess
 from tests.campaign.importing import foreign
 
-MOTIVE = Path(__file__).parents[3].parent / "shared" / "measured" / "raw_motive"
+MOTIVE = Path(__file__).parents[4] / "shared" / "measured" / "raw_motive"
 VEHICLE = "  elevator_rate_limit: 13.0\n"
 
 
