@@ -14,16 +14,12 @@ from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import find_offsets, is_measured, shift
 from glider.campaign.importing.cutting import MOTOR, Cut, cut
+from glider.campaign.importing.frame_posterior import rank_rotations
 from glider.campaign.importing.onboard_checks import check_sensors, read_sensors
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import Servo, make_servo
-from glider.campaign.importing.sign_checks import (
-    CLEARLY,
-    MIN_FLIGHTS,
-    check_signs,
-    misfit_of,
-)
+from glider.campaign.importing.sign_checks import MIN_FLIGHTS, check_signs
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign, ServoLog
@@ -32,7 +28,7 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError, printable
 from glider.progress import Progress, announced, silent
 
-_ROLLS = 0.1  # Roll and yaw up to which no order of rotations is refused [rad].
+_CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
 _REASONS = 3  # Why recordings have no flight: as many are listed.
 _WARNING = "warning: "  # Beginning of a note that is one.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
@@ -383,41 +379,20 @@ def _centered(angle: np.ndarray) -> np.ndarray:
 def _check_rotation(
     recordings: Sequence[Recording], claim: Mapping, campaign: Campaign
 ) -> None:
-    """Refuses an order of Euler angles where another makes better flights."""
-    order = claim.frame.rotation
-    own = misfit_of(campaign)
-    few = len(campaign.flights) < MIN_FLIGHTS
-    if order is None or len(order) != 3 or few or own is None:
+    """Refuses an order of Euler angles where another makes much likelier flights."""
+    own = claim.frame.rotation
+    if own is None or len(own) != 3 or len(campaign.flights) < MIN_FLIGHTS:
         return
-    roll = _sideways(campaign)
-    for other in ORDERS:
-        frame = dataclasses.replace(claim.frame, rotation=other)
-        rival = dataclasses.replace(claim, frame=frame)
-        try:
-            cuts = cut_recordings(recordings, rival, campaign)
-            turned = campaign_of_cuts(campaign, cuts)
-        except InputError:
-            continue
-        misfit = misfit_of(turned)
-        if misfit is None:
-            continue
-        straighter = 2.0 * _sideways(turned) + _ROLLS < roll and misfit < own
-        if straighter or misfit * CLEARLY < own:
-            raise InputError(
-                f"{claim.source}: frame: rotation: with {other} in place of {order} "
-                f"the forces fit {own / misfit:.2g} times as well, and the flights "
-                f"roll and yaw by {_sideways(turned):.2g} rad instead of {roll:.2g}."
-            )
-
-
-def _sideways(campaign: Campaign) -> float:
-    """RMS of roll and yaw about their medians while the flights last [rad]."""
-    swings = [
-        flight.attitude[:, 1:] - np.median(flight.attitude[:, 1:], axis=0)
-        for flight in campaign.flights
-        if flight.attitude is not None
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(swings) ** 2))) if swings else 0.0
+    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
+    claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
+    scores = rank_rotations(recordings, claims)
+    best = max(scores, key=lambda order: scores[order])
+    if scores[best] > scores[own] + _CLEARLY:
+        odds = f"e^{scores[best] - scores[own]:.0f}"
+        raise InputError(
+            f"{claim.source}: frame: rotation: with {best} in place of {own} forces "
+            f"and the direction of flight are {odds} times as likely."
+        )
 
 
 def _count(things: Sequence, what: str = "flight") -> str:

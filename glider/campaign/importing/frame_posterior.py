@@ -53,6 +53,7 @@ _SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less o
 _STEP = 0.5 * SPAN  # Time between rows [s].
 _MEMORY = 0.2  # Time over which errors of this model persist [s].
 _SHARED = 0.2  # Correlation of the model's errors between flights of one glider.
+_MOST = 12  # Flights that are judged.
 _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
 
@@ -100,7 +101,9 @@ def rank_frames(
         for reading, prior, tracks in ways:
             pairs = zip(tracks, spans, strict=True)
             flights = [_turn(t, axes, span) for t, each in pairs for span in each]
-            scores = _judge(flights, world["up"], turns=tracks[0].rotation is not None)
+            scores = _judge(
+                flights[:_MOST], world["up"], turns=tracks[0].rotation is not None
+            )
             for body, score in scores:
                 total = score + float(np.log(prior * habit))
                 found.append((total, world | reading | body))
@@ -112,6 +115,20 @@ def rank_frames(
     found.sort(key=lambda item: -item[0])
     total = logsumexp([score for score, _ in found])
     return [Candidate(frame, float(np.exp(s - total))) for s, frame in found]
+
+
+def rank_rotations(
+    logs: Sequence[Recording], claims: dict[str, Mapping]
+) -> dict[str, float]:
+    """Log likelihoods of mappings that differ in how rotations are read."""
+    scores = {}
+    for order, claim in claims.items():
+        tracks = [make_track(log, claim) for log in logs]
+        cuts = [(t, s) for t in tracks for s in _find_spans(t, np.eye(3), {})]
+        flights = [_turn(track, np.eye(3), span) for track, span in cuts]
+        for _, score in _judge(flights[:_MOST], "z", turns=False):
+            scores[order] = score
+    return scores
 
 
 def _is_same(one: Track, other: Track) -> bool:

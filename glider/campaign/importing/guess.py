@@ -5,7 +5,6 @@ probable one (`frame_posterior`); what is not certain is left to the user, with 
 question mark, the next best frame and what distinguishes both.
 """
 
-import dataclasses
 import fnmatch
 import json
 import re
@@ -30,6 +29,7 @@ from glider.campaign.logs import Campaign
 from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
+from glider.progress import silent
 
 _ELEVATOR = r"elev|(^|_)de(_|$)|delta|servo|h(ö|oe|o)hen|ruder|profondeur|flap|joint"
 _COMMAND = r"cmd|command|soll|setp|(^|_)(set|sp|ref)(_|$)|consigne|kommando|comando"
@@ -48,6 +48,7 @@ _NAMES = {
     "elevator": rf"{_ELEVATOR}|angle",
 }
 """What names contain, in lower case, words parted by _, without units."""
+_NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
 _UNIT = r"_(mm|cm|m|ms|us|ns|s|rad|deg|degrees|(deg|rad|d)_?p?_?s)$"
 _SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
 _RATE, _ANGLE = "elevator_rate_command", "elevator_angle_command"
@@ -55,8 +56,7 @@ _SCALARS = (_RATE, _ANGLE, "x", "z", "y", "pitch", "elevator")
 _INSTEAD = {"x": "position", "y": "position", "z": "position", "pitch": "attitude"}
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
-_PLAIN = re.compile(r"^(position|data|value|angle|output)(_0)?$").search
-"""Last parts of addresses that say nothing: what goes before is searched."""
+_SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
 _STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of time: logs of poses step by 0.2 to 200 ms."""
 _RANGES = (
@@ -69,15 +69,10 @@ _RANGES = (
     (_RATE, "rate", 50.0, "deg/s"),
 )
 """Quantity, kind of unit, largest value in SI, and the unit of larger ones."""
-_ORDERS = {
-    "0123": (("xyzw", 0.5), ("wxyz", 0.5)),
-    "xyz": (
-        *(("ZYX", 0.65), ("XYZ", 0.3), ("YXZ", 0.01), ("ZXY", 0.01)),
-        *(("YZX", 0.01), ("XZY", 0.01), ("rotation_vector", 0.01)),
-    ),
-}
-_ORDERS["012"] = _ORDERS["xyz"]
-"""Ways to read the numbers of an attitude, each with its prior."""
+_FOUR = {"xyzw": 0.5, "wxyz": 0.5}
+_RARE = ("YXZ", "ZXY", "YZX", "XZY", "rotation_vector")
+_THREE = {"ZYX": 0.65, "XYZ": 0.3} | dict.fromkeys(_RARE, 0.01)
+"""Ways to read four or three numbers of an attitude, each with its prior."""
 _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hundred.
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
@@ -94,21 +89,6 @@ class Guess(NamedTuple):
     probability: float  # Of its frame.
 
 
-class _Logs(NamedTuple):
-    """Recordings, and what was found of their columns and units."""
-
-    recordings: Sequence[Recording]
-    columns: Columns
-    units: Fields
-
-    def claim(self, frame: Fields) -> Mapping:
-        """The mapping with a frame."""
-        fields = {"columns": self.columns, "units": self.units, "frame": frame}
-        claim = schema.convert(fields, Settings, "the guess").mapping("the guess")
-        assert claim is not None
-        return claim
-
-
 def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
     recordings, join = _read(sorted(map(Path, files)))
@@ -116,12 +96,18 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     columns = _guess_columns(recordings[0])
     reasons = {} if known else _guess_units(recordings, columns)
     units = {kind: unit for kind, (unit, _) in reasons.items()}
-    logs = _Logs(recordings, columns, units)
+
+    def claim(frame: Fields) -> Mapping:
+        fields = {"columns": columns, "units": units, "frame": frame}
+        claimed = schema.convert(fields, Settings, "the guess").mapping("the guess")
+        assert claimed is not None
+        return claimed
+
     candidates = [Candidate({"axes": "NED"}, 1.0)]
     if not known:
-        candidates = rank_frames(recordings, logs.claim, *_priors(logs))
+        candidates = rank_frames(recordings, claim, *_priors(recordings[0], columns))
     best = candidates[0]
-    frame, campaign = dict(best.frame), _make_campaign(logs, best.frame)
+    frame, campaign = dict(best.frame), _make_campaign(recordings, claim(best.frame))
     servo = campaign.elevator == "servo"
     servo_why = _guess_elevator(campaign, frame) if servo else ""
     lines = ["# Proposed by --guess: check each line before you use it."]
@@ -177,7 +163,7 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
             if all(any(fnmatch.fnmatch(f.name, p) for p in join) for f in logs):
                 joined = Settings(join=join).mapping("the guess")
                 assert joined is not None
-                return read_logs(list(logs), joined), join
+                return read_logs(list(logs), joined, silent), join
     found = [r for read in logs.values() for r in read]
     found = [log for log in found if any(group.columns for group in log.groups)]
     if not found:
@@ -189,32 +175,32 @@ def _common_start(one: str, other: str) -> str:
     return one[: next((k for k, c in enumerate(one) if other[k : k + 1] != c), None)]
 
 
-def _make_campaign(logs: _Logs, frame: Fields) -> Campaign:
-    """What a frame makes of the logs."""
-    servo = any(name.startswith("elevator") for name in logs.columns)
+def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
+    """What a mapping makes of recordings."""
+    servo = any(name.startswith("elevator") for name in claim.columns)
     fixed, moving = Vehicle(elevator="fixed"), Vehicle(elevator_rate_limit=_RATE_LIMIT)
     settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
-    cuts = cut_recordings(logs.recordings, logs.claim(frame), settings)
+    cuts = cut_recordings(recordings, claim, settings)
     if not any(cut.flights for cut in cuts):
         notes = "; ".join(note for cut in cuts for note in cut.notes)
-        path = logs.recordings[0].path
+        path = recordings[0].path
         raise InputError(f"{path}: no flight was found ({notes or 'nothing moves'}).")
     return campaign_of_cuts(settings, cuts)
 
 
-def _priors(logs: _Logs) -> tuple[list[tuple[Fields, float]], str]:
+def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]], str]:
     """Ways to read the attitude with their priors, and the usual axis that is up."""
-    log, z = logs.recordings[0], _words(logs.columns.get("z", "z"))
-    usual = log.up
+    z, usual = _words(columns.get("z", "z")), log.up
     if not re.search("z$", z):
         usual = "-z" if re.search("down|unten|bas|abajo", z) else "z"
-    attitude = logs.columns.get("attitude")
+    attitude = columns.get("attitude")
     if attitude is None:
         return [({"pitch": sign}, 0.5) for sign in ("nose_up", "nose_down")], usual
     axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
     if axes == "xyzw" or log.rotation is not None:
         return [({}, 1.0)], usual
-    return [({"rotation": order}, prior) for order, prior in _ORDERS[axes]], usual
+    orders = _FOUR if axes == "0123" else _THREE
+    return [({"rotation": order}, prior) for order, prior in orders.items()], usual
 
 
 def _explain(candidates: Sequence[Candidate]) -> list[str]:
@@ -257,9 +243,9 @@ def _quoted(value: str | list[str]) -> str:
     return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
 
 
-def _words(name: str, *, whole: bool = False) -> str:
-    """The last part of an address in lower case, parted by _, without its unit."""
-    text = name if whole else name.rpartition(".")[2]
+def _words(name: str) -> str:
+    """The part of an address that says something, parted by _, without its unit."""
+    text = name if _SAYS_NOTHING(name) else name.rpartition(".")[2]
     words = re.sub(r"(?<=[^\W_A-Z])(?=[A-Z])|\W+", "_", text).strip("_").lower()
     return re.sub(_UNIT, "", words)
 
@@ -312,34 +298,24 @@ def _find(log: Recording) -> Columns:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) not in columns:
-            stems = tuple(columns[q] for q in _SHAPES if q in columns)
+            vectors = tuple(columns[q] for q in _SHAPES if q in columns)
             free = [
                 name
                 for name in names
                 if name not in columns.values()
-                and not (name.startswith(stems) or _IS_TIME(name))
+                and not (name.startswith(vectors) or _IS_TIME(name))
             ]
-            if name := _find_scalar(quantity, free):
-                columns[quantity] = name
+            if quantity == "elevator":
+                free = [n for n in free if not re.search(_NOT_AN_ANGLE, _words(n))]
+            fits = [n for n in free if re.search(_NAMES[quantity], _words(n))]
+            columns |= {quantity: fits[0]} if fits else {}
     if _RATE in columns and _values(log, columns[_RATE])[1] in ("deg", "rad"):
         columns[_ANGLE] = columns.pop(_RATE)
     for group in (group for group in log.groups if not group.time):
-        part = _addresses(dataclasses.replace(log, groups=(group,)))
-        times = [n for n in part if re.search(_NAMES["time"], _words(n))]
+        times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
         if times and times[0] not in columns.get("time", []):
             columns["time"] = [*columns.get("time", []), times[0]]
     return columns
-
-
-def _find_scalar(quantity: str, names: Sequence[str]) -> str | None:
-    """The first name that means a quantity, by its last part or its whole address."""
-    whole = [_words(n, whole=True) if _PLAIN(_words(n)) else "" for n in names]
-    last = list(map(_words, names))
-    for name, words in zip([*names, *names], [*last, *whole], strict=True):
-        other = quantity == "elevator" and re.search(f"{_COMMAND}|{_IS_RATE}", words)
-        if re.search(_NAMES[quantity], words) and not other:
-            return name
-    return None
 
 
 def _travel(log: Recording, stem: str) -> float:

@@ -58,32 +58,25 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     return undecided + check_fall(campaign, masks) + check_travel(campaign, masks)
 
 
-def misfit_of(campaign: Campaign) -> float | None:
-    """Misfit of the forces, gravity given [m/s²]; None where there are no flights."""
+def misfit_in_all(campaign: Campaign) -> float | None:
+    """Misfit of forces [m/s²], times that of moments if there is an elevator.
+
+    None where there are no flights.
+    """
     try:
         _check_attitude(campaign)
     except InputError:
         return None
-    if max(np.ptp(flight.pose[:, 1]) for flight in campaign.flights) < _LEAST_HEIGHT:
-        return None
-    motion = forces.join([forces.usable_motion(f, {}) for f in campaign.flights])
-    if len(motion.time) < _MIN_ROWS or forces.calc_heading(motion, 1) < _AHEAD:
-        return None
-    down = np.array([0.0, -campaign.gravity])
-    backwards = np.mean(motion.velocity[:, 0]) < 0.0
-    return None if backwards else forces.fit_forces(motion, down, signs=(1,)).misfit
-
-
-def misfit_in_all(campaign: Campaign) -> float | None:
-    """Misfit of forces, times that of moments if there is an elevator; see `misfit_of`.
-
-    None where there are no flights.
-    """
-    misfit = misfit_of(campaign)
-    if misfit is None or campaign.elevator != "servo":
-        return misfit
     motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
-    return misfit * _fit_elevator(campaign, motions)[1]
+    motion, down = forces.join(list(motions.values())), [0.0, -campaign.gravity]
+    level = max(np.ptp(f.pose[:, 1]) for f in campaign.flights) < _LEAST_HEIGHT
+    if level or len(motion.time) < _MIN_ROWS or np.mean(motion.velocity[:, 0]) < 0.0:
+        return None
+    if forces.calc_heading(motion, 1) < _AHEAD:
+        return None
+    misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
+    servo = campaign.elevator == "servo"
+    return misfit * _fit_elevator(campaign, motions)[1] if servo else misfit
 
 
 def elevator_effect(campaign: Campaign, motions: Motions) -> float:
