@@ -5,14 +5,13 @@ axes of the body point to its nose and up. Its probability is made of
 
 - habits: formats and names of columns have usual axes;
 - forces: in the right frame accelerations are gravity and forces of the air,
-  a = -g up + |v| R M Rᵀ v + b, with M (3, 3) in the body's axes: much force normal to
-  the wings, little along the body and sideways; b is what this lacks in one flight. All
-  is Gaussian, so a frame has a marginal likelihood; it is taken over that of rows of
-  any motion (a hand, a contact), so that a frame must explain many rows as flight;
+  a = -g up + |v| R M Rᵀ v + b, with a matrix M of forces in the body's axes, and b that
+  this lacks in one flight. All is Gaussian, so a frame has a marginal likelihood; it is
+  taken over that of rows of any motion (a hand, a contact): a frame must explain many;
 - attitude: gliders fly nose ahead and upright, each flight on the average.
 
 Rows and flights of one glider repeat the errors of this model: they count less than
-independent ones (`_SHARED`; tests/benchmarks/bench_guess.py measures the calibration).
+independent ones (tests/benchmarks/bench_guess.py measures the calibration).
 """
 
 import dataclasses
@@ -24,12 +23,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
-from glider.campaign.checks.motion import SPAN, calc_motion
+from glider.campaign.checks.motion import SPAN, Motion, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.track import Track, make_track, take, turn_along
 from glider.campaign.settings import AXES, Mapping, unit_vector
-from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
 Fields = dict[str, str]  # Fields of `frame:`.
@@ -57,18 +55,10 @@ _MOST = 12  # Flights that are judged.
 _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
 
-class Candidate(NamedTuple):
-    """A frame that logs may have."""
-
-    frame: Fields
-    probability: float
-
-
 class _Flight(NamedTuple):
     """Rows of a flight in axes of which z is up."""
 
-    velocity: np.ndarray  # (k, 3) [m/s]
-    acceleration: np.ndarray  # (k, 3) [m/s²]
+    motion: Motion  # Of the position.
     turn: np.ndarray  # (k, 3, 3) from the body's axes.
 
 
@@ -77,57 +67,44 @@ def rank_frames(
     claim: Callable[[Fields], Mapping],
     readings: Sequence[tuple[Fields, float]],
     usual: str,
-) -> list[Candidate]:
-    """Frames with their probabilities, the most probable first.
+) -> list[tuple[Fields, float]]:
+    """Frames with their probabilities, the best first; none where there is no flight.
 
     Args:
         logs: recordings of one glider.
         claim: makes a mapping of a frame.
         readings: fields of a frame that say how angles are read, with their priors.
         usual: the axis that points up in most logs like these; "" where none does.
-
-    Raises:
-        InputError: there is no flight in any frame.
     """
-    found: list[tuple[float, Fields]] = []
-    notes: dict[str, None] = {}
+    found: list[tuple[Fields, float]] = []
     ways: list[tuple[Fields, float, list[Track]]] = []
     for reading, prior in readings:
         tracks = [make_track(log, claim({"up": "z"} | reading)) for log in logs]
         if not any(all(map(_is_same, tracks, others)) for _, _, others in ways):
             ways.append((reading, prior, tracks))
     for world, axes, habit in _worlds(ways[0][2][0], usual):
-        spans = [_find_spans(track, axes, notes) for track in ways[0][2]]
+        spans = [_find_spans(track, axes) for track in ways[0][2]]
         for reading, prior, tracks in ways:
             pairs = zip(tracks, spans, strict=True)
             flights = [_turn(t, axes, span) for t, each in pairs for span in each]
-            scores = _judge(
-                flights[:_MOST], world["up"], turns=tracks[0].rotation is not None
-            )
-            for body, score in scores:
+            for body, score in _judge(flights, world["up"], tracks[0].rotation):
                 total = score + float(np.log(prior * habit))
-                found.append((total, world | reading | body))
-    if not found:
-        reasons = "; ".join(list(notes)[:3]) or "nothing moves"
-        raise InputError(
-            f"{logs[0].path}: no flight was found with any axis up ({reasons})."
-        )
-    found.sort(key=lambda item: -item[0])
-    total = logsumexp([score for score, _ in found])
-    return [Candidate(frame, float(np.exp(s - total))) for s, frame in found]
+                found.append((world | reading | body, total))
+    total = logsumexp([score for _, score in found]) if found else 0.0
+    shares = [(frame, float(np.exp(score - total))) for frame, score in found]
+    return sorted(shares, key=lambda share: -share[1])
 
 
 def rank_rotations(
     logs: Sequence[Recording], claims: dict[str, Mapping]
 ) -> dict[str, float]:
     """Log likelihoods of mappings that differ in how rotations are read."""
-    scores = {}
+    scores: dict[str, float] = {}
     for order, claim in claims.items():
         tracks = [make_track(log, claim) for log in logs]
-        cuts = [(t, s) for t in tracks for s in _find_spans(t, np.eye(3), {})]
+        cuts = [(t, s) for t in tracks for s in _find_spans(t, np.eye(3))]
         flights = [_turn(track, np.eye(3), span) for track, span in cuts]
-        for _, score in _judge(flights[:_MOST], "z", turns=False):
-            scores[order] = score
+        scores[order] = sum(score for _, score in _judge(flights, "z", None))
     return scores
 
 
@@ -151,14 +128,13 @@ def _worlds(track: Track, usual: str) -> Iterator[tuple[Fields, np.ndarray, floa
         yield {"up": up}, np.stack([ahead, np.cross(above, ahead), above]), priors[up]
 
 
-def _find_spans(track: Track, axes: np.ndarray, notes: dict[str, None]) -> list[slice]:
-    """Rows of the flights of a recording in some axes; notes why they are not more."""
+def _find_spans(track: Track, axes: np.ndarray) -> list[slice]:
+    """Rows of the flights of a recording in some axes."""
     position = track.position @ axes.T
     # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
     pitch = track.pitch if track.rotation is None else position[:, 1]
     turned = dataclasses.replace(track, position=position, rotation=None, pitch=pitch)
-    found, words = cut(turned, _GRAVITY)
-    notes.update(dict.fromkeys(f"{track.path.name}: {note}" for note in words))
+    found, _ = cut(turned, _GRAVITY)
     ends = [np.searchsorted(track.time, c.track.time[[0, -1]]) for c in found]
     return [slice(first, last + 1) for first, last in ends]
 
@@ -167,30 +143,34 @@ def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
     """A flight of a recording in some axes."""
     part = take(track, rows)
     turns = None if part.rotation is None else axes @ part.rotation
-    turned = dataclasses.replace(part, position=part.position @ axes.T, rotation=turns)
-    part = turn_along(turned)
-    step = float(np.median(np.diff(part.time)))
-    stride = max(1, round(_STEP / step))
+    part = dataclasses.replace(part, position=part.position @ axes.T, rotation=turns)
+    part = turn_along(part)
+    stride = max(1, round(_STEP / float(np.median(np.diff(part.time)))))
     motion = calc_motion(part.time, part.position, stride=stride)
     turns = part.rotation
     if turns is None:
-        assert part.pitch is not None
-        turns = Rotation.from_euler("y", part.pitch[:, None]).as_matrix()
-    at = np.searchsorted(part.time, motion.time)
-    return _Flight(motion.velocity, motion.acceleration, turns[at])
+        turns = Rotation.from_euler("y", np.c_[part.pitch]).as_matrix()
+    return _Flight(motion, turns[np.searchsorted(part.time, motion.time)])
 
 
 def _judge(
-    flights: Sequence[_Flight], up: str, *, turns: bool
+    flights: Sequence[_Flight], up: str, turn: np.ndarray | None
 ) -> Iterator[tuple[Fields, float]]:
-    """Yields axes of the body with their log probabilities (up to a constant)."""
+    """Yields axes of the body with their log probabilities (up to a constant).
+
+    Without rotations of the log they are known: the nose is x, the top z.
+    """
+    flights = flights[:_MOST]
     if not flights:
         return
     count = len(flights) / (1.0 + _SHARED * (len(flights) - 1))
-    path = np.mean([_mean_path(flight) for flight in flights], axis=0)
+    paths = [np.einsum("nji,nj->i", f.turn, f.motion.velocity) for f in flights]
+    path = np.mean([p / np.linalg.norm(p) for p in paths], axis=0)
     above = np.mean([np.mean(f.turn[:, 2], axis=0) for f in flights], axis=0)
     forces = _Forces(flights)
-    for nose, top in itertools.product(AXES, AXES) if turns else [("x", "z")]:
+    for nose, top in (
+        itertools.product(AXES, AXES) if turn is not None else [("x", "z")]
+    ):
         if nose[-1] == top[-1]:
             continue
         ahead, over = unit_vector(nose), unit_vector(top)
@@ -205,27 +185,21 @@ def _judge(
         )
         score += _TOWARD * (path @ ahead + above @ over)
         score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
-        body = {"nose": nose, "top": top} if turns else {}
+        body = {} if turn is None else {"nose": nose, "top": top}
         yield body, float(count * score + np.log(usual))
-
-
-def _mean_path(flight: _Flight) -> np.ndarray:
-    """Mean direction of the path in the body's axes, weighted by speed (3,)."""
-    path = np.einsum("nji,nj->i", flight.turn, flight.velocity)
-    return path / np.sum(np.linalg.norm(flight.velocity, axis=1))
 
 
 class _Forces:
     """Accelerations of flights as gravity and forces of the air, which are linear."""
 
     def __init__(self, flights: Sequence[_Flight]) -> None:
-        velocity = np.concatenate([f.velocity for f in flights])
-        acceleration = np.concatenate([f.acceleration for f in flights])
+        velocity = np.concatenate([f.motion.velocity for f in flights])
+        acceleration = np.concatenate([f.motion.acceleration for f in flights])
         turn = np.concatenate([f.turn for f in flights])
         speed = np.linalg.norm(velocity, axis=1)
         flow = np.einsum("n,nji,nj->ni", speed, turn, velocity)
         forces = np.einsum("nci,nj->ncij", turn, flow)  # By entry i, j of M.
-        rows = np.repeat(np.eye(len(flights)), [len(f.velocity) for f in flights], 0)
+        rows = np.repeat(np.eye(len(flights)), [len(f.turn) for f in flights], 0)
         offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3))
         size = velocity.size
         self._design = np.hstack([forces.reshape(size, 9), offsets.reshape(size, -1)])

@@ -21,7 +21,7 @@ from glider.campaign.importing.campaign_import import (
     cut_recordings,
     read_logs,
 )
-from glider.campaign.importing.frame_posterior import Candidate, rank_frames
+from glider.campaign.importing.frame_posterior import rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.sign_checks import SIGNIFICANT, elevator_effect
@@ -103,11 +103,11 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         assert claimed is not None
         return claimed
 
-    candidates = [Candidate({"axes": "NED"}, 1.0)]
+    ranked = [({"axes": "NED"}, 1.0)]
     if not known:
-        candidates = rank_frames(recordings, claim, *_priors(recordings[0], columns))
-    best = candidates[0]
-    frame, campaign = dict(best.frame), _make_campaign(recordings, claim(best.frame))
+        ranked = rank_frames(recordings, claim, *_priors(recordings[0], columns))
+    frame, probability = ranked[0] if ranked else ({}, 0.0)
+    campaign, frame = _make_campaign(recordings, claim(frame)), dict(frame)
     servo = campaign.elevator == "servo"
     servo_why = _guess_elevator(campaign, frame) if servo else ""
     lines = ["# Proposed by --guess: check each line before you use it."]
@@ -122,7 +122,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     elif units:
         lines.append("units:")
         lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
-    why, *question = ["by the format"] if known else _explain(candidates)
+    why, *question = ["by the format"] if known else _explain(ranked)
     lines += [f"frame:  # {why}", *question]
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
@@ -140,7 +140,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     else:  # Commanded angles cannot be used without it.
         lines.append("  elevator: servo  # ? elevator_rate_limit in rad/s is missing")
     text = "".join(f"{printable(line)}\n" for line in lines)
-    return Guess(text, campaign, best.probability)
+    return Guess(text, campaign, probability)
 
 
 def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
@@ -165,10 +165,8 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
                 assert joined is not None
                 return read_logs(list(logs), joined, silent), join
     found = [r for read in logs.values() for r in read]
-    found = [log for log in found if any(group.columns for group in log.groups)]
-    if not found:
-        raise InputError(f"{files[0]}: has no columns; expected those of a pose.")
-    return found[:_MAX_FILES], []
+    filled = [log for log in found if any(group.columns for group in log.groups)]
+    return (filled or found)[:_MAX_FILES], []
 
 
 def _common_start(one: str, other: str) -> str:
@@ -203,18 +201,18 @@ def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]
     return [({"rotation": order}, prior) for order, prior in orders.items()], usual
 
 
-def _explain(candidates: Sequence[Candidate]) -> list[str]:
+def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
     """How certain the best frame is; if it is not, the question to be answered."""
-    best, rival = candidates[0], candidates[min(1, len(candidates) - 1)]
-    if best.probability >= _CERTAIN:
-        share = min(best.probability, 0.9999)
+    (best, probability), (rival, other) = ranked[0], ranked[min(1, len(ranked) - 1)]
+    if probability >= _CERTAIN:
+        share = min(probability, 0.9999)
         return [f"by forces and habits of the format, probability {share:.4g}"]
-    differs = [f for f, v in rival.frame.items() if best.frame[f] != v]
-    words = ", ".join(f"{field}: {rival.frame[field]}" for field in differs)
+    differs = [field for field, value in rival.items() if best[field] != value]
+    words = ", ".join(f"{field}: {rival[field]}" for field in differs)
     hint = "which axis of the log is the height?"
     if "up" not in differs:
         hint = "where are the nose and the top of the glider in the body's axes?"
-    odds = f"? probability {best.probability:.2g}, and {rival.probability:.2g}"
+    odds = f"? probability {probability:.2g}, and {other:.2g}"
     arrows = "In the picture, do the arrows point where the nose did?"
     return [f"{odds} with {words}", f"  # {hint} {arrows}"]
 
