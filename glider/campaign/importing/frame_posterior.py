@@ -17,7 +17,6 @@ independent ones (tests/benchmarks/bench_guess.py measures the calibration).
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +30,8 @@ from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
 Fields = dict[str, str]  # Fields of `frame:`.
+_Flight = tuple[Motion, np.ndarray]
+"""Rows of a flight where z is up: position, and rotations (k, 3, 3) from the body."""
 
 _GRAVITY = GliderParameters().gravity
 _DOWN = np.array([0.0, 0.0, -_GRAVITY])  # Free fall [m/s²].
@@ -55,13 +56,6 @@ _MOST = 12  # Flights that are judged.
 _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
 
-class _Flight(NamedTuple):
-    """Rows of a flight in axes of which z is up."""
-
-    motion: Motion  # Of the position.
-    turn: np.ndarray  # (k, 3, 3) from the body's axes.
-
-
 def rank_frames(
     logs: Sequence[Recording],
     claim: Callable[[Fields], Mapping],
@@ -70,11 +64,8 @@ def rank_frames(
 ) -> list[tuple[Fields, float]]:
     """Frames with their probabilities, the best first; none where there is no flight.
 
-    Args:
-        logs: recordings of one glider.
-        claim: makes a mapping of a frame.
-        readings: fields of a frame that say how angles are read, with their priors.
-        usual: the axis that points up in most logs like these; "" where none does.
+    Readings are fields that say how angles are read, each with its prior; `usual` is
+    the axis that points up in most logs like these, or "".
     """
     found: list[tuple[Fields, float]] = []
     ways: list[tuple[Fields, float, list[Track]]] = []
@@ -150,11 +141,11 @@ def _turn(track: Track, axes: np.ndarray, rows: slice) -> _Flight:
     turns = part.rotation
     if turns is None:
         turns = Rotation.from_euler("y", np.c_[part.pitch]).as_matrix()
-    return _Flight(motion, turns[np.searchsorted(part.time, motion.time)])
+    return motion, turns[np.searchsorted(part.time, motion.time)]
 
 
 def _judge(
-    flights: Sequence[_Flight], up: str, turn: np.ndarray | None
+    flights: Sequence[_Flight], up: str, logged: np.ndarray | None
 ) -> Iterator[tuple[Fields, float]]:
     """Yields axes of the body with their log probabilities (up to a constant).
 
@@ -164,28 +155,23 @@ def _judge(
     if not flights:
         return
     count = len(flights) / (1.0 + _SHARED * (len(flights) - 1))
-    paths = [np.einsum("nji,nj->i", f.turn, f.motion.velocity) for f in flights]
+    paths = [np.einsum("nji,nj->i", turn, m.velocity) for m, turn in flights]
     path = np.mean([p / np.linalg.norm(p) for p in paths], axis=0)
-    above = np.mean([np.mean(f.turn[:, 2], axis=0) for f in flights], axis=0)
+    above = np.mean([np.mean(turn[:, 2], axis=0) for _, turn in flights], axis=0)
     forces = _Forces(flights)
-    for nose, top in (
-        itertools.product(AXES, AXES) if turn is not None else [("x", "z")]
-    ):
+    independent = _STEP / _MEMORY / len(flights)
+    pairs = [("x", "z")] if logged is None else itertools.product(AXES, AXES)
+    for nose, top in pairs:
         if nose[-1] == top[-1]:
             continue
         ahead, over = unit_vector(nose), unit_vector(top)
         left = np.cross(over, ahead)
         # Bodies are often defined as they lie upright, or with x ahead.
         usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
-        score = (
-            _STEP
-            / _MEMORY
-            / len(flights)
-            * forces.evidence(np.stack([ahead, left, over]))
-        )
+        score = independent * forces.evidence(np.stack([ahead, left, over]))
         score += _TOWARD * (path @ ahead + above @ over)
         score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
-        body = {} if turn is None else {"nose": nose, "top": top}
+        body = {} if logged is None else {"nose": nose, "top": top}
         yield body, float(count * score + np.log(usual))
 
 
@@ -193,13 +179,13 @@ class _Forces:
     """Accelerations of flights as gravity and forces of the air, which are linear."""
 
     def __init__(self, flights: Sequence[_Flight]) -> None:
-        velocity = np.concatenate([f.motion.velocity for f in flights])
-        acceleration = np.concatenate([f.motion.acceleration for f in flights])
-        turn = np.concatenate([f.turn for f in flights])
+        velocity = np.concatenate([motion.velocity for motion, _ in flights])
+        acceleration = np.concatenate([motion.acceleration for motion, _ in flights])
+        turn = np.concatenate([turn for _, turn in flights])
         speed = np.linalg.norm(velocity, axis=1)
         flow = np.einsum("n,nji,nj->ni", speed, turn, velocity)
         forces = np.einsum("nci,nj->ncij", turn, flow)  # By entry i, j of M.
-        rows = np.repeat(np.eye(len(flights)), [len(f.turn) for f in flights], 0)
+        rows = np.repeat(np.eye(len(flights)), [len(turn) for _, turn in flights], 0)
         offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3))
         size = velocity.size
         self._design = np.hstack([forces.reshape(size, 9), offsets.reshape(size, -1)])

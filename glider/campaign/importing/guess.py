@@ -7,6 +7,7 @@ question mark, the next best frame and what distinguishes both.
 
 import fnmatch
 import json
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -154,8 +155,8 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     others = [file.name for file in logs if not has_pose[file]]
     if poses and len(poses) == len(others):
         pair = [poses[0], others[0]]
-        before = _common_start(*pair)
-        after = _common_start(*(name[::-1] for name in pair))[::-1]
+        before = os.path.commonprefix(pair)  # noqa: RUF071 -- of names, not paths.
+        after = os.path.commonprefix([n[::-1] for n in pair])[::-1]  # noqa: RUF071
         for join in (
             [f"*{name.removeprefix(before)}" for name in pair],
             [f"{name.removesuffix(after)}*" for name in pair],
@@ -167,10 +168,6 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     found = [r for read in logs.values() for r in read]
     filled = [log for log in found if any(group.columns for group in log.groups)]
     return (filled or found)[:_MAX_FILES], []
-
-
-def _common_start(one: str, other: str) -> str:
-    return one[: next((k for k, c in enumerate(one) if other[k : k + 1] != c), None)]
 
 
 def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
@@ -209,9 +206,8 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
         return [f"by forces and habits of the format, probability {share:.4g}"]
     differs = [field for field, value in rival.items() if best[field] != value]
     words = ", ".join(f"{field}: {rival[field]}" for field in differs)
-    hint = "which axis of the log is the height?"
-    if "up" not in differs:
-        hint = "where are the nose and the top of the glider in the body's axes?"
+    body = "where are the nose and the top of the glider in the body's axes?"
+    hint = "which axis of the log is the height?" if "up" in differs else body
     odds = f"? probability {probability:.2g}, and {other:.2g}"
     arrows = "In the picture, do the arrows point where the nose did?"
     return [f"{odds} with {words}", f"  # {hint} {arrows}"]
