@@ -57,13 +57,13 @@ def write_tables(folder, campaign, head, columns_of):
 
 
 def test_a_guess_is_right_or_asks():
-    """Twelve takes of any axes; many more in `bench_guess`, with its table."""
+    """Eight campaigns of any axes; many more in `bench_guess`, with its table."""
     sources = [foreign.flights(name, 20) for name in ("still_air", "attached_lift")]
-    rows = bench_guess.run(sources, 12, seed=3)
-    assert len(rows) == 12
+    rows = bench_guess.run(sources, 8, seed=3)
+    assert len(rows) == 8
     assert all(asks or right for _, asks, right in rows)
-    assert sum(right for _, _, right in rows) >= 10
-    assert sum(not asks for _, asks, _ in rows) >= 6
+    assert sum(right for _, _, right in rows) >= 7
+    assert sum(not asks for _, asks, _ in rows) >= 4
 
 
 @pytest.mark.skipif(not MOTIVE.is_dir(), reason="no measured flights are here")
