@@ -27,13 +27,7 @@ _SHORT = 8  # Numbers up to which a column is written where it stands.
 def render_page(
     template: str, figures: Mapping[str, spec.Figure], **values: Any
 ) -> str:
-    """Renders a page with its figures: one file that needs nothing else.
-
-    Args:
-        template: of this package, one that extends base.html.
-        figures: that its macro `figure` shows, by name.
-        values: what else the template needs.
-    """
+    """Renders a page with the figures that its template shows, one file for all."""
     return TEMPLATES.get_template(template).render(
         figures=figures,
         data=_script(page_data(figures)),

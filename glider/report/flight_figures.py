@@ -63,12 +63,7 @@ def held_out_figure(result: Result) -> spec.Figure | None:
 
 
 def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.Panel]:
-    """Path, pitch and distance of a flight, measured and flown by each model.
-
-    Args:
-        flight: to be shown.
-        noise: standard deviation of a measured coordinate [m].
-    """
+    """Path, pitch and distance of a flight, with the noise of a coordinate [m]."""
     count = len(flight.time)
     rows = np.unique(np.linspace(0, count - 1, min(_ROWS, count)).astype(int))
     time, measured = flight.time[rows], flight.measured[rows]

@@ -63,12 +63,7 @@ def make_figures(result: Result) -> dict[str, Figure]:
 
 
 def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
-    """The page of a result, one file that needs nothing else.
-
-    Args:
-        result: of closing the loop.
-        figures: of the result; made from it if None.
-    """
+    """The page of a result, one file; its figures are made where none are given."""
     versions = {"drake-glider": result.version, "Python": platform.python_version()}
     for package in ("drake", "numpy", "numba"):
         versions[package] = importlib.metadata.version(package)

@@ -248,13 +248,9 @@ def residual_tables(result: Result) -> dict[str, ResidualTable]:
     }
 
 
-def coefficients_figure(result: Result) -> spec.Figure | None:
+def coefficients_figure(result: Result) -> spec.Figure:
     """Force and moment coefficients, flight by flight, before and after."""
     tables = residual_tables(result)
-    needed = COEFFICIENTS.keys()
-    for table in tables.values():
-        if "alpha" not in table.variables or not needed <= table.coefficients.keys():
-            return None
     panels = []
     for model, table in tables.items():
         lines = _flight_lines(table)
@@ -352,13 +348,13 @@ def residual_panel(
 ) -> spec.Panel:
     """Residuals of models against a variable, with their binned medians."""
     name, unit = list(RESIDUALS.items())[column]
-    label, factor = VARIABLES.get(variable, (variable.replace("_", " "), 1.0))
+    label, factor = VARIABLES[variable]
     clouds, medians = [], []
     for model, table in tables.items():
         x, y = table.variables[variable] * factor, table.residual[:, column]
         # The same rows in all panels: a page holds each column once.
         rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
-        time = table.variables.get("t", np.full(table.flight.shape, math.nan))
+        time = table.variables["t"]
         said = f"%{{x:.3r}}: %{{y:.3r}} {unit.name}"
         clouds.append(
             spec.Points(

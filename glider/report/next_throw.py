@@ -215,12 +215,7 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
 
 
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
-    """Draws the proposed throws beside the flown flights.
-
-    Args:
-        proposal: its throws.
-        form: of the file, one that Matplotlib writes.
-    """
+    """Draws the proposed throws beside the flown flights, in a form of Matplotlib's."""
     p = proposal
     several = len(p.explanations) > 1
     labels = [

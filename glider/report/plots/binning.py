@@ -16,13 +16,10 @@ def bounds(
     """Limits of an axis that shows the points; a few outliers do not squash it.
 
     Args:
-        values: of the points.
+        values: of the points; there are no limits where none is finite.
         margin: added at both ends, relative to the range.
         quantile: of points that may lie outside at each end.
         around: a value that must lie inside.
-
-    Returns:
-        None where no value is finite.
     """
     values = values[np.isfinite(values)]
     if values.size == 0:
