@@ -13,13 +13,10 @@ _SIMILAR = 0.05  # Share of changes by which two phases of a clock fit similarly
 
 
 def latest_command(begins: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Returns the index of the command that is held at each time, (m,).
+    """Returns the index of the command that is held at each time (m,) [s].
 
-    A command that begins at a time is held there, whatever the rounding.
-
-    Args:
-        begins: (k,) when each command begins [s], increasing.
-        times: (m,) [s]; before the first command the index is -1.
+    A command that begins at a time is held there, whatever the rounding; the index is
+    -1 before the first of the increasing times `begins` (k,) [s].
     """
     return np.searchsorted(begins, times + 1e-9, side="right") - 1
 
@@ -79,13 +76,8 @@ def command_steps(
     clock that started with the log if it fits about as many; it must fit many more
     than by chance. Not all: a servo that slows down before its stops changes commands
     between the ticks too. Where the clock's rate is unknown, the integer number of Hz
-    next to the rate of changes is tried.
-
-    Args:
-        time: (n,) of the rows [s].
-        command: (n,) as logged [rad/s].
-        command_rate: of the clock [Hz], or None where unknown; infinite where the
-            commands switched at the rows, made of the angles there.
+    next to the rate of changes is tried; it is infinite where the commands switched at
+    the rows, made of the angles there.
 
     Returns:
         switch times (k,) [s] and commands (k,) [rad/s]; the first is the log's

@@ -45,14 +45,10 @@ def _slices(effects: tuple[EffectKind, ...], sizes: list[int]) -> dict[str, slic
 def hooks_source(effects: tuple[EffectKind, ...], skip_absent: bool = False) -> str:
     """Returns Python text that defines the `*_terms` functions of these effects.
 
-    The text calls formula `i` as `formula_i` and its state rate as `rate_i`.
-
-    Args:
-        effects: the kinds.
-        skip_absent: whether the text omits at run time the formulas whose
-            coefficients that are not mere shapes are all zero. That saves a
-            kernel with the whole library most of its work. It is right for
-            floats and for complex steps, but not for AutoDiffXd coefficients.
+    The text calls formula `i` as `formula_i` and its state rate as `rate_i`. With
+    `skip_absent` it omits at run time the formulas whose coefficients that are not mere
+    shapes are all zero. That saves a kernel with the whole library most of its work,
+    and is right for floats and complex steps, but not for AutoDiffXd coefficients.
     """
     coefficients, states = coefficient_slices(effects), state_slices(effects)
 
@@ -141,16 +137,10 @@ def source(
 def compose(
     effects: tuple[EffectKind, ...] = (), has_field: bool = False
 ) -> types.SimpleNamespace:
-    """Joins the chain with effects.
+    """The functions of the chain, `derivatives` and others, with effects joined in.
 
-    Args:
-        effects: the kinds, in the order in which their coefficients follow each
-            other in `c`.
-        has_field: whether a residual Field acts; else `field` is not looked at.
-
-    Returns:
-        A namespace with `derivatives`, `measure`, `meet_air`, `wrench` and the
-        other functions of the chain, for these effects.
+    The effects are in the order in which their coefficients follow each other in `c`.
+    Without a residual Field `field` is not looked at.
     """
     tag = "-".join(e.kind for e in effects) or "nominal"
     filename = f"<dynamics of {tag}{'-field' * has_field}>"

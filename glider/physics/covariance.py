@@ -60,10 +60,7 @@ class Covariance:
     def of_flight(self, kinds: Sequence[EffectKind]) -> "Covariance":
         """Returns the part of it that the flight of a glider depends on.
 
-        A fault of sensor or log changes what is measured, not the flight.
-
-        Args:
-            kinds: of its effects that act.
+        A fault of sensor or log, of the kinds that act, changes only what is measured.
         """
         flown = {e.kind for e in kinds if e.stage not in ("sensor", "log")}
         flown |= set(PARAMETER_NAMES)

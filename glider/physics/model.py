@@ -150,10 +150,8 @@ class GliderModel:
 
         Such a state may be far quicker than the glider: a servo that follows its
         command with a lag τ forgets at the rate 1/τ. Explicit steps must be short
-        beside that, or they swing up without bound. Infinite without such a state.
-
-        Args:
-            order: of the integrator, 1 or 4.
+        beside that, or they swing up without bound. Infinite without such a state. The
+        integrator's order is 1 or 4.
 
         Raises:
             InputError: it is so short that the effect should be omitted.
@@ -275,10 +273,7 @@ def model_text(
 def load_covariance(
     path: Path | str, own_effects: Sequence[EffectKind] = ()
 ) -> Covariance | None:
-    """Loads the covariance of a model's parameters from its file; None without one.
-
-    Arguments and errors are those of `GliderModel.load`.
-    """
+    """Loads the covariance in a model's file, or None; see `GliderModel.load`."""
     text = schema.read_text(path, "a glider model")
     return parse_model(text, str(path), own_effects)[1]
 

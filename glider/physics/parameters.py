@@ -97,22 +97,12 @@ class GliderParameters:
         return Servo(low, high, float(self.elevator_rate_limit))
 
 
-POSITIVE = (
-    "mass",
-    "pitch_inertia",
-    "wing_area",
-    "elevator_area",
-    "air_density",
-    "elevator_rate_limit",
-)
+POSITIVE = {"mass", "pitch_inertia", "wing_area", "elevator_area", "air_density"}
+POSITIVE |= {"elevator_rate_limit"}
 
 
 def check_parameters(values: dict) -> None:
-    """Raises InputError unless every given value is physical.
-
-    Args:
-        values: field name to value; fields may be absent (unknown), the servo's None.
-    """
+    """Raises InputError unless values are physical; those of the servo may be None."""
     for name, value in values.items():
         what = f"field '{name}'"
         if name in ("elevator_limits", "elevator_rate_limit") and value is None:
