@@ -255,8 +255,7 @@ class Innovations:
     with_elevator: dict[str, dict[str, np.ndarray]]
 
 
-MOST_COMBINATIONS = 12
-"""Sets of effects that a result lists."""
+MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

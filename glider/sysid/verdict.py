@@ -29,9 +29,7 @@ BOUNDED = {
 }
 """Scales whose ceilings no flight of a known glider reaches, and their words."""
 
-NEAR_CEILING = 0.97
-"""Share of its ceiling above which a scale is at it."""
-
+NEAR_CEILING = 0.97  # Share of its ceiling above which a scale is at it.
 MOMENT_SHARE = 0.2
 """Unmodelled pitch acceleration over the RMS pitch acceleration above which the model
 does not explain it. Measured: at most 0.04 in campaigns with the right answer, 0.2 to 1
@@ -42,11 +40,8 @@ GAIN_ERROR = 0.03
 with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than the
 library's among them; 0.04 and 0.05 where one clock is 5 % slow."""
 
-GAIN_Z = 4.0
-"""... and standard errors over flights above which that is significant."""
-
-WINDOW = 0.1
-"""Time over which an elevator's travel is measured [s]."""
+GAIN_Z = 4.0  # ... and standard errors over flights above which that is significant.
+WINDOW = 0.1  # Time over which an elevator's travel is measured [s].
 
 
 def find_doubt(task: Task, model: FitResult) -> str | None:

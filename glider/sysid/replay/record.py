@@ -23,8 +23,7 @@ _OF_NODES = (
 _OF_INTERVALS = ("pitch", "bank", "side_wind")
 """Arrays of a record with a row for each node, and for each interval."""
 
-_GAP = 1.6
-"""Time between two rows, over the usual one, above which nodes are inserted."""
+_GAP = 1.6  # Time between two rows, over the usual one, above which nodes are inserted.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,7 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.theta import LIBRARY_LAYOUT, OFFSET, Layout
 from glider.sysid.result import ResidualTable
 
-_EDGE = 3
-"""Rows at both ends of a flight where an acceleration is not known well."""
+_EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
 
 
 def pose_signals(record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -150,8 +150,7 @@ def layout_of(user_kinds: tuple[EffectKind, ...]) -> Layout:
     return Layout(user_kinds)
 
 
-LIBRARY_LAYOUT = layout_of(())
-"""Layout without user effects."""
+LIBRARY_LAYOUT = layout_of(())  # Layout without user effects.
 
 
 def layout_for(model: GliderModel) -> Layout:

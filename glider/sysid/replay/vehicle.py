@@ -35,9 +35,7 @@ _RELATIVE_SPREAD = {"elevator_area": 0.1}
 """Spread of unknown areas and inertia over the default glider's, if not a half. A
 tail's area shows in the moment only over the inertia."""
 
-_TRIM_SPREAD = 0.05
-"""Angle at which an elevator without a servo may stand [rad]."""
-
+_TRIM_SPREAD = 0.05  # Angle at which an elevator without a servo may stand [rad].
 _MOMENT_SPREAD = 0.02
 """Moment that an unknown tail may make, as a coefficient of the wing's area [m]."""
 
