@@ -21,16 +21,13 @@ eigenvalue of all of them be negative: a file has been rounded."""
 class Covariance:
     """Covariance of the errors of some coefficients and parameters.
 
-    Attributes:
-        names: what the m rows are of: "kind.coefficient" of an effect, or a parameter.
-        matrix: (m, m), in the product of both units.
-
     Raises:
         InputError: the matrix is none, or a name comes twice.
     """
 
+    #: What the m rows are of: "kind.coefficient" of an effect, or a parameter.
     names: tuple[str, ...]
-    matrix: np.ndarray
+    matrix: np.ndarray  #: (m, m), in the product of both units.
 
     def __post_init__(self):
         """Raises InputError where this is no covariance."""
