@@ -12,12 +12,13 @@ from scipy.signal import savgol_filter
 
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
-from glider.campaign.logs import Campaign, ServoLog
+from glider.campaign.logs import MAX_ANGLE, Campaign, ServoLog
 from glider.errors import InputError
 from glider.physics.actuator_replay import latest_command
 
 _JUMP = 2.0  # Share of its fastest rate above which a change of angle is a step.
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
+_REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
 _HIDDEN = "so a lag or a delay of the servo cannot be found"
 
@@ -52,6 +53,7 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> Servo | None:
         measured = np.interp(flight.time, elevator.time, elevator.values[:, 0])
     if angles is not None:
         _check_covered(flight, angles, source)
+        _check_reach(flight, angles, settings, source)
         limit = settings.elevator_rate_limit
         return _from_angles(flight.time, angles, measured, limit, source)
     if measured is None:
@@ -103,6 +105,22 @@ def _hold(flight: Track, stream: Stream, source: str) -> np.ndarray:
     _check_covered(flight, stream, source)
     index = np.maximum(latest_command(stream.time, flight.time), 0)
     return stream.values[index, 0]
+
+
+def _check_reach(
+    flight: Track, angles: Stream, settings: Campaign, source: str
+) -> None:
+    """Refuses commanded angles that no elevator reaches: a rate, or another unit."""
+    within = (angles.time >= flight.time[0]) & (angles.time <= flight.time[-1])
+    largest = float(np.max(np.abs(angles.values[within]), initial=0.0))
+    limits = settings.elevator_limits
+    reach = MAX_ANGLE if limits is None else _REACH * max(map(abs, limits))
+    if largest > reach:
+        raise InputError(
+            f"{source}: columns: elevator_angle_command is {largest:.3g} rad in "
+            f"{flight.path.name}; expected {reach:.3g} at most: is it a rate, or in "
+            "another unit?"
+        )
 
 
 def _check_covered(flight: Track, stream: Stream, source: str) -> None:

@@ -338,6 +338,12 @@ def test_commanded_angles_beside_a_measured_elevator(tmp_path, campaign):
         assert np.allclose(flight.elevator, true.elevator, atol=1e-8)
 
 
+def test_a_rate_that_is_mapped_as_an_angle_is_refused(tmp_path, campaign):
+    vehicle = "{elevator_rate_limit: 13.0, elevator_limits: [-0.4463, 0.9473]}"
+    with pytest.raises(InputError, match=r"expected 1\.42 at most: is it a rate"):
+        import_servo(tmp_path, campaign, ", elevator_angle_command: de_cmd", vehicle)
+
+
 def test_a_fixed_tail(tmp_path, campaign):
     imported = import_servo(tmp_path, campaign, "", "{elevator: fixed}")
     assert all(flight.elevator is None for flight in imported.campaign.flights)
