@@ -26,6 +26,7 @@ from glider.campaign.importing.frame_posterior import rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.sign_checks import SIGNIFICANT, elevator_effect
+from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
@@ -95,6 +96,8 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     recordings, join = _read(sorted(map(Path, files)))
     known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
     columns = _guess_columns(recordings[0])
+    recordings = [part for log in recordings for part in split_flights(log, columns)]
+    recordings = recordings[:_MAX_FILES]
     reasons = {} if known else _guess_units(recordings, columns)
     units = {kind: unit for kind, (unit, _) in reasons.items()}
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.importing.guess import guess_mapping
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.splitting import find_restarts
 from glider.campaign.reader import load_campaign
@@ -233,3 +234,19 @@ def test_tables_whose_restarts_differ_are_refused(tmp_path, campaign):
         InputError, match=r"does not increase at value 104 .* as many restarts"
     ):
         read_flights([path], mapping)
+
+
+def test_a_guess_from_a_table_of_flights(tmp_path, campaign):
+    """Its frames are tried on each flight, of which there are several in a file."""
+    names = "time,px,py,pz,qx,qy,qz,qw"
+    tables = [
+        np.column_stack([f.time, foreign.position(f), foreign.rotation(f).as_quat()])
+        for f in campaign.flights
+    ]
+    path, mapping = tmp_path / "throws.csv", tmp_path / "MAP.yaml"
+    table = np.concatenate(tables)
+    np.savetxt(path, table, "%.9g", ",", header=names, comments="")
+    mapping.write_text(guess_mapping([path]).text)
+    result = read_flights([path], mapping).campaign
+    assert len(result.flights) == len(campaign.flights)
+    assert np.allclose(result.flights[-1].pose[:, 2], campaign.flights[-1].pose[:, 2])
