@@ -131,18 +131,17 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
     if servo:
         lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
-    lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
-    if not servo:
-        lines.append(
-            "  elevator: fixed_per_flight  # no column of an elevator was found; "
-            "'fixed' if trim and ballast were the same in all flights"
-        )
-    elif "elevator" in columns:
-        lines.append(
-            "  elevator: servo  # if you know it: elevator_rate_limit in rad/s"
-        )
-    else:  # Commanded angles cannot be used without it.
-        lines.append("  elevator: servo  # ? elevator_rate_limit in rad/s is missing")
+    # Commanded angles cannot be used without the limit.
+    limit = "if you know it:" if "elevator" in columns else "? missing:"
+    fixed = (
+        "no elevator was found; 'fixed' if all flights had the same trim and ballast"
+    )
+    lines += [
+        "vehicle:  # what you know: mass, wing_area, ... in kg, m, s",
+        f"  elevator: servo  # {limit} elevator_rate_limit in rad/s"
+        if servo
+        else f"  elevator: fixed_per_flight  # {fixed}",
+    ]
     text = "".join(f"{printable(line)}\n" for line in lines)
     return Guess(text, campaign, probability)
 

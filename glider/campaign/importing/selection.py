@@ -228,6 +228,8 @@ class Picker:
                     return axes, found
             elif not isinstance(name, Markers) and len(name) == len(axes):
                 return axes, self._recording.find_each(name, field)
+        if isinstance(name, str):
+            self._recording.find(name, field)  # Its error lists what is there.
         raise self._error(quantity, f"no columns '{name}' {what} were found")
 
     def _stream(

@@ -150,3 +150,12 @@ def test_throws_along_minus_y(tmp_path, campaign):
         ],
     )
     assert_guessed(files, campaign, tmp_path, y="y", elevator="de")
+
+
+def test_a_wrong_beginning_of_names_lists_those_that_are_there(tmp_path, campaign):
+    files = foreign.write_motive(tmp_path, campaign)
+    path = tmp_path / "MAP.yaml"
+    wrong = foreign.MAP_MOTIVE.replace("Glider.P", "Glder.P")
+    path.write_text(wrong + foreign.VEHICLE)
+    with pytest.raises(InputError, match=r"did you mean '.*Glider\.Position"):
+        read_flights(files, path)
