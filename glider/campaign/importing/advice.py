@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from glider.campaign.importing.recording import UNITS, Recording
-from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_in_all
+from glider.campaign.importing.sign_checks import CLEARLY, MIN_FLIGHTS, misfit_of
 from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
@@ -73,9 +73,10 @@ def _try(
         imported = check(recordings, mapping)
     except InputError:
         return None
-    flights, misfit = imported.campaign.flights, misfit_in_all(imported.campaign)
-    if misfit is None or len(flights) < MIN_FLIGHTS:
+    flights = imported.campaign.flights
+    if len(flights) < MIN_FLIGHTS:
         return None
+    misfit = misfit_of(imported.campaign)
     rows = sum(len(flight.time) for flight in flights)
     return _Trial(len(imported.undecided), round(misfit, 6), rows, words)
 

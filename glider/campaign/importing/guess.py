@@ -25,7 +25,7 @@ from glider.campaign.importing.campaign_import import (
 from glider.campaign.importing.frame_posterior import rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.sign_checks import SIGNIFICANT, elevator_effect
+from glider.campaign.importing.sign_checks import SIGNIFICANT, fit_elevator
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
@@ -218,7 +218,7 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
 def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
     """Sets the signs of elevator and command in a frame; returns the reason."""
     motions = {f.name: usable_motion(f, {}) for f in campaign.flights}
-    effect = elevator_effect(campaign, motions)
+    effect = fit_elevator(campaign, motions)[0]
     signs = ["trailing_edge_up", "trailing_edge_down"]
     own, other = reversed(signs) if effect > 0.0 else signs
     frame["elevator"] = own

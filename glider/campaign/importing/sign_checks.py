@@ -27,7 +27,6 @@ SIGNIFICANT = 6.0  # Standard errors above which the elevator's effect has a sig
 MIN_FLIGHTS = 3  # One flight alone may fit anything.
 _MIN_ROWS = 30  # Accelerations that forces are fitted to, at least.
 _ASTRAY = 1.0  # Median roll or yaw above which the body's axes are wrong [rad].
-_LEAST_HEIGHT = 0.05  # That some flight must go up or down [m].
 _STEEP = 2.0  # Ratio of height to way of a flight, at most: 63 degrees.
 _AHEAD = 0.4  # Least mean cosine of the angle of attack: within 66° of the way.
 _ITERATIONS = 5  # Of Huber's weights.
@@ -58,34 +57,17 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
     return undecided + check_fall(campaign, masks) + check_travel(campaign, masks)
 
 
-def misfit_in_all(campaign: Campaign) -> float | None:
-    """Misfit of forces [m/s²], times that of moments if there is an elevator.
-
-    None where there are no flights.
-    """
-    try:
-        _check_attitude(campaign)
-    except InputError:
-        return None
+def misfit_of(campaign: Campaign) -> float:
+    """Misfit of forces, gravity given, times that of moments if there is a servo."""
     motions = {f.name: forces.usable_motion(f, {}) for f in campaign.flights}
     motion, down = forces.join(list(motions.values())), [0.0, -campaign.gravity]
-    level = max(np.ptp(f.pose[:, 1]) for f in campaign.flights) < _LEAST_HEIGHT
-    if level or len(motion.time) < _MIN_ROWS or np.mean(motion.velocity[:, 0]) < 0.0:
-        return None
-    if forces.calc_heading(motion, 1) < _AHEAD:
-        return None
     misfit = forces.fit_forces(motion, np.array(down), signs=(1,)).misfit
     servo = campaign.elevator == "servo"
-    return misfit * _fit_elevator(campaign, motions)[1] if servo else misfit
+    return misfit * fit_elevator(campaign, motions)[1] if servo else misfit
 
 
-def elevator_effect(campaign: Campaign, motions: Motions) -> float:
-    """The elevator's effect on the pitch's acceleration in standard errors."""
-    return _fit_elevator(campaign, motions)[0]
-
-
-def _fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float]:
-    """The elevator's effect in standard errors, and the misfit [rad/s²].
+def fit_elevator(campaign: Campaign, motions: Motions) -> tuple[float, float]:
+    """The elevator's effect on the pitch in standard errors, and the misfit [rad/s²].
 
     pitchdd is fitted by V² (elevator, sin alpha, cos alpha, sin alpha cos alpha), V q
     and V times the elevator's rate with Huber's weights; trailing edge up turns the
@@ -196,7 +178,7 @@ def _check_elevator(
     campaign: Campaign, motions: Motions, masks: dict[str, Masks]
 ) -> tuple[str, ...]:
     """Refuses an elevator or commands of the wrong sign."""
-    effect = elevator_effect(campaign, motions)
+    effect = fit_elevator(campaign, motions)[0]
     if effect > SIGNIFICANT:
         raise InputError(
             f"{campaign.path}: a positive elevator turns the nose down (by "
