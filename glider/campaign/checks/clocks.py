@@ -111,10 +111,11 @@ def claim_scale(
     words: str,
 ) -> tuple[str, ...]:
     """Warns of a ratio that is off by one of two parts, and refuses the other."""
-    warned, refused = (max(math.log1p(part), least) for part in parts)
-    if abs(math.log(ratio)) > refused:
+    if abs(math.log(ratio)) < least or abs(ratio - 1.0) < parts[0]:
+        return ()
+    if abs(ratio - 1.0) > parts[1]:
         raise InputError(f"{campaign.path}: {words}.")
-    return (f"{SCALE} {words}.",) if abs(math.log(ratio)) > warned else ()
+    return (f"{SCALE} {words}.",)
 
 
 def calc_travel(
