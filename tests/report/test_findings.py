@@ -463,6 +463,8 @@ def test_derivatives_have_their_condition_reference_and_errors():
     )
     assert text.count("5.123 ± 0.012") == 8
     assert text.count("5.123") == 12
+    per_mass = {"wing_area": Estimate(value=1.1, std=0.1, unit="m²/kg")}
+    assert "0.0885 m²/kg (wing)" in to_html(make_result(vehicle=per_mass))
     without = to_html(make_result(derivatives=None, innovations=None))
     assert "Stability and control" not in without
 
